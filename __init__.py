@@ -1,0 +1,1 @@
+"""telerobot: an open control server for remote robot arms."""

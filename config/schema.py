@@ -1,0 +1,351 @@
+"""What a cell file may say: every field with its unit, bound, default and meaning.
+
+One TOML file describes one cell. Unknown keys are errors, numbers are finite, SI throughout
+(metres, radians, seconds, newtons). `load.py` reads a file into these models and adds the robot
+description; `check.py` in the tools judges what a schema cannot see.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Vector3 = Annotated[tuple[float, float, float], Field(description="[x, y, z]")]
+Vector6 = Annotated[
+    tuple[float, float, float, float, float, float],
+    Field(description="linear x, y, z, then angular x, y, z"),
+]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+NodeId = Annotated[int, Field(ge=1, le=127)]
+CanId = Annotated[int, Field(ge=0, le=0x7FF)]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class Section(BaseModel):
+    """A table of the cell file: unknown keys and non-finite numbers are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Pose(Section):
+    """A frame's pose in its parent: translation, then fixed-axis roll, pitch, yaw."""
+
+    xyz: Vector3 = Field((0.0, 0.0, 0.0), description="translation [m]")
+    rpy: Vector3 = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw about fixed x, y, z [rad]")
+
+
+class Timing(Section):
+    """The clockwork: T < tolerated overruns * T < setpoint < heartbeat < lease timeout."""
+
+    period_s: float = Field(0.010, ge=0.001, le=0.1, description="control and SYNC period T [s]")
+    tolerated_overruns: int = Field(
+        4, ge=1, le=50, description="late ticks in a row before the verified stop [1]"
+    )
+    setpoint_timeout_s: float = Field(
+        0.080, gt=0, le=1, description="a drive without a new setpoint stops by itself after [s]"
+    )
+    heartbeat_period_s: float = Field(
+        0.050, gt=0, le=1, description="heartbeats are produced every [s]"
+    )
+    heartbeat_timeout_s: float = Field(
+        0.200, gt=0, le=5, description="a silent heartbeat is a dead peer after [s]"
+    )
+    lease_timeout_s: float = Field(
+        0.500, gt=0, le=10, description="an operator's lease that is not renewed ends after [s]"
+    )
+    stream_timeout_s: float = Field(
+        0.150, gt=0, le=5, description="a stream (stick, jog) fades when its news is older than [s]"
+    )
+    max_command_age_s: float = Field(
+        0.500, gt=0, le=10, description="oldest telemetry a command may be based on [s]"
+    )
+
+
+class Bus(Section):
+    """The CAN bus: any python-can interface, or one of the two that need no hardware."""
+
+    interface: str = Field(
+        "loopback",
+        description="'loopback' (UDP pinned to 127.0.0.1, between processes), 'in_process', or any "
+        "python-can interface, for instance 'socketcan'",
+    )
+    channel: str = Field(
+        "239.74.163.10",
+        description="python-can channel: 'can0' for socketcan, a multicast group for loopback",
+    )
+    port: int = Field(43210, ge=1024, le=65535, description="UDP port of a loopback bus [1]")
+    bitrate: int = Field(1_000_000, ge=10_000, le=1_000_000, description="bits per second [1/s]")
+    options: dict[str, str | int | float | bool] = Field(
+        default_factory=dict, description="passed to python-can as they stand"
+    )
+
+
+class Zenoh(Section):
+    """Where operators reach the daemon. Loopback only unless said otherwise."""
+
+    listen: str = Field(
+        "tcp/127.0.0.1:7447", description="endpoint that the daemon listens on and operators dial"
+    )
+
+
+class Drive(Section):
+    """One CAN servo drive and the joint it moves; what differs from arm to arm stands here."""
+
+    joint: Name = Field(description="joint of the URDF that this drive moves")
+    node: NodeId = Field(description="CANopen node id [1]")
+    counts_per_radian: float = Field(
+        gt=100, le=1e9, description="encoder counts per radian of the joint [1/rad]"
+    )
+    direction: Literal[1, -1] = Field(1, description="+1 if counts grow with the joint angle")
+    zero_rad: float = Field(
+        0.0, ge=-100, le=100, description="joint angle at encoder count zero [rad]"
+    )
+    rated_torque: float = Field(
+        gt=0, le=1e5, description="torque at the joint that 6077h reports as 1000 [N·m]"
+    )
+    max_torque: float = Field(gt=0, le=1e5, description="torque limit of the drive [N·m]")
+    max_velocity: float = Field(gt=0, le=50, description="joint speed bound V [rad/s]")
+    max_acceleration: float = Field(gt=0, le=500, description="joint acceleration bound A [rad/s²]")
+    max_jerk: float = Field(gt=0, le=50_000, description="joint jerk bound J [rad/s³]")
+    position_margin: float = Field(
+        0.01, ge=0, le=1, description="kept from the URDF's position limits on either side [rad]"
+    )
+    leash: float = Field(
+        0.03, gt=0, le=1, description="command may run ahead of the joint by at most [rad]"
+    )
+    following_window: float = Field(
+        0.06, gt=0, le=2, description="following error that means quick stop, also 6065h [rad]"
+    )
+    quick_stop_deceleration: float = Field(
+        10.0, gt=0, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
+    )
+
+    @model_validator(mode="after")
+    def _leash_inside_window(self) -> "Drive":
+        if self.leash >= self.following_window:
+            raise ValueError(
+                f"leash {self.leash} must be below following_window {self.following_window}"
+            )
+        return self
+
+
+class Payload(Section):
+    """Everything outboard of the force/torque sensor: its weight is taken off the reading."""
+
+    mass: float = Field(0.0, ge=0, le=500, description="mass [kg]")
+    com: Vector3 = Field((0.0, 0.0, 0.0), description="centre of mass in the Sensor frame [m]")
+
+
+class ForceTorque(Section):
+    """A Robotous RFT force/torque sensor on the same CAN bus."""
+
+    device: Literal["robotous"] = Field("robotous", description="protocol of the sensor")
+    command_id: CanId = Field(0x64, description="CAN id that the sensor listens on")
+    reply_ids: tuple[CanId, CanId] = Field(
+        (0x01, 0x02), description="CAN ids of the two halves of a sample"
+    )
+    rate_hz: Literal[100, 200, 333, 500, 1000] = Field(200, description="output rate [Hz]")
+    pairing_window_s: float = Field(
+        0.002, gt=0, le=0.02, description="the two halves of a sample arrive within [s]"
+    )
+    timeout_s: float = Field(0.05, gt=0, le=1, description="a sample is stale after [s]")
+    essential: bool = Field(
+        False, description="true: a stale sensor stops the arm; false: the force source fades"
+    )
+    T_wrist_sensor: Pose = Field(
+        default_factory=Pose, description="Sensor frame in the Wrist (tip_link) frame"
+    )
+    payload: Payload = Field(default_factory=Payload, description="outboard of the sensor")
+    bias: Vector6 = Field(
+        (0.0,) * 6, description="reading without load, in the Sensor frame [N, N·m]"
+    )
+    filter_hz: float = Field(
+        40.0, gt=0, le=500, description="first-order low-pass of the wrench [Hz]"
+    )
+    stiffest_environment: float = Field(
+        20_000.0,
+        gt=0,
+        le=1e8,
+        description="k_e: stiffest contact expected, in series with the arm's own [N/m]",
+    )
+    stiffest_environment_rotation: float = Field(
+        500.0, gt=0, le=1e6, description="the same about an axis through the MRF [N·m/rad]"
+    )
+
+
+class Mechanism(Section):
+    """One kinematic chain: a URDF, its place in the World, its drives and its tool."""
+
+    name: Name = Field(description="name of the mechanism")
+    urdf: str = Field(description="path, or the name of a URDF that is shipped")
+    T_world_base: Pose = Field(default_factory=Pose, description="Base frame in World")
+    tip_link: str = Field(description="last link of the chain: the Wrist frame")
+    T_wrist_mrf: Pose = Field(
+        default_factory=Pose, description="moving reference frame in the Wrist frame"
+    )
+    drives: tuple[Drive, ...] = Field(min_length=1, max_length=64, description="one per joint")
+    force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
+    postures: dict[Name, tuple[float, ...]] = Field(
+        description="named joint postures [rad]; 'start' and 'ready' are required"
+    )
+
+
+class Joystick(Section):
+    """Rates from a stick, times a gain per axis (K_HC)."""
+
+    enabled: bool = Field(True, description="switch at start")
+    gain: Vector6 = Field((1.0,) * 6, description="K_HC [1]")
+
+
+class Position(Section):
+    """Target poses: a jerk-limited path, followed with error feedback (K_P)."""
+
+    enabled: bool = Field(True, description="switch at start")
+    gain: Vector6 = Field((2.0,) * 6, description="K_P: error to rate [1/s]")
+    speed: float = Field(0.15, gt=0, le=5, description="path speed [m/s]")
+    angular_speed: float = Field(0.5, gt=0, le=10, description="path speed [rad/s]")
+
+
+class Force(Section):
+    """Force–moment accommodation: rate = K_F (desired wrench − wrench), per axis."""
+
+    enabled: bool = Field(True, description="switch at start")
+    gain: Vector6 = Field(
+        (7e-4, 7e-4, 7e-4, 0.03, 0.03, 0.03), description="K_F [m/s/N, rad/s/(N·m)]"
+    )
+    hold_threshold: float = Field(
+        30.0, gt=0, le=1e4, description="contact force in HOLD that FMA bleeds off [N]"
+    )
+    hold_leash: float = Field(
+        0.02, ge=0, le=0.2, description="largest tool travel while bleeding off [m]"
+    )
+
+
+class Sources(Section):
+    """What may ask the tool for a rate. All on at once; the rates add."""
+
+    joystick: Joystick = Field(default_factory=Joystick, description="the operator's stick")
+    position: Position = Field(default_factory=Position, description="target poses")
+    force: Force = Field(default_factory=Force, description="force control")
+
+
+class Limits(Section):
+    """Bounds of the tool's motion; joint bounds stand with the drives."""
+
+    speed: float = Field(0.5, gt=0, le=10, description="MRF speed [m/s]")
+    angular_speed: float = Field(1.5, gt=0, le=20, description="MRF angular speed [rad/s]")
+    acceleration: float = Field(2.0, gt=0, le=100, description="shaping of commands [m/s²]")
+    angular_acceleration: float = Field(6.0, gt=0, le=300, description="the same [rad/s²]")
+    jerk: float = Field(40.0, gt=0, le=10_000, description="shaping of commands [m/s³]")
+    angular_jerk: float = Field(120.0, gt=0, le=30_000, description="the same [rad/s³]")
+    speed_factor: float = Field(
+        1.0, ge=0.01, le=1.0, description="reduced speed: one factor on all limits, at start [1]"
+    )
+
+
+class Resolve(Section):
+    """Damped resolution of tool rates into joint rates near singularities."""
+
+    characteristic_length: float = Field(
+        0.3, gt=0, le=5, description="weighs radians against metres [m]"
+    )
+    singular_region: float = Field(
+        0.08, gt=0, le=2, description="σ0: damping begins below this singular value [m]"
+    )
+    damping: float = Field(0.05, gt=0, le=2, description="λm: damping at σ = 0 [m]")
+    floor: float = Field(
+        0.02, gt=0, le=1, description="singular value below which motion into it is held off [m]"
+    )
+
+
+class Redundancy(Section):
+    """What the null space is used for; each gain 0 switches its objective off."""
+
+    mid_range: float = Field(
+        0.2, ge=0, le=10, description="pull of every joint to the middle of its range [1/s]"
+    )
+    max_rate: float = Field(
+        0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
+    )
+
+
+class RigDrive(Section):
+    """The physics behind one simulated drive; one value for all joints or one each."""
+
+    stiffness: tuple[Positive, ...] = Field(description="position loop K_p [N·m/rad]")
+    damping: tuple[Positive, ...] = Field(description="position loop K_d [N·m·s/rad]")
+    integral: tuple[NonNegative, ...] = Field(description="position loop K_i [N·m/(rad·s)]")
+    armature: tuple[NonNegative, ...] = Field(description="rotor inertia at the joint [kg·m²]")
+    friction: tuple[NonNegative, ...] = Field(description="Coulomb friction [N·m]")
+    torque_delay_s: float = Field(
+        0.02, ge=0, le=0.5, description="brake opens this long before torque stands: the sag [s]"
+    )
+
+
+class RigForceTorque(Section):
+    """Imperfections of the simulated force/torque sensor."""
+
+    noise: Vector6 = Field(
+        (0.05, 0.05, 0.05, 0.002, 0.002, 0.002), description="standard deviation [N, N·m]"
+    )
+    bias: Vector6 = Field((0.0,) * 6, description="reading without load [N, N·m]")
+
+
+class Wall(Section):
+    """A plate on a sprung, damped slide: its stiffness is a number."""
+
+    xyz: Vector3 = Field(description="centre of the plate's face, in World [m]")
+    normal: Vector3 = Field((-1.0, 0.0, 0.0), description="out of the face, in World")
+    half_size: float = Field(0.25, gt=0, le=5, description="half the side of the plate [m]")
+    stiffness: float = Field(20_000.0, gt=0, le=1e6, description="of the slide [N/m]")
+    damping: float = Field(300.0, ge=0, le=1e5, description="of the slide [N·s/m]")
+    mass: float = Field(1.0, gt=0, le=1000, description="of the plate [kg]")
+
+
+class Box(Section):
+    """A fixed box, such as a table."""
+
+    name: Name = Field(description="name of the body")
+    xyz: Vector3 = Field(description="centre, in World [m]")
+    rpy: Vector3 = Field((0.0, 0.0, 0.0), description="attitude, in World [rad]")
+    half_size: Vector3 = Field(description="half the sides [m]")
+
+
+class Rig(Section):
+    """The virtual hardware: never read by the daemon."""
+
+    seed: int = Field(1, ge=0, description="seed of the sensor noise [1]")
+    physics_step_s: float = Field(0.001, ge=1e-4, le=0.002, description="physics step [s]")
+    drive: RigDrive = Field(description="what is behind every simulated drive")
+    force_torque: RigForceTorque = Field(
+        default_factory=RigForceTorque, description="sensor imperfections"
+    )
+    tool_radius: float = Field(
+        0.012, ge=0, le=0.2, description="ball at the MRF that touches things, 0 for none [m]"
+    )
+    payload_mass: float = Field(0.0, ge=0, le=500, description="true mass outboard of sensor [kg]")
+    payload_com: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="its true centre of mass in the Sensor frame [m]"
+    )
+    wall: Wall | None = Field(None, description="a wall of known stiffness")
+    boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
+
+
+class CellConfig(Section):
+    """A whole cell file."""
+
+    name: Name = Field(description="name of the cell: the second part of every Zenoh key")
+    description: str = Field("", max_length=200, description="one line for people")
+    default_script: str = Field(description="path, or the name of a script that is shipped")
+    timing: Timing = Field(default_factory=Timing, description="periods and timeouts")
+    bus: Bus = Field(default_factory=Bus, description="the CAN bus")
+    zenoh: Zenoh = Field(default_factory=Zenoh, description="the operators' network")
+    mechanism: Mechanism = Field(description="the arm")
+    T_world_crf: Pose = Field(
+        default_factory=Pose, description="control reference frame in World, at start"
+    )
+    sources: Sources = Field(default_factory=Sources, description="who may ask for a tool rate")
+    limits: Limits = Field(default_factory=Limits, description="bounds of the tool's motion")
+    resolve: Resolve = Field(default_factory=Resolve, description="singularities")
+    redundancy: Redundancy = Field(default_factory=Redundancy, description="the null space")
+    rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")

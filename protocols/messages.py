@@ -1,0 +1,307 @@
+"""What crosses Zenoh, field by field, with frame, shape and unit.
+
+Every message travels as a MessagePack map of its fields plus `v`, the protocol version
+(`codec.py`); `topics.py` says on which key. Quantities are SI; twists are `[v; ω]` and wrenches
+`[f; m]`, linear part first; a wrench is what the arm exerts on its environment, at the MRF
+origin.
+"""
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+VERSION = 1
+"""Protocol version; a message of any other version is refused."""
+
+Vector3 = tuple[float, float, float]
+Vector6 = tuple[float, float, float, float, float, float]
+JointVector = Annotated[tuple[float, ...], Field(min_length=1, max_length=64)]
+Token = Annotated[str, Field(min_length=1, max_length=64)]
+OperatorName = Annotated[str, Field(min_length=1, max_length=64)]
+Count = Annotated[int, Field(ge=0, le=2**63 - 1)]
+
+
+class Frame(StrEnum):
+    """A coordinate frame that a command may name."""
+
+    WORLD = "world"
+    BASE = "base"
+    MRF = "mrf"
+    CRF = "crf"
+
+
+class SourceName(StrEnum):
+    """A source of tool rates."""
+
+    JOYSTICK = "joystick"
+    POSITION = "position"
+    FORCE = "force"
+
+
+class Message(BaseModel):
+    """Anything that crosses Zenoh: immutable, no unknown fields, finite numbers only."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+# --- commands: what the lease holder sends ---------------------------------------------------
+
+
+class Command(Message):
+    """The envelope of everything that needs the lease.
+
+    `token` and `epoch` come with the lease; `seq` grows with every message on one key;
+    `seen_tick` is the newest telemetry tick that the sender had seen.
+    """
+
+    token: Token
+    epoch: Count
+    seq: Count
+    seen_tick: Count
+
+
+class Keepalive(Command):
+    """Renews the lease; sent at 10 Hz."""
+
+
+class JoystickTwist(Command):
+    """Stick rates u of the MRF [m/s, rad/s], a stream: fades when its news stops.
+
+    `relative_to` is the frame that the motion is measured against, `expressed_in` the one whose
+    axes the six numbers use.
+    """
+
+    twist: Vector6
+    relative_to: Frame = Frame.CRF
+    expressed_in: Frame = Frame.CRF
+
+
+class PositionTarget(Command):
+    """Target pose of the MRF, a goal: stays until replaced.
+
+    `xyz` [m] is measured from the origin of `relative_to`, in the axes of `expressed_in`
+    (by default the same frame); `rpy` [rad] turns about those fixed axes, starting from the
+    attitude of `relative_to`. With `relative_to = "mrf"` it is a displacement from where the
+    MRF is when the command arrives.
+    """
+
+    xyz: Vector3
+    rpy: Vector3
+    relative_to: Frame = Frame.CRF
+    expressed_in: Frame | None = None
+    speed: float | None = Field(None, gt=0, le=10)
+    """Path speed [m/s]; the cell's when absent, never more than the cell's limit."""
+
+
+class DesiredWrench(Command):
+    """Wrench that the arm shall exert, at and in the axes of the MRF [N, N·m]; a goal."""
+
+    wrench: Vector6
+
+
+class JointJog(Command):
+    """Joint rates [rad/s], one per joint, a stream."""
+
+    rates: JointVector
+
+
+class PostureMove(Command):
+    """Joint posture to move to: a name from the cell or angles [rad]; a goal."""
+
+    posture: str | None = Field(None, max_length=32)
+    q: JointVector | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> "PostureMove":
+        if (self.posture is None) == (self.q is None):
+            raise ValueError("give either posture or q")
+        return self
+
+
+class CancelGoals(Command):
+    """Drops the position target, the posture and the desired wrench."""
+
+
+# --- requests: queries that always answer -----------------------------------------------------
+
+
+class LeaseRequest(Message):
+    """Asks for the right to command. The reply carries token and epoch."""
+
+    operator: OperatorName
+
+
+class LeaseRelease(Command):
+    """Gives the right to command back."""
+
+
+class ModeRequest(Command):
+    """Asks for a mode change: enable, hold, resume, disable, or reset after a fault."""
+
+    action: Literal["enable", "hold", "resume", "disable", "reset"]
+
+
+class ProtectiveStop(Message):
+    """Stops the arm; anyone may ask, lease or not. Latched until cleared."""
+
+    operator: OperatorName
+
+
+class ProtectiveClear(Message):
+    """Clears the protective stop: by the one who asked, or by the lease holder with its token."""
+
+    operator: OperatorName
+    token: Token | None = None
+
+
+class GainRequest(Command):
+    """Sets the gain vector of one source; the change is ramped."""
+
+    source: SourceName
+    gain: Vector6
+
+
+class SwitchRequest(Command):
+    """Switches one source on or off; the change is ramped."""
+
+    source: SourceName
+    on: bool
+
+
+class FrameRequest(Command):
+    """Redefines the MRF (pose in Wrist) or the CRF (pose in World)."""
+
+    frame: Literal["mrf", "crf"]
+    xyz: Vector3
+    rpy: Vector3
+
+
+class SpeedRequest(Command):
+    """Sets the reduced-speed factor, one factor on all limits [1]."""
+
+    factor: float = Field(ge=0.01, le=1.0)
+
+
+class TareRequest(Command):
+    """Takes the present force/torque reading as that of no contact; refused while moving."""
+
+
+class Reply(Message):
+    """The answer to every request: accepted, or refused with the reason by name."""
+
+    ok: bool
+    reason: str = Field("", max_length=64)
+    detail: str = Field("", max_length=500)
+    tick: Count = 0
+    token: str | None = None
+    epoch: Count | None = None
+
+
+# --- telemetry --------------------------------------------------------------------------------
+
+
+class State(Message):
+    """What the daemon knows and did, every tick.
+
+    Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World. `sources` holds each source's
+    twist as it entered the sum, at the MRF origin in World axes; `twist` is the sum before
+    limiting. `command_age_ticks` is how old the picture was that the last accepted command was
+    based on. `limits` names what is limiting now.
+    """
+
+    tick: Count
+    time_s: float
+    mode: str
+    q: JointVector
+    q_command: JointVector
+    dq_command: JointVector
+    tau: JointVector
+    following_error: JointVector
+    pose_mrf: Vector6
+    pose_mrf_measured: Vector6
+    pose_crf: Vector6
+    wrench_mrf: Vector6 | None
+    sources: dict[str, Vector6]
+    gains: dict[str, Vector6]
+    twist: Vector6
+    scale: float
+    limits: tuple[str, ...]
+    sigma_min: float
+    at_goal: bool
+    speed_factor: float
+    drives: tuple[str, ...]
+    protective_stop: bool
+    lease_epoch: Count
+    lease_holder: str | None
+    last_seq: dict[str, Count]
+    command_age_ticks: Count | None
+    overruns: Count
+
+
+class Event(Message):
+    """Something that happened, with cause and values. `id` counts every event of a run."""
+
+    id: Count
+    tick: Count
+    time_s: float
+    name: str = Field(max_length=64)
+    severity: Literal["info", "warning", "error"]
+    detail: str = Field("", max_length=1000)
+    values: dict[str, str | int | float | bool | None] = Field(default_factory=dict)
+
+
+class Description(Message):
+    """What an operator needs to know of a cell before driving it."""
+
+    cell: str
+    description: str
+    period_s: float
+    joints: tuple[str, ...]
+    lower: JointVector
+    upper: JointVector
+    max_velocity: JointVector
+    postures: dict[str, JointVector]
+    sources: tuple[str, ...]
+    gains: dict[str, Vector6]
+    lease_timeout_s: float
+    stream_timeout_s: float
+    max_command_age_s: float
+    versions: dict[str, str]
+
+
+# --- the rig's own topics: for judges and fault injection, never for the daemon --------------
+
+
+class RigFault(Message):
+    """A fault for the rig to inject, or to take back with `on = false`.
+
+    `target` is a joint name or "force_torque"; `value` depends on the kind: newtons for `push`
+    (world-frame `vector` [N] at the joint's link), probability for `drop` and `corrupt`, seconds
+    for `delay`.
+    """
+
+    kind: Literal[
+        "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy"
+    ]
+    target: str = Field(max_length=64)
+    on: bool = True
+    value: float | None = None
+    vector: Vector3 | None = None
+
+
+class RigTruth(Message):
+    """The physics' truth, for whoever judges.
+
+    True MRF pose in World `[x, y, z, roll, pitch, yaw]`, joints and rates, contact force of the
+    tool [N] in World as exerted on the environment, least distance between arm and fixed things.
+    """
+
+    time_s: float
+    sync_count: Count
+    q: JointVector
+    dq: JointVector
+    pose_mrf: Vector6
+    contact_force: Vector3
+    clearance_m: float | None
+    drives: tuple[str, ...]

@@ -1,0 +1,105 @@
+"""The one table of what crosses Zenoh. No key is spelled anywhere else.
+
+A full key is `telerobot/<cell>/<key>`. With this table, a Zenoh and a MessagePack library, any
+language can drive an arm.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from . import messages as m
+
+
+class Flow(Enum):
+    """Who sends on a topic, and how."""
+
+    COMMAND = auto()
+    """Put by the operator; newest wins; no answer."""
+    REQUEST = auto()
+    """Queried by the operator; always answered with a `Reply`."""
+    TELEMETRY = auto()
+    """Put by the daemon."""
+    RIG_COMMAND = auto()
+    """Put by a judge, read by the rig."""
+    RIG_TELEMETRY = auto()
+    """Put by the rig, read by judges."""
+
+
+class Life(Enum):
+    """How long a command is true."""
+
+    STREAM = auto()
+    """Now only: expires by age, then fades."""
+    GOAL = auto()
+    """Until replaced, cancelled, or the lease ends."""
+    ONCE = auto()
+    """An act."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One row: key, message, direction, life, usual rate, delivery."""
+
+    key: str
+    message: type[m.Message]
+    flow: Flow
+    life: Life = Life.ONCE
+    rate_hz: float | None = None
+    """What a well-behaved sender keeps to; None: when needed."""
+    reliable: bool = False
+    """Delivered reliably, blocking its sender; else real-time priority, dropped when congested."""
+    max_bytes: int = 4096
+    """Longer payloads are refused unread."""
+
+    def full_key(self, cell: str) -> str:
+        """Return the Zenoh key of this topic in a cell."""
+        return f"telerobot/{cell}/{self.key}"
+
+
+def _command(key: str, message: type[m.Message], life: Life, rate_hz: float | None = None) -> Topic:
+    return Topic(f"cmd/{key}", message, Flow.COMMAND, life, rate_hz)
+
+
+def _request(key: str, message: type[m.Message]) -> Topic:
+    return Topic(f"operator/{key}", message, Flow.REQUEST)
+
+
+KEEPALIVE = _command("keepalive", m.Keepalive, Life.ONCE, 10)
+JOYSTICK = _command("joystick", m.JoystickTwist, Life.STREAM, 100)
+POSITION = _command("position", m.PositionTarget, Life.GOAL)
+FORCE = _command("force", m.DesiredWrench, Life.GOAL)
+JOG = _command("jog", m.JointJog, Life.STREAM, 100)
+POSTURE = _command("posture", m.PostureMove, Life.GOAL)
+CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
+
+LEASE = _request("lease", m.LeaseRequest)
+RELEASE = _request("release", m.LeaseRelease)
+MODE = _request("mode", m.ModeRequest)
+PROTECTIVE_STOP = _request("protective_stop", m.ProtectiveStop)
+PROTECTIVE_CLEAR = _request("protective_clear", m.ProtectiveClear)
+GAIN = _request("gain", m.GainRequest)
+SWITCH = _request("switch", m.SwitchRequest)
+FRAME = _request("frame", m.FrameRequest)
+SPEED = _request("speed", m.SpeedRequest)
+TARE = _request("tare", m.TareRequest)
+
+STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
+EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
+DESCRIPTION = Topic(
+    "tlm/description", m.Description, Flow.TELEMETRY, Life.GOAL, 1, reliable=True, max_bytes=65536
+)
+
+RIG_FAULT = Topic("rig/fault", m.RigFault, Flow.RIG_COMMAND, reliable=True)
+RIG_TRUTH = Topic(
+    "rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536
+)
+
+TOPICS: tuple[Topic, ...] = (
+    KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, CANCEL,
+    LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
+    STATE, EVENT, DESCRIPTION,
+    RIG_FAULT, RIG_TRUTH,
+)  # fmt: skip
+
+COMMANDS = tuple(t for t in TOPICS if t.flow is Flow.COMMAND)
+REQUESTS = tuple(t for t in TOPICS if t.flow is Flow.REQUEST)
