@@ -1,0 +1,296 @@
+"""The drive profile (CiA 402-2, IEC 61800-7-201): state machine, objects, PDO layouts. Pure.
+
+Both sides of the bus use it: the driver decodes statuswords and steps the controlword, the
+simulated drive applies controlwords and builds statuswords. The cyclic PDOs of this system are
+
+    RPDO1   6040h controlword u16, 607Ah target position i32         6 bytes   (CSP)
+    RPDO1   6040h controlword u16, 6071h target torque i16           4 bytes   (CST)
+    TPDO1   6041h statusword u16, 6064h position i32, 6077h torque i16   8 bytes
+
+little-endian, at every SYNC.
+"""
+
+import struct
+from enum import Enum, IntEnum, IntFlag, auto
+from typing import Final, NamedTuple
+
+from .can301 import FrameError, mapping_entry
+
+
+class Object(IntEnum):
+    """Indices of the drive profile's objects, and of the one manufacturer's object in use."""
+
+    ABORT_CONNECTION_OPTION = 0x6007
+    ERROR_CODE = 0x603F
+    CONTROLWORD = 0x6040
+    STATUSWORD = 0x6041
+    QUICK_STOP_OPTION = 0x605A
+    MODE_OF_OPERATION = 0x6060
+    MODE_DISPLAY = 0x6061
+    POSITION_ACTUAL = 0x6064
+    FOLLOWING_WINDOW = 0x6065
+    FOLLOWING_TIMEOUT = 0x6066
+    VELOCITY_ACTUAL = 0x606C
+    TARGET_TORQUE = 0x6071
+    MAX_TORQUE = 0x6072
+    RATED_TORQUE = 0x6076
+    TORQUE_ACTUAL = 0x6077
+    TARGET_POSITION = 0x607A
+    POSITION_LIMIT = 0x607D
+    QUICK_STOP_DECELERATION = 0x6085
+    VELOCITY_OFFSET = 0x60B1
+    TORQUE_OFFSET = 0x60B2
+    INTERPOLATION_PERIOD = 0x60C2
+    SUPPORTED_MODES = 0x6502
+    SETPOINT_TIMEOUT = 0x2F00
+    """Manufacturer's, u16 [ms]: without a new cyclic setpoint the drive stops by itself."""
+
+
+class OperationMode(IntEnum):
+    """Cyclic synchronous modes of 6060h."""
+
+    CSP = 8
+    CSV = 9
+    CST = 10
+
+
+class DriveState(Enum):
+    """States of the drive's power stage (CiA 402-2, figure 3)."""
+
+    NOT_READY = auto()
+    SWITCH_ON_DISABLED = auto()
+    READY_TO_SWITCH_ON = auto()
+    SWITCHED_ON = auto()
+    OPERATION_ENABLED = auto()
+    QUICK_STOP_ACTIVE = auto()
+    FAULT_REACTION_ACTIVE = auto()
+    FAULT = auto()
+
+    @property
+    def in_fault(self) -> bool:
+        """Whether only a fault reset leads on from here."""
+        return self in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+
+
+class Status(IntFlag):
+    """Statusword bits (6041h) that are not part of the state."""
+
+    VOLTAGE_ENABLED = 1 << 4
+    WARNING = 1 << 7
+    REMOTE = 1 << 9
+    TARGET_REACHED = 1 << 10
+    INTERNAL_LIMIT = 1 << 11
+    FOLLOWS_COMMAND = 1 << 12
+    FOLLOWING_ERROR = 1 << 13
+
+
+class Control(IntEnum):
+    """Controlwords (6040h) of the profile's commands."""
+
+    DISABLE_VOLTAGE = 0x00
+    QUICK_STOP = 0x02
+    SHUTDOWN = 0x06
+    SWITCH_ON = 0x07
+    ENABLE_OPERATION = 0x0F
+    FAULT_RESET = 0x80
+
+
+class QuickStopOption(IntEnum):
+    """605Ah: what a quick stop does."""
+
+    RAMP_THEN_DISABLE = 2
+    """Slow down on 6085h, then *Switch on disabled*."""
+    RAMP_AND_STAY = 6
+
+
+class AbortConnectionOption(IntEnum):
+    """6007h: what a drive does when its master has gone."""
+
+    NOTHING = 0
+    FAULT = 1
+    DISABLE_VOLTAGE = 2
+    QUICK_STOP = 3
+
+
+STATE_BITS: Final[dict[DriveState, int]] = {
+    DriveState.NOT_READY: 0x00,
+    DriveState.SWITCH_ON_DISABLED: 0x40,
+    DriveState.READY_TO_SWITCH_ON: 0x21,
+    DriveState.SWITCHED_ON: 0x23,
+    DriveState.OPERATION_ENABLED: 0x27,
+    DriveState.QUICK_STOP_ACTIVE: 0x07,
+    DriveState.FAULT_REACTION_ACTIVE: 0x0F,
+    DriveState.FAULT: 0x08,
+}
+"""The statusword's state bits of each state."""
+
+_STATE_OF: Final[dict[int, DriveState]] = {
+    bits: state
+    for state, value in STATE_BITS.items()
+    for bits in ((value, value | 0x20) if value & 0x0F in (0x00, 0x08, 0x0F) else (value,))
+}  # bit 5 says nothing in those four states: their mask is 4Fh, not 6Fh
+
+
+def decode_state(statusword: int) -> DriveState:
+    """Return the state in a statusword (CiA 402-2, table 30).
+
+    Raises `FrameError` for a combination of bits that means no state.
+    """
+    state = _STATE_OF.get(statusword & 0x6F)
+    if state is None:
+        raise FrameError(f"statusword {statusword:#06x} means no state of CiA 402")
+    return state
+
+
+_TOWARDS_ENABLED: Final = {
+    DriveState.SWITCH_ON_DISABLED: Control.SHUTDOWN,
+    DriveState.READY_TO_SWITCH_ON: Control.SWITCH_ON,
+    DriveState.SWITCHED_ON: Control.ENABLE_OPERATION,
+    DriveState.OPERATION_ENABLED: Control.ENABLE_OPERATION,
+    DriveState.QUICK_STOP_ACTIVE: Control.QUICK_STOP,
+}
+_TOWARDS_DISABLED: Final = {
+    DriveState.OPERATION_ENABLED: Control.SWITCH_ON,
+    DriveState.SWITCHED_ON: Control.SHUTDOWN,
+    DriveState.QUICK_STOP_ACTIVE: Control.QUICK_STOP,
+}
+
+
+def next_controlword(state: DriveState, target: DriveState) -> Control:
+    """Return the controlword of the next step from `state` towards `target`.
+
+    `target` is *Operation enabled* or *Switch on disabled*; any other raises `ValueError`. A quick
+    stop under way is let finish on its ramp. A faulty drive gets bit 7 low: only a fault reset,
+    whose rising edge the caller owns, leads on.
+    """
+    if target is DriveState.OPERATION_ENABLED:
+        return _TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE)
+    if target is DriveState.SWITCH_ON_DISABLED:
+        return _TOWARDS_DISABLED.get(state, Control.DISABLE_VOLTAGE)
+    raise ValueError(f"{target.name} is not a state that a drive can be asked for")
+
+
+_TRANSITIONS: Final[dict[tuple[DriveState, Control], DriveState]] = {
+    (DriveState.SWITCH_ON_DISABLED, Control.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 2
+    (DriveState.READY_TO_SWITCH_ON, Control.SWITCH_ON): DriveState.SWITCHED_ON,  # 3
+    (DriveState.READY_TO_SWITCH_ON, Control.ENABLE_OPERATION): DriveState.SWITCHED_ON,  # 3
+    (DriveState.SWITCHED_ON, Control.ENABLE_OPERATION): DriveState.OPERATION_ENABLED,  # 4
+    (DriveState.OPERATION_ENABLED, Control.SWITCH_ON): DriveState.SWITCHED_ON,  # 5
+    (DriveState.SWITCHED_ON, Control.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 6
+    (DriveState.READY_TO_SWITCH_ON, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 7
+    (DriveState.READY_TO_SWITCH_ON, Control.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 7
+    (DriveState.OPERATION_ENABLED, Control.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 8
+    (DriveState.OPERATION_ENABLED, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 9
+    (DriveState.SWITCHED_ON, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 10
+    (DriveState.SWITCHED_ON, Control.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 10
+    (DriveState.OPERATION_ENABLED, Control.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,  # 11
+    (DriveState.QUICK_STOP_ACTIVE, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 12
+}
+
+
+def command_of(controlword: int) -> Control:
+    """Return the command in a controlword's bits 0 to 3 (CiA 402-2, table 27)."""
+    if not controlword & 0x02:
+        return Control.DISABLE_VOLTAGE
+    if not controlword & 0x04:
+        return Control.QUICK_STOP
+    if not controlword & 0x01:
+        return Control.SHUTDOWN
+    return Control.ENABLE_OPERATION if controlword & 0x08 else Control.SWITCH_ON
+
+
+def apply_controlword(state: DriveState, previous_controlword: int, controlword: int) -> DriveState:
+    """Return the state that a drive in `state` goes to on receiving `controlword`.
+
+    One transition of the profile's numbers 2 to 12 or 15 at most; what a drive does by itself
+    (0, 1, 12 after the quick stop's ramp, 13, 14) is the drive's. A fault is reset by the *rising
+    edge* of bit 7, hence `previous_controlword`.
+    """
+    if state is DriveState.FAULT:
+        rising = controlword & ~previous_controlword & Control.FAULT_RESET
+        return DriveState.SWITCH_ON_DISABLED if rising else state
+    return _TRANSITIONS.get((state, command_of(controlword)), state)
+
+
+def supports_mode(supported_modes: int, mode: OperationMode) -> bool:
+    """Return whether the bits of 6502h contain a mode: mode n is bit n − 1."""
+    return bool(supported_modes >> (mode - 1) & 1)
+
+
+# --- PDO layouts ------------------------------------------------------------------------------
+
+CSP_MAPPING: Final = (
+    mapping_entry(Object.CONTROLWORD, 0, 16),
+    mapping_entry(Object.TARGET_POSITION, 0, 32),
+)
+CST_MAPPING: Final = (
+    mapping_entry(Object.CONTROLWORD, 0, 16),
+    mapping_entry(Object.TARGET_TORQUE, 0, 16),
+)
+FEEDBACK_MAPPING: Final = (
+    mapping_entry(Object.STATUSWORD, 0, 16),
+    mapping_entry(Object.POSITION_ACTUAL, 0, 32),
+    mapping_entry(Object.TORQUE_ACTUAL, 0, 16),
+)
+
+_CSP: Final = struct.Struct("<Hi")
+_CST: Final = struct.Struct("<Hh")
+_FEEDBACK: Final = struct.Struct("<Hih")
+
+
+class CspCommand(NamedTuple):
+    """RPDO1 in CSP: controlword, target position [counts]."""
+
+    controlword: int
+    target_position: int
+
+
+class CstCommand(NamedTuple):
+    """RPDO1 in CST: controlword, target torque [1/1000 of the rated torque]."""
+
+    controlword: int
+    target_torque: int
+
+
+class Feedback(NamedTuple):
+    """TPDO1: statusword, position [counts], torque [1/1000 of the rated torque]."""
+
+    statusword: int
+    position: int
+    torque: int
+
+
+def pack_csp(controlword: int, target_position: int) -> bytes:
+    """Return the 6 bytes of RPDO1 in CSP. Raises `struct.error` outside 32 bits."""
+    return _CSP.pack(controlword, target_position)
+
+
+def unpack_csp(data: bytes) -> CspCommand:
+    """Return what RPDO1 in CSP says. Raises `FrameError` unless it is 6 bytes."""
+    return CspCommand(*_unpack(_CSP, data, "RPDO1 (CSP)"))
+
+
+def pack_cst(controlword: int, target_torque: int) -> bytes:
+    """Return the 4 bytes of RPDO1 in CST. Raises `struct.error` outside 16 bits."""
+    return _CST.pack(controlword, target_torque)
+
+
+def unpack_cst(data: bytes) -> CstCommand:
+    """Return what RPDO1 in CST says. Raises `FrameError` unless it is 4 bytes."""
+    return CstCommand(*_unpack(_CST, data, "RPDO1 (CST)"))
+
+
+def pack_feedback(statusword: int, position: int, torque: int) -> bytes:
+    """Return the 8 bytes of TPDO1. Raises `struct.error` outside the fields' widths."""
+    return _FEEDBACK.pack(statusword, position, torque)
+
+
+def unpack_feedback(data: bytes) -> Feedback:
+    """Return what TPDO1 says. Raises `FrameError` unless it is 8 bytes."""
+    return Feedback(*_unpack(_FEEDBACK, data, "TPDO1"))
+
+
+def _unpack(layout: struct.Struct, data: bytes, frame: str) -> tuple[int, ...]:
+    if len(data) != layout.size:
+        raise FrameError(f"{frame}: {len(data)} bytes instead of {layout.size}")
+    return layout.unpack(data)
