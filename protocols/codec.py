@@ -1,0 +1,188 @@
+"""MessagePack map <-> message. What is not exactly right is refused, by name, and never coerced.
+
+On the wire a message is one map: its fields under their names, and `v`, the protocol version.
+Enums travel as strings, tuples as arrays, absent optional fields as nil or not at all. An integer
+may stand where a float is expected; nothing else is converted: "1" is not 1, true is not 1.
+"""
+
+from collections.abc import Mapping
+from enum import Enum, StrEnum
+from functools import cache
+from typing import Any, Final, TypeVar, get_args
+
+import msgpack
+from pydantic import ValidationError
+
+from .messages import VERSION, Message
+from .topics import Topic
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+_LONGEST_VALUE: Final = 40
+_LIMITS: Final[dict[str, Any]] = {
+    "use_list": False,
+    "max_str_len": 4096,
+    "max_bin_len": 4096,
+    "max_array_len": 1024,
+    "max_map_len": 256,
+    "max_ext_len": 0,
+}
+
+
+class Reason(StrEnum):
+    """Why bytes were not accepted as a message."""
+
+    WRONG_VERSION = "wrong_version"
+    TOO_LARGE = "too_large"
+    NOT_MESSAGEPACK = "not_messagepack"
+    NOT_A_MAP = "not_a_map"
+    WRONG_TYPE = "wrong_type"
+    MISSING_FIELD = "missing_field"
+    UNKNOWN_FIELD = "unknown_field"
+    OUT_OF_RANGE = "out_of_range"
+    NON_FINITE = "non_finite"
+
+
+class CodecError(ValueError):
+    """Bytes refused: `reason` for programs, `detail` for people, one line, never the token."""
+
+    def __init__(self, reason: Reason, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
+        self.detail = detail
+
+
+def encode(message: Message) -> bytes:
+    """Return a message as MessagePack.
+
+    Validates nothing, so that one built with `model_construct` from plain numbers and tuples
+    costs no more than its packing. Raises `TypeError` for a value that MessagePack has no type for.
+    """
+    packed: bytes = msgpack.packb({"v": VERSION, **message.__dict__})
+    return packed
+
+
+def decode(topic: Topic, payload: bytes) -> Message:
+    """Return the message that came on a topic. Raises `CodecError`."""
+    return decode_as(topic.message, payload, topic.max_bytes)
+
+
+def decode_as(kind: type[MessageT], payload: bytes, max_bytes: int = 4096) -> MessageT:
+    """Return a message of a kind, such as a `Reply`. Raises `CodecError`."""
+    if len(payload) > max_bytes:
+        raise CodecError(Reason.TOO_LARGE, f"{len(payload)} bytes, at most {max_bytes}")
+    fields = _unpack(payload)
+    _take_version(fields)
+    for name, members in _enum_fields(kind).items():
+        value = fields.get(name)
+        if isinstance(value, str):
+            if value not in members:
+                raise CodecError(
+                    Reason.OUT_OF_RANGE,
+                    f"{name}: {_show(value, fields)} is not one of {', '.join(members)}",
+                )
+            fields[name] = members[value]
+    try:
+        message: MessageT = kind.__pydantic_validator__.validate_python(fields, strict=True)
+    except ValidationError as error:
+        raise _refusal(error, fields) from None
+    return message
+
+
+def _unpack(payload: bytes) -> dict[str, Any]:
+    try:
+        fields = msgpack.unpackb(
+            payload, object_pairs_hook=_pairs, ext_hook=_no_extension, **_LIMITS
+        )
+    except CodecError:
+        raise
+    except (ValueError, TypeError, msgpack.UnpackException) as error:
+        words = str(error).splitlines() or [type(error).__name__]
+        raise CodecError(Reason.NOT_MESSAGEPACK, words[0]) from None
+    if not isinstance(fields, dict):
+        raise CodecError(Reason.NOT_A_MAP, f"a {type(fields).__name__} instead of a map")
+    return fields
+
+
+def _pairs(pairs: list[tuple[object, object]]) -> dict[object, object]:
+    fields = dict(pairs) if all(isinstance(key, str) for key, _ in pairs) else {}
+    if len(fields) != len(pairs):
+        raise CodecError(Reason.NOT_MESSAGEPACK, "a map's keys are strings, each there once")
+    return fields
+
+
+def _no_extension(code: int, _data: bytes) -> object:
+    raise ValueError(f"extension type {code} is not used here")
+
+
+def _take_version(fields: dict[str, Any]) -> None:
+    if "v" not in fields:
+        raise CodecError(Reason.MISSING_FIELD, "v is missing")
+    version = fields.pop("v")
+    if type(version) is not int:
+        raise CodecError(Reason.WRONG_TYPE, f"v: a {type(version).__name__} instead of an integer")
+    if version != VERSION:
+        raise CodecError(Reason.WRONG_VERSION, f"v: {version}, this is version {VERSION}")
+
+
+@cache
+def _enum_fields(kind: type[Message]) -> dict[str, dict[str, Enum]]:
+    """Return the fields of a message that hold an enum, each with its members by value."""
+    found: dict[str, dict[str, Enum]] = {}
+    for name, field in kind.model_fields.items():
+        for part in (field.annotation, *get_args(field.annotation)):
+            if isinstance(part, type) and issubclass(part, Enum):
+                found[name] = {str(member.value): member for member in part}
+    return found
+
+
+def _refusal(error: ValidationError, fields: Mapping[str, Any]) -> CodecError:
+    complaints = error.errors(include_url=False, include_context=False)
+    judged = [(_reason(c["type"], c["loc"]), c) for c in complaints]
+    # a field that may be of several types complains once for each: not finite says most
+    reason, first = next((j for j in judged if j[0] is Reason.NON_FINITE), judged[0])
+    path = _path(first["loc"])
+    if reason is Reason.MISSING_FIELD:
+        return CodecError(reason, f"{path} is missing")
+    if reason is Reason.UNKNOWN_FIELD:
+        return CodecError(reason, f"{path} is not a field of this message")
+    words = first["msg"].splitlines()[0]
+    if first["type"] == "missing":
+        words = "the array is too short"
+    elif path and first["loc"][0] != "token":
+        words = f"{words}, not {_show(first['input'], fields)}"
+    return CodecError(reason, f"{path}: {words}" if path else words)
+
+
+def _reason(kind: str, loc: tuple[int | str, ...]) -> Reason:
+    if kind == "missing":
+        return Reason.MISSING_FIELD if len(loc) == 1 else Reason.OUT_OF_RANGE
+    if kind == "extra_forbidden":
+        return Reason.UNKNOWN_FIELD
+    if kind == "finite_number":
+        return Reason.NON_FINITE
+    if kind.endswith("_type") or kind == "is_instance_of":
+        return Reason.WRONG_TYPE
+    return Reason.OUT_OF_RANGE
+
+
+def _path(loc: tuple[int | str, ...]) -> str:
+    parts = [f"[{p}]" if isinstance(p, int) else f".{_printable(p)}" for p in loc]
+    return "".join(parts).removeprefix(".")
+
+
+def _printable(text: str) -> str:
+    plain = "".join(c if c.isprintable() else "?" for c in text)
+    return plain if len(plain) <= _LONGEST_VALUE else plain[:_LONGEST_VALUE] + "…"
+
+
+def _show(value: object, fields: Mapping[str, Any]) -> str:
+    """Return a refused value for the detail: short, flat, and never the lease's token."""
+    if isinstance(value, (int, float)) or value is None:
+        return _printable(repr(value))
+    if isinstance(value, str):
+        token = fields.get("token")
+        if isinstance(token, str) and token in value:
+            return "the token"
+        return repr(_printable(value))
+    return f"a {type(value).__name__}"

@@ -1,0 +1,198 @@
+"""What crosses Zenoh: round trips, msgpack as independent reader, and every refusal."""
+
+import math
+import struct
+from typing import Any
+
+import msgpack
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from telerobot.protocols import messages as m
+from telerobot.protocols import topics
+from telerobot.protocols.codec import CodecError, Reason, decode, decode_as, encode
+from telerobot.protocols.topics import Topic
+
+SECRET = "s3cret-of-the-lease"
+ENVELOPE = {"v": 1, "token": SECRET, "epoch": 3, "seq": 4, "seen_tick": 5}
+TWIST = {**ENVELOPE, "twist": [0.1, 0, 0, 0, 0, -0.5]}
+
+
+FLOATS = st.floats(-1e6, 1e6)
+COUNTS = st.integers(0, 2**63 - 1)
+VECTOR6 = st.tuples(*[FLOATS] * 6)
+VECTOR3 = st.tuples(*[FLOATS] * 3)
+FRAMES = st.sampled_from(m.Frame)
+COMMAND: dict[str, Any] = {
+    "token": st.text(min_size=1, max_size=64),
+    "epoch": COUNTS,
+    "seq": COUNTS,
+    "seen_tick": COUNTS,
+}
+VALUES = st.none() | st.booleans() | st.integers(-(2**63), 2**63 - 1) | FLOATS | st.text()
+MESSAGES: list[tuple[Topic, dict[str, Any]]] = [
+    (topics.KEEPALIVE, COMMAND),
+    (topics.JOYSTICK, {**COMMAND, "twist": VECTOR6, "relative_to": FRAMES}),
+    (
+        topics.POSITION,
+        {**COMMAND, "xyz": VECTOR3, "rpy": VECTOR3, "expressed_in": st.none() | FRAMES},
+    ),
+    (topics.JOG, {**COMMAND, "rates": st.lists(FLOATS, min_size=1).map(tuple)}),
+    (topics.GAIN, {**COMMAND, "source": st.sampled_from(m.SourceName), "gain": VECTOR6}),
+    (
+        topics.EVENT,
+        {
+            "id": COUNTS,
+            "tick": COUNTS,
+            "time_s": FLOATS,
+            "name": st.text(max_size=64),
+            "severity": st.sampled_from(["info", "warning", "error"]),
+            "values": st.dictionaries(st.text(), VALUES),
+        },
+    ),
+]
+ANY_MESSAGE = st.one_of(
+    [st.tuples(st.just(topic), st.builds(topic.message, **kw)) for topic, kw in MESSAGES]
+)
+
+
+@given(ANY_MESSAGE)
+def test_every_message_comes_back_as_it_was_sent(case: tuple[Topic, m.Message]) -> None:
+    topic, message = case
+    payload = encode(message)
+    if len(payload) <= topic.max_bytes:
+        assert decode(topic, payload) == message
+
+
+def test_another_msgpack_reader_sees_a_plain_map() -> None:
+    twist = m.JoystickTwist(
+        token="t", epoch=1, seq=2, seen_tick=3, twist=(1, 2, 3, 4, 5, 6), relative_to=m.Frame.BASE
+    )
+    assert msgpack.unpackb(encode(twist)) == {
+        "v": 1,
+        "token": "t",
+        "epoch": 1,
+        "seq": 2,
+        "seen_tick": 3,
+        "twist": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+        "relative_to": "base",
+        "expressed_in": "crf",
+    }
+
+
+def test_a_message_from_any_msgpack_writer_is_understood() -> None:
+    message = decode(topics.JOYSTICK, msgpack.packb({**TWIST, "expressed_in": "mrf"}))
+    assert isinstance(message, m.JoystickTwist)
+    assert message.twist == (0.1, 0.0, 0.0, 0.0, 0.0, -0.5)
+    assert [type(x) for x in message.twist] == [float] * 6
+    assert message.relative_to is m.Frame.CRF
+    assert message.expressed_in is m.Frame.MRF
+
+
+def test_a_reply_is_read_without_a_topic() -> None:
+    reply = m.Reply(ok=False, reason="lease_held", detail="by ada", tick=7)
+    assert decode_as(m.Reply, encode(reply)) == reply
+
+
+def test_an_unvalidated_message_is_encoded_as_it_stands() -> None:
+    event = m.Event.model_construct(
+        id=1, tick=2, time_s=0.5, name="x", severity="info", detail="", values={"a": 1.5}
+    )
+    assert decode(topics.EVENT, encode(event)) == event
+
+
+def position(**changes: Any) -> dict[str, Any]:
+    return {**ENVELOPE, "xyz": [0, 0, 0], "rpy": [0, 0, 0], **changes}
+
+
+def without(name: str) -> dict[str, Any]:
+    return {key: value for key, value in TWIST.items() if key != name}
+
+
+REFUSALS: list[tuple[str, Topic, Any, Reason, str]] = [
+    ("version", topics.JOYSTICK, {**TWIST, "v": 2}, Reason.WRONG_VERSION, "v: 2"),
+    ("no version", topics.JOYSTICK, without("v"), Reason.MISSING_FIELD, "v is missing"),
+    ("version type", topics.JOYSTICK, {**TWIST, "v": True}, Reason.WRONG_TYPE, "v: a bool"),
+    ("array", topics.JOYSTICK, [1, 2], Reason.NOT_A_MAP, "tuple"),
+    ("nil", topics.JOYSTICK, None, Reason.NOT_A_MAP, "NoneType"),
+    ("missing", topics.JOYSTICK, without("seq"), Reason.MISSING_FIELD, "seq is missing"),
+    ("unknown", topics.JOYSTICK, {**TWIST, "speed": 1}, Reason.UNKNOWN_FIELD, "speed"),
+    ("string", topics.JOYSTICK, {**TWIST, "seq": "1"}, Reason.WRONG_TYPE, "seq"),
+    ("bool", topics.JOYSTICK, {**TWIST, "epoch": True}, Reason.WRONG_TYPE, "epoch"),
+    ("float", topics.JOYSTICK, {**TWIST, "epoch": 1.0}, Reason.WRONG_TYPE, "1.0"),
+    ("nested bool", topics.JOYSTICK, {**TWIST, "twist": [True] * 6}, Reason.WRONG_TYPE, "True"),
+    ("enum type", topics.JOYSTICK, {**TWIST, "relative_to": 1}, Reason.WRONG_TYPE, "relative_to"),
+    ("enum", topics.JOYSTICK, {**TWIST, "relative_to": "lens"}, Reason.OUT_OF_RANGE, "'lens'"),
+    ("short", topics.JOYSTICK, {**TWIST, "twist": [0] * 5}, Reason.OUT_OF_RANGE, "twist"),
+    ("long", topics.JOYSTICK, {**TWIST, "twist": [0] * 7}, Reason.OUT_OF_RANGE, "twist"),
+    ("negative", topics.JOYSTICK, {**TWIST, "seq": -1}, Reason.OUT_OF_RANGE, "-1"),
+    ("bound", topics.POSITION, position(speed=-1.0), Reason.OUT_OF_RANGE, "-1.0"),
+    ("literal", topics.MODE, {**ENVELOPE, "action": "fly"}, Reason.OUT_OF_RANGE, "'fly'"),
+    ("neither", topics.POSTURE, ENVELOPE, Reason.OUT_OF_RANGE, "either posture or q"),
+    ("nan", topics.JOYSTICK, {**TWIST, "twist": [math.nan] + [0] * 5}, Reason.NON_FINITE, "[0]"),
+    ("inf", topics.POSITION, position(speed=math.inf), Reason.NON_FINITE, "speed"),
+    ("token type", topics.JOYSTICK, {**TWIST, "token": [SECRET]}, Reason.WRONG_TYPE, "token"),
+    ("long token", topics.JOYSTICK, {**TWIST, "token": SECRET * 9}, Reason.OUT_OF_RANGE, "token"),
+    ("misplaced", topics.JOYSTICK, {**TWIST, "seq": SECRET}, Reason.WRONG_TYPE, "seq"),
+    ("bytes", topics.JOYSTICK, {**TWIST, "token": b"x"}, Reason.WRONG_TYPE, "token"),
+    ("bytes key", topics.JOYSTICK, {b"v": 1}, Reason.NOT_MESSAGEPACK, "keys"),
+    ("map key", topics.JOYSTICK, {1: 1}, Reason.NOT_MESSAGEPACK, ""),
+]
+
+
+@pytest.mark.parametrize(("topic", "content", "reason", "words"), [r[1:] for r in REFUSALS],
+                         ids=[r[0] for r in REFUSALS])  # fmt: skip
+def test_refusals_name_reason_field_and_value(
+    topic: Topic, content: Any, reason: Reason, words: str
+) -> None:
+    with pytest.raises(CodecError) as refused:
+        decode(topic, msgpack.packb(content))
+    assert refused.value.reason is reason
+    assert words in refused.value.detail
+    assert SECRET not in str(refused.value)
+    assert "\n" not in refused.value.detail
+
+
+GOOD = msgpack.packb(TWIST)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        GOOD[:-1],
+        GOOD + b"\0",
+        b"\xc1",
+        b"\x82\xa1v\x01\xa1v\x01",
+        b"\x81\xa1v" + b"\x91" * 3000,
+        b"\x81\xa1v\xd4\x05\x00",
+        b"\x81\xa1v\xd6\xff\x00\x00\x00\x00",
+        b"\x81\xa1v\xdb" + struct.pack(">I", 2**31),
+        b"\x81\xa1v\xdd" + struct.pack(">I", 2**31),
+        b"\x81\xa1v\xa1\xff",
+        b"\x81\x91\x01\x01",
+    ],
+    ids=["empty", "cut", "extra", "reserved", "twice", "deep", "extension", "timestamp",
+         "huge string", "huge array", "not utf-8", "array as key"],
+)  # fmt: skip
+def test_what_is_not_one_messagepack_map_is_refused(payload: bytes) -> None:
+    with pytest.raises(CodecError) as refused:
+        decode(topics.JOYSTICK, payload)
+    assert refused.value.reason is Reason.NOT_MESSAGEPACK
+
+
+def test_a_payload_over_the_topics_size_is_refused_unread() -> None:
+    with pytest.raises(CodecError, match="too_large: 4097 bytes, at most 4096"):
+        decode(topics.JOYSTICK, b"\xc1" * 4097)
+
+
+@given(st.binary(max_size=200))
+@example(b"\x81\xa1v\x01")
+def test_no_bytes_whatever_raise_anything_else(payload: bytes) -> None:
+    with pytest.raises(CodecError):
+        decode(topics.JOYSTICK, payload)
+
+
+def test_every_reason_is_seen_in_these_tests() -> None:
+    seen = {r[3] for r in REFUSALS} | {Reason.NOT_MESSAGEPACK, Reason.TOO_LARGE}
+    assert seen == set(Reason)
