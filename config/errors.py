@@ -1,0 +1,21 @@
+"""The one exception of this folder, and how its messages help."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class ConfigError(Exception):
+    """A file that a person wrote says something that cannot be.
+
+    Its text is always one line, `file: key.path: value …: what is expected`: the reader of a
+    terminal needs no more, and no traceback.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split()))
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return `; did you mean '…'?` for the known word that looks most like `word`, or nothing."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else ""

@@ -1,0 +1,143 @@
+"""From a TOML file to a cell: the schema's fields, the robot's chain, and that the two agree.
+
+Whatever a person can get wrong ends in a `ConfigError` of one line that names file, key, value
+and bound. What needs numbers to judge (bus load, stability) is `telerobot check`'s.
+"""
+
+import json
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from .agree import check_agreement
+from .errors import ConfigError, nearest
+from .schema import CellConfig
+from .urdf import Robot, UrdfJoint, read_robot
+
+__all__ = ["Cell", "ConfigError", "Robot", "UrdfJoint", "load_cell", "script_path", "shipped"]
+
+HERE: Final = Path(__file__).resolve().parent
+_LONGEST_VALUE: Final = 60
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One daemon's worth of robot: the file, what it says, and the arm that it means."""
+
+    path: Path
+    config: CellConfig
+    robot: Robot
+
+
+def shipped(kind: str) -> tuple[str, ...]:
+    """Return the names of what is shipped of a kind: `cells`, `robots` or `scripts`."""
+    suffix = ".urdf" if kind == "robots" else ".toml"
+    return tuple(sorted(p.stem for p in (HERE / kind).glob(f"*{suffix}")))
+
+
+def load_cell(name_or_path: str | Path) -> Cell:
+    """Load a cell: the path of a TOML file, or the name of one that is shipped.
+
+    Raises `ConfigError`.
+    """
+    path = _find("cells", name_or_path, Path(), "")
+    config = _validated(path, _read(path))
+    mechanism = config.mechanism
+    urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: mechanism.urdf: ")
+    robot = read_robot(urdf, mechanism.tip_link, f"{path}: mechanism.tip_link")
+    check_agreement(path, config, robot)
+    return Cell(path, config, robot)
+
+
+def script_path(name_or_path: str | Path, base: Path) -> Path:
+    """Return the file of a script: a path, relative to `base`, or the name of a shipped one.
+
+    Raises `ConfigError` if there is none.
+    """
+    return _find("scripts", name_or_path, base, "")
+
+
+def _find(kind: str, name_or_path: str | Path, base: Path, where: str) -> Path:
+    text = str(name_or_path)
+    suffix = ".urdf" if kind == "robots" else ".toml"
+    if isinstance(name_or_path, Path) or "/" in text or text.endswith(suffix):
+        path = base / name_or_path
+        if not path.is_file():
+            raise ConfigError(f"{where}{path}: no such file")
+        return path
+    names = shipped(kind)
+    if text not in names:
+        listed = ", ".join(names) or "none"
+        raise ConfigError(
+            f"{where}{text}: no shipped {kind[:-1]} of that name, and not a path that ends in "
+            f"{suffix}; shipped: {listed}{nearest(text, names)}"
+        )
+    return HERE / kind / f"{text}{suffix}"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: byte {error.start}: not UTF-8 text") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from None
+
+
+def _validated(path: Path, document: dict[str, Any]) -> CellConfig:
+    try:
+        # Through JSON, because only there strict means: no text for a number, a list for a tuple.
+        return CellConfig.model_validate_json(json.dumps(document, default=str), strict=True)
+    except ValidationError as error:
+        # A misspelt required key shows twice, as missing and as unknown: the second helps more.
+        found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise ConfigError(f"{path}: {_explain(found[0])}{more}") from None
+
+
+def _explain(error: ErrorDetails) -> str:
+    loc = error["loc"]
+    key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc).removeprefix(".")
+    names = [p for p in loc if isinstance(p, str)]
+    section, field = _section_of(names)
+    if error["type"] == "extra_forbidden":
+        known = () if section is None else section.model_fields
+        return f"{key}: unknown key{nearest(names[-1], known)}"
+    meaning = ""
+    if section is not None and field in section.model_fields:
+        meaning = section.model_fields[field].description or ""
+    if error["type"] == "missing":
+        return f"{key}: missing" + (f": {meaning}" if meaning else "")
+    message = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    value = error["input"]
+    shown = "" if isinstance(value, dict) else f"value {_short(value)}: "
+    return f"{key}: {shown}{message}" + (f" ({meaning})" if meaning else "")
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
+
+
+def _section_of(names: list[str]) -> tuple[type[BaseModel] | None, str]:
+    """Return the section that holds the last of the keys which the schema knows, and that key."""
+    section: type[BaseModel] | None = CellConfig
+    for name in names[:-1]:
+        field = None if section is None else section.model_fields.get(name)
+        inner = None if field is None else _section_in(field.annotation)
+        if inner is None:
+            return (section, name) if field is not None else (None, name)
+        section = inner
+    return section, names[-1] if names else ""
+
+
+def _section_in(annotation: object) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((s for s in map(_section_in, get_args(annotation)) if s is not None), None)

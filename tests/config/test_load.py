@@ -1,0 +1,172 @@
+import math
+import re
+from pathlib import Path
+
+import pytest
+from telerobot.config import agree
+from telerobot.config.load import ConfigError, load_cell, script_path, shipped
+from telerobot.protocols import can301
+
+
+def refusal(path: Path | str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_cell(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_a_cell_brings_its_joints_in_chain_order_without_the_gripper(small):
+    cell = load_cell(small.cell)
+    assert [j.name for j in cell.robot.joints] == ["j1", "j2", "j3"]
+    assert cell.robot.joints[0].velocity == 2.0
+    assert cell.robot.urdf == small.urdf
+    assert cell.config.timing.period_s == 0.01
+
+
+def test_a_path_may_be_text(small):
+    assert load_cell(str(small.cell)).path == small.cell
+
+
+@pytest.mark.parametrize("name", shipped("cells"))
+def test_every_shipped_cell_loads_by_name(name):
+    assert load_cell(name).config.name == name
+
+
+def test_an_unknown_name_says_what_is_shipped():
+    text = refusal("nosuch")
+    assert "nosuch" in text
+    assert "shipped: " in text
+
+
+def test_a_missing_file_is_named():
+    assert refusal("/nowhere/cell.toml") == "/nowhere/cell.toml: no such file"
+
+
+def test_broken_toml_names_the_line(small):
+    assert "line 1," in refusal(small.replace('name = "small"\ndefault', "name = \ndefault"))
+
+
+def test_a_file_that_is_not_text_is_refused(small):
+    small.cell.write_bytes(b'name = "\xff"')
+    assert "not UTF-8" in refusal(small.cell)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("period_s = 0.01", "periods = 0.01", r"timing\.periods: unknown key; .*'period_s'"),
+        ("period_s = 0.01", "period_s = 5", r"timing\.period_s: value 5: .*less than .*0\.1"),
+        ("period_s = 0.01", 'period_s = "0.01"', r"timing\.period_s: value '0.01': .*number"),
+        ("period_s = 0.01", "period_s = true", r"timing\.period_s: value True: .*number"),
+        ("period_s = 0.01", "period_s = nan", r"timing\.period_s: value nan: .*finite"),
+        ("period_s = 0.01", "period_s = 2020-01-01", r"timing\.period_s: .*number"),
+        ("period_s = 0.01", "period_s = [1, 2]", r"timing\.period_s: value \[1, 2\]: .*number"),
+        ("node = 2", "node = 200", r"mechanism\.drives\[1\]\.node: value 200: .*127"),
+        ("node = 2", "node = 2.5", r"mechanism\.drives\[1\]\.node: value 2\.5: .*integer"),
+        ("node = 2", "node = 2\nleash = 1.0", r"mechanism\.drives\[1\]: leash 1\.0 must be below"),
+        ('tip_link = "tip"', "", r"mechanism\.tip_link: missing: last link"),
+        ("node = 2", "node = 1", r"mechanism\.drives\[1\]\.node: value 1: already .*'j1'"),
+        ("node = 2", "node = 127", r"mechanism\.drives\[1\]\.node: value 127: is the daemon's"),
+        ('joint = "j2"', 'joint = "j1"', r"mechanism\.drives\[1\]\.joint: value 'j1': already"),
+        ('joint = "j2"', 'joint = "jj2"', r"mechanism\.drives\[1\]\.joint: value 'jj2': no such"),
+        ('joint = "j2"', 'joint = "grip"', r"drives\[1\]\.joint: value 'grip': no such movable"),
+        ('tip_link = "tip"', 'tip_link = "tipp"', r"tip_link: value 'tipp': no such .*'tip'"),
+        ('tip_link = "tip"', 'tip_link = "base"', r"tip_link: value 'base': no movable joint"),
+        ('tip_link = "tip"', 'tip_link = "finger"', r"mechanism\.drives: joint 'grip' .* no drive"),
+        (", ready = [0.3, 0.6, 1.0]", "", r"mechanism\.postures\.ready: missing"),
+        ("[0.3, 0.6, 1.0]", "[0.3, 0.6]", r"mechanism\.postures\.ready: 2 values: must be 3"),
+        ("[0.3, 0.6, 1.0]", "[0.3, 0.6, 2.495]", r"ready\[2\]: value 2\.495: .*-2\.49 to 2\.49"),
+        ("integral = [0.0]", "integral = [0.0, 1.0]", r"rig\.drive\.integral: 2 values: .*or 3"),
+        ("2670176.8", "9e8", r"drives\[0\]\.counts_per_radian: value 9e\+08: .*32 bits"),
+        ("max_velocity = 1.5", "max_velocity = 2.5", r"max_velocity: value 2\.5: .*at most 2,"),
+        ("rate_hz = 200", "command_id = 0x181", r"command_id: value 0x181: .*drive of 'j1'"),
+        ("rate_hz = 200", "reply_ids = [3, 3]", r"reply_ids\[1\]: value 0x3: .*reply_ids\[0\]"),
+        ("rate_hz = 200", "rate_hz = 250", r"force_torque\.rate_hz: value 250: .*1000"),
+        ('urdf = "small.urdf"', 'urdf = "nosuch"', r"mechanism\.urdf: nosuch: no shipped robot"),
+        ('urdf = "small.urdf"', 'urdf = "no.urdf"', r"mechanism\.urdf: .*no\.urdf: no such file"),
+    ],
+)
+def test_what_a_person_gets_wrong_is_named_with_key_value_and_bound(small, old, new, expected):
+    text = refusal(small.replace(old, new))
+    assert text.startswith(f"{small.cell}: ")
+    assert re.search(expected, text), text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("</robot>", "", r"not well-formed XML"),
+        ('<robot name="small">', "<sdf>", r"not well-formed XML"),
+        ('name="j1" type="revolute"', 'name="j1" type="planar"', r"joint 'j1': type 'planar'"),
+        ('lower="-2.5"', 'lower="3"', r"joint 'j\d': <limit>: lower 3 must be below upper 2\.5"),
+        ('velocity="2"', 'velocity="fast"', r"<limit velocity>: value 'fast': must be a number"),
+        ('velocity="2"', "", r"<limit velocity>: value None: must be a number"),
+        ('effort="100"', 'effort="0"', r"<limit effort>: value 0: must be above 0"),
+        ('<parent link="base"/>', '<parent link="l3"/>', r"link 'l3': the chain runs in a circle"),
+        ('<parent link="base"/>', '<parent link="bass"/>', r"joint 'j1': no link 'bass'"),
+        ('<parent link="base"/>', "", r"joint 'j1': <parent link=…> is missing"),
+        ('<child link="finger"/>', '<child link="l1"/>', r"link 'l1': is the child of two joints"),
+        ('<axis xyz="0 0 1"/>', '<mimic joint="j2"/>', r"joint 'j1': <mimic>"),
+    ],
+)
+def test_a_urdf_that_we_cannot_drive_is_refused(small, old, new, expected):
+    text = refusal(small.replace_in_urdf(old, new))
+    assert text.startswith(f"{small.urdf}: ")
+    assert re.search(expected, text), text
+
+
+def test_xml_that_is_no_urdf_is_refused(small):
+    small.urdf.write_text("<sdf/>")
+    assert "not a URDF: the outer element is <sdf>" in refusal(small.cell)
+
+
+def test_the_number_of_further_mistakes_is_told(small):
+    small.replace("period_s = 0.01", "period_s = 5")
+    assert refusal(small.replace("node = 2", "node = 200")).endswith("(and 1 more)")
+
+
+def test_a_misspelt_required_key_is_reported_as_misspelt(small):
+    text = refusal(small.replace('tip_link = "tip"', 'tiplink = "tip"'))
+    assert "mechanism.tiplink: unknown key; did you mean 'tip_link'? (and 1 more)" in text
+
+
+def test_a_continuous_joint_is_one_turn_either_way(small):
+    small.replace_in_urdf('name="j1" type="revolute"', 'name="j1" type="continuous"')
+    small.replace_in_urdf('lower="-2.5" upper="2.5" ', "")
+    small.replace_in_urdf('name="j2" type="revolute"', 'name="j2" type="continuous"')
+    small.replace_in_urdf('name="j3" type="revolute"', 'name="j3" type="continuous"')
+    robot = load_cell(small.cell).robot
+    assert robot.joints[0].kind == "continuous"
+    assert (robot.joints[0].lower, robot.joints[0].upper) == (-2 * math.pi, 2 * math.pi)
+    description = robot.description()
+    assert "continuous" not in description
+    assert f'upper="{2 * math.pi!r}"' in description
+
+
+def test_a_slide_keeps_its_metres(small):
+    small.replace_in_urdf('name="j1" type="revolute"', 'name="j1" type="prismatic"')
+    assert load_cell(small.cell).robot.joints[0].kind == "prismatic"
+
+
+def test_a_margin_that_leaves_nothing_of_the_range_is_refused(small):
+    small.replace_in_urdf('lower="-2.5" upper="2.5"', 'lower="-0.5" upper="0.5"')
+    text = refusal(small.replace("max_jerk = 200.0", "max_jerk = 200.0\nposition_margin = 0.5"))
+    assert "mechanism.drives[0].position_margin: value 0.5: leaves nothing of joint 'j1'" in text
+
+
+def test_a_script_is_found_beside_the_cell(small):
+    script = small.cell.with_name("mine.toml")
+    script.write_text("")
+    assert script_path("mine.toml", small.cell.parent) == script
+    with pytest.raises(ConfigError, match="no such file"):
+        script_path("other.toml", small.cell.parent)
+
+
+@pytest.mark.parametrize("name", shipped("scripts"))
+def test_every_shipped_script_is_found_by_name(name):
+    assert script_path(name, Path()).stem == name
+
+
+def test_the_daemons_node_is_the_one_on_the_bus():
+    assert agree.MASTER_NODE == can301.MASTER_NODE

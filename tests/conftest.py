@@ -1,0 +1,103 @@
+"""A small cell of three joints, as files that a test may spoil."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+_LINK = (
+    '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" '
+    'iyz="0" izz="0.01"/></inertial></link>'
+)
+_JOINT = (
+    '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'
+    '<origin xyz="0 0 0.4"/><axis xyz="{3}"/>'
+    '<limit lower="-2.5" upper="2.5" velocity="2" effort="100"/></joint>'
+)
+URDF = "\n".join(
+    [
+        '<robot name="small">',
+        *(_LINK.format(name) for name in ("base", "l1", "l2", "l3", "tip", "finger")),
+        _JOINT.format("j1", "base", "l1", "0 0 1"),
+        _JOINT.format("j2", "l1", "l2", "0 1 0"),
+        _JOINT.format("j3", "l2", "l3", "0 1 0"),
+        '<joint name="mount" type="fixed"><parent link="l3"/><child link="tip"/>'
+        '<origin xyz="0 0 0.3"/></joint>',
+        _JOINT.format("grip", "tip", "finger", "1 0 0"),
+        "</robot>",
+    ]
+)
+
+_DRIVE = """
+[[mechanism.drives]]
+joint = "j{0}"
+node = {0}
+counts_per_radian = 2670176.8
+rated_torque = 40.0
+max_torque = 80.0
+max_velocity = 1.5
+max_acceleration = 10.0
+max_jerk = 200.0
+"""
+CELL = (
+    """name = "small"
+default_script = "reach"
+
+[timing]
+period_s = 0.01
+
+[mechanism]
+name = "small"
+urdf = "small.urdf"
+tip_link = "tip"
+postures = { start = [0.0, 0.5, 1.0], ready = [0.3, 0.6, 1.0] }
+"""
+    + "".join(_DRIVE.format(i) for i in (1, 2, 3))
+    + """
+[mechanism.force_torque]
+rate_hz = 200
+
+[sources.force]
+gain = [7e-4, 7e-4, 7e-4, 0.03, 0.03, 0.03]
+
+[rig.drive]
+stiffness = [9000.0]
+damping = [300.0]
+integral = [0.0]
+armature = [1.0, 1.0, 0.5]
+friction = [1.0]
+"""
+)
+
+
+@dataclass(frozen=True)
+class CellFiles:
+    """A cell file and its URDF in a directory of their own."""
+
+    cell: Path
+    urdf: Path
+
+    def replace(self, old: str, new: str) -> Path:
+        """Change the cell file's text; return its path."""
+        return _replace(self.cell, old, new)
+
+    def replace_in_urdf(self, old: str, new: str) -> Path:
+        """Change the URDF's text; return the cell file's path."""
+        _replace(self.urdf, old, new)
+        return self.cell
+
+
+def _replace(path: Path, old: str, new: str) -> Path:
+    text = path.read_text()
+    assert old in text, f"{path.name} does not say {old!r}"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> CellFiles:
+    """Return the files of a sound cell with three joints."""
+    files = CellFiles(tmp_path / "small.toml", tmp_path / "small.urdf")
+    files.cell.write_text(CELL)
+    files.urdf.write_text(URDF)
+    return files
