@@ -16,6 +16,18 @@ VERSION = 1
 
 Vector3 = tuple[float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
+Metres = Annotated[float, Field(ge=-100, le=100)]
+Angle = Annotated[float, Field(ge=-12.6, le=12.6)]
+Speed = Annotated[float, Field(ge=-10, le=10)]
+AngularSpeed = Annotated[float, Field(ge=-30, le=30)]
+Newtons = Annotated[float, Field(ge=-2000, le=2000)]
+NewtonMetres = Annotated[float, Field(ge=-1000, le=1000)]
+Gain = Annotated[float, Field(ge=0, le=100)]
+Place = tuple[Metres, Metres, Metres]
+Attitude = tuple[Angle, Angle, Angle]
+Twist = tuple[Speed, Speed, Speed, AngularSpeed, AngularSpeed, AngularSpeed]
+Wrench = tuple[Newtons, Newtons, Newtons, NewtonMetres, NewtonMetres, NewtonMetres]
+Gains = tuple[Gain, Gain, Gain, Gain, Gain, Gain]
 JointVector = Annotated[tuple[float, ...], Field(min_length=1, max_length=64)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
 OperatorName = Annotated[str, Field(min_length=1, max_length=64)]
@@ -72,7 +84,7 @@ class JoystickTwist(Command):
     axes the six numbers use.
     """
 
-    twist: Vector6
+    twist: Twist
     relative_to: Frame = Frame.CRF
     expressed_in: Frame = Frame.CRF
 
@@ -86,8 +98,8 @@ class PositionTarget(Command):
     MRF is when the command arrives.
     """
 
-    xyz: Vector3
-    rpy: Vector3
+    xyz: Place
+    rpy: Attitude
     relative_to: Frame = Frame.CRF
     expressed_in: Frame | None = None
     speed: float | None = Field(None, gt=0, le=10)
@@ -97,7 +109,7 @@ class PositionTarget(Command):
 class DesiredWrench(Command):
     """Wrench that the arm shall exert, at and in the axes of the MRF [N, N·m]; a goal."""
 
-    wrench: Vector6
+    wrench: Wrench
 
 
 class JointJog(Command):
@@ -159,7 +171,7 @@ class GainRequest(Command):
     """Sets the gain vector of one source; the change is ramped."""
 
     source: SourceName
-    gain: Vector6
+    gain: Gains
 
 
 class SwitchRequest(Command):
@@ -173,8 +185,8 @@ class FrameRequest(Command):
     """Redefines the MRF (pose in Wrist) or the CRF (pose in World)."""
 
     frame: Literal["mrf", "crf"]
-    xyz: Vector3
-    rpy: Vector3
+    xyz: Place
+    rpy: Attitude
 
 
 class SpeedRequest(Command):

@@ -1,0 +1,67 @@
+"""The nearest joint rates that keep every barrier: a small quadratic programme (DAQP).
+
+Self-motion is spent first, then the tool slows along its path, and only then does it leave the
+path: the unknowns are the joint rates and the share s of the asked tool motion, and leaving the
+path (J dq ≠ s ẋ) costs far more than going slower (s < 1), which costs far more than self-motion.
+"""
+
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+
+from ..frames import Array
+
+LEAVE_PATH = 1000.0
+"""Cost of tool motion off the path, per (m/s)²."""
+SLOW_DOWN = 3.0
+"""Cost of going slower than asked, per (m/s)²."""
+SELF_MOTION = 0.01
+"""Cost of joint rates other than asked, per part of V squared."""
+
+
+class Nearest(NamedTuple):
+    """Joint rates inside all bounds."""
+
+    dq: Array
+    share: float
+    """Share of the asked tool motion that is left, 0 to 1."""
+
+
+class BarrierError(Exception):
+    """The programme has no solution: carries the solver's flag and the bounds."""
+
+
+def nearest(
+    dq: Array, J: Array, low: Array, high: Array, velocity: Array, characteristic_length: float
+) -> Nearest:
+    """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
+
+    J (6, n) is the task's Jacobian and `velocity` (n,) the joint speed bounds.
+    """
+    n = len(dq)
+    weight = np.array([1.0, 1.0, 1.0] + [characteristic_length] * 3)
+    Jw = J * weight[:, None]
+    x = Jw @ dq
+    H = np.zeros((n + 1, n + 1))
+    # ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖², in the unknowns (dq', s).
+    H[:n, :n] = LEAVE_PATH * (Jw.T @ Jw)
+    cross = LEAVE_PATH * (Jw.T @ x)
+    inverse2 = SELF_MOTION / velocity**2
+    H[np.arange(n), np.arange(n)] += inverse2
+    cross += inverse2 * dq
+    H[:n, n] = -cross
+    H[n, :n] = -cross
+    asked2 = float(x @ x)
+    slow = SLOW_DOWN * asked2 + SELF_MOTION * float((dq / velocity) @ (dq / velocity)) + 1e-9
+    H[n, n] = LEAVE_PATH * asked2 + float(inverse2 @ (dq * dq)) + slow
+    f = np.zeros(n + 1)
+    f[n] = -slow
+    upper = np.append(high, 1.0)
+    lower = np.append(low, 0.0)
+    solution, _, flag, _ = daqp.solve(
+        H, f, np.zeros((0, n + 1)), upper, lower, np.zeros(n + 1, dtype=np.int32)
+    )
+    if flag not in (1, 2):
+        raise BarrierError(f"solver flag {flag}, bounds {low} to {high}")
+    return Nearest(np.clip(solution[:n], low, high), float(solution[n]))

@@ -1,0 +1,78 @@
+"""Acceleration and jerk limits, and the verified stop that makes every command safe.
+
+A step is accepted only if, from the state it leads to, the stop of all joints stays inside the
+joint limits all the way, or is no worse than the stop already held in every bound that is broken.
+If not, half the target is tried, then a fifth; then the stop verified one tick earlier goes on.
+So there is always a known way to rest.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .frames import Array
+from .trajectory import Motion, Stop, TrajectoryError, VelocityPlanner
+
+HEADROOM = 0.9999
+"""Part of each bound that is planned with, so that rounding stays inside."""
+
+ATTEMPTS = ((1.0, True), (0.5, False), (0.2, False))
+"""Parts of the target rates that are tried, and whether the joints are synchronised."""
+
+
+class Limited(NamedTuple):
+    """The next commanded motion, and the stop that is verified from it."""
+
+    motion: Motion
+    stop: Stop
+    stopped: bool
+    """True when the stop of the tick before had to take over."""
+
+
+class Limiter:
+    """Keeps joint rates inside acceleration, jerk and position bounds, all (n,)."""
+
+    def __init__(
+        self, lower: Array, upper: Array, acceleration: Array, jerk: Array, period_s: float
+    ) -> None:
+        self._lower = lower
+        self._upper = upper
+        self._acceleration = HEADROOM * acceleration
+        self._jerk = HEADROOM * jerk
+        self._period_s = period_s
+        self._planner = VelocityPlanner(self._acceleration, self._jerk)
+        self._factor = 1.0
+
+    def verified_stop(self, motion: Motion) -> Stop:
+        """Return the stop from a motion."""
+        return self._planner.stop(motion)
+
+    def step(self, motion: Motion, held: Stop, target: Array, factor: float) -> Limited:
+        """Return the motion one period later on the way to joint rates `target` (n,).
+
+        `held` is the stop verified from `motion`; `factor` is the reduced-speed setting, which
+        scales the acceleration (speeds are scaled before, jerk stays: it decides how promptly the
+        arm reacts).
+        """
+        if factor != self._factor:
+            self._planner.set_bounds(factor * self._acceleration, self._jerk)
+            self._factor = factor
+        if not (target.any() or motion.dq.any() or motion.ddq.any()):
+            return Limited(motion, held, False)
+        low = np.minimum(self._lower, held.low)
+        high = np.maximum(self._upper, held.high)
+        for part, synchronised in ATTEMPTS:
+            try:
+                candidate = self._planner.step(motion, part * target, self._period_s, synchronised)
+                stop = self._planner.stop(candidate)
+            except TrajectoryError:
+                continue
+            if bool((stop.low >= low).all()) and bool((stop.high <= high).all()):
+                return Limited(candidate, stop, False)
+        return self.go_on(held)
+
+    def go_on(self, held: Stop) -> Limited:
+        """Return the motion one period further along a verified stop."""
+        stop = held.advanced(self._period_s)
+        motion = stop.at(0.0)
+        return Limited(Motion.at_rest(motion.q) if stop.finished else motion, stop, True)

@@ -1,0 +1,1 @@
+"""Redundancy objectives: each asks for joint rates; their sum is projected to the null space."""

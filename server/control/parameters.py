@@ -1,0 +1,87 @@
+"""What the tick needs to know of a cell, as arrays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...config.load import Cell
+from ...config.schema import CellConfig, Limits, Redundancy, Resolve
+from .frames import Array, Pose
+
+
+def _bounds(translation: float, rotation: float) -> Array:
+    return np.array([translation] * 3 + [rotation] * 3)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Constants of one cell's control; joint arrays are (n,), Cartesian ones (6,)."""
+
+    period_s: float
+    joints: tuple[str, ...]
+    lower: Array
+    """Least joint angle that a command may ask for: the URDF's, plus the margin [rad]."""
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    leash: Array
+    following_window: Array
+    limits: Limits
+    resolve: Resolve
+    redundancy: Redundancy
+    path_speed: Array
+    """Path bounds of the position source (6,) [m/s, rad/s]."""
+    shaping_acceleration: Array
+    shaping_jerk: Array
+    T_wrist_sensor: Pose | None
+    payload_mass: float
+    payload_com: Array
+    """Centre of mass outboard of the sensor, in the Sensor frame (3,) [m]."""
+    wrench_smoothing: float
+    """Share of the new sample in the filtered wrench, per tick [1]."""
+    hold_threshold: float
+    hold_leash: float
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> "Parameters":
+        """Collect them from a loaded cell."""
+        c: CellConfig = cell.config
+        drives = {d.joint: d for d in c.mechanism.drives}
+        ordered = [drives[j.name] for j in cell.robot.joints]
+        margin = np.array([d.position_margin for d in ordered])
+        sensor = c.mechanism.force_torque
+        smoothing = 1.0
+        if sensor is not None:
+            smoothing = 1.0 - float(np.exp(-2 * np.pi * sensor.filter_hz * c.timing.period_s))
+        position = c.sources.position
+        return cls(
+            period_s=c.timing.period_s,
+            joints=tuple(j.name for j in cell.robot.joints),
+            lower=np.array([j.lower for j in cell.robot.joints]) + margin,
+            upper=np.array([j.upper for j in cell.robot.joints]) - margin,
+            velocity=np.array([d.max_velocity for d in ordered]),
+            acceleration=np.array([d.max_acceleration for d in ordered]),
+            jerk=np.array([d.max_jerk for d in ordered]),
+            leash=np.array([d.leash for d in ordered]),
+            following_window=np.array([d.following_window for d in ordered]),
+            limits=c.limits,
+            resolve=c.resolve,
+            redundancy=c.redundancy,
+            path_speed=_bounds(position.speed, position.angular_speed),
+            shaping_acceleration=_bounds(c.limits.acceleration, c.limits.angular_acceleration),
+            shaping_jerk=_bounds(c.limits.jerk, c.limits.angular_jerk),
+            T_wrist_sensor=None
+            if sensor is None
+            else Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy),
+            payload_mass=0.0 if sensor is None else sensor.payload.mass,
+            payload_com=np.array((0.0,) * 3 if sensor is None else sensor.payload.com),
+            wrench_smoothing=smoothing,
+            hold_threshold=c.sources.force.hold_threshold,
+            hold_leash=c.sources.force.hold_leash,
+        )

@@ -1,0 +1,314 @@
+"""The tick: sum, resolve, avoid, limit, gate. The page to read first.
+
+    sources ──► sum ──► tool speed ──► resolve ──► nearest allowed ──► limit ──► gate ──► q
+       ▲                                  ▲               ▲              │
+       └── poses, wrench                  └ objectives    └ joint room   └ verified stop
+
+A pure function of its inputs: no I/O, no clock, no thread, no logging.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .avoidance.joint_room import JointRoom
+from .avoidance.nearest import nearest
+from .frames import Array, Pose
+from .gate import Gate
+from .limit import Limited, Limiter
+from .mechanism import Kinematics, Mechanism
+from .objectives.mid_range import MidRange
+from .parameters import Parameters
+from .resolve import resolve
+from .sources.force import Force, ForceState
+from .sources.joystick import Joystick, JoystickState
+from .sources.position import Position, PositionState
+from .state import Inputs, Intent, Memory, Output
+from .trajectory import Motion
+
+GAIN_TIME_S = 0.15
+"""Time constant with which a changed gain takes effect [s]."""
+
+POSTURE_GAIN = 4.0
+"""Approach to a joint posture close to it [1/s]."""
+
+POSTURE_REACHED = 2e-4
+"""A posture is reached within this angle of every joint [rad]."""
+
+BLED_OFF = 0.3
+"""Bleeding off contact in HOLD ends at this part of its threshold [1]."""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Joint rates asked for, and the twists behind them."""
+
+    dq: Array
+    twists: dict[str, Array]
+    twist: Array
+    scale: float
+    limits: tuple[str, ...]
+    sigma_min: float
+
+
+class Control:
+    """The control computation of one cell. Holds constants and scratch memory only."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+        self.p = p
+        self.mechanism = mechanism
+        T = p.period_s
+        self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
+        self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
+        self.force = Force(
+            p.T_wrist_sensor or Pose.identity(), p.payload_mass, p.payload_com, p.wrench_smoothing
+        )
+        self.objectives = (MidRange(p.lower, p.upper, p.redundancy.mid_range),)
+        self.room = JointRoom(
+            p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T
+        )
+        self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
+        self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
+
+    def seed(self, q: Array) -> Memory:
+        """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
+        rest = Motion.at_rest(q)
+        return Memory(
+            motion=rest,
+            stop=self.limiter.verified_stop(rest),
+            sent=(q, q, q),
+            gains={},
+            joystick=JoystickState.idle(),
+            position=PositionState(),
+            force=ForceState(),
+        )
+
+    def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose) -> Pose:
+        """Return where the command has the MRF, in World."""
+        return self.mechanism.pose_wrist(memory.motion.q) @ T_wrist_mrf
+
+    def weight(self, T_world_mrf: Pose, T_wrist_mrf: Pose) -> Array:
+        """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
+        T_world_wrist = T_world_mrf @ T_wrist_mrf.inverse()
+        return self.force.weight(T_world_wrist.R @ self.force.T_wrist_sensor.R)
+
+    def tick(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Output]:
+        """Return the next memory and what to send: one period of control."""
+        measured = self.mechanism.kinematics(inputs.q_measured, inputs.settings.T_wrist_mrf)
+        force = self.force.measure(
+            memory.force, inputs.wrench_sensor, inputs.settings.wrench_bias, measured.T_world_wrist
+        )
+        if inputs.intent is Intent.SEED:
+            memory = replace(self.seed(inputs.q_measured), force=force)
+        memory = replace(memory, force=force, gains=self._ramp(memory, inputs))
+        kinematics = self.mechanism.kinematics(memory.motion.q, inputs.settings.T_wrist_mrf)
+
+        memory, asked = self._ask(memory, inputs, kinematics)
+        error = memory.sent[1] - inputs.q_measured
+        asked = self._allow(memory, inputs, kinematics, asked, error)
+        limited = self._limit(memory, inputs, asked)
+        refusal = self.gate.refusal(limited.motion.q, memory.sent)
+        return self._remember(memory, inputs, limited, asked), Output(
+            q=limited.motion.q,
+            dq=limited.motion.dq,
+            refusal=refusal,
+            at_rest=not (limited.motion.dq.any() or limited.motion.ddq.any()),
+            following_error=error,
+            T_world_mrf=kinematics.T_world_mrf,
+            T_world_mrf_measured=measured.T_world_mrf,
+            wrench_mrf=self.force.wrench_mrf(force, inputs.settings.T_wrist_mrf),
+            twists=asked.twists,
+            twist=asked.twist,
+            scale=asked.scale,
+            limits=asked.limits + (("verified_stop",) if limited.stopped else ()),
+            sigma_min=asked.sigma_min,
+            at_goal=self._at_goal(memory, inputs),
+            bleeding=memory.bleeding,
+        )
+
+    # --- what is asked for -------------------------------------------------------------------
+
+    def _ask(self, memory: Memory, inputs: Inputs, k: Kinematics) -> tuple[Memory, _Asked]:
+        """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
+        memory, twists = self._sum(memory, inputs, k)
+        twist = np.zeros(6)
+        for part in twists.values():
+            twist = twist + part
+        joint_rates = self._joint_rates(memory, inputs)
+        if joint_rates is not None:
+            twists = {name: np.zeros(6) for name in twists}
+            twist = k.J @ joint_rates
+        s_tool = self._tool_share(twist, inputs.settings.speed_factor)
+        limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
+        if joint_rates is not None:
+            dq, sigma_min = s_tool * joint_rates, math.nan
+        else:
+            q, T_wrist_mrf = memory.motion.q, inputs.settings.T_wrist_mrf
+            task = resolve(
+                k.J,
+                s_tool * twist,
+                lambda step: self.mechanism.kinematics(q + step, T_wrist_mrf).J,
+                self.p.resolve,
+            )
+            dq, sigma_min = task.dq, task.sigma_min
+            if inputs.intent is Intent.MOVE:
+                dq = dq + self._self_motion(memory.motion.q, task.null_projector, inputs)
+            if task.singular:
+                limits += ("singularity",)
+        return memory, _Asked(dq, twists, twist, s_tool, limits, sigma_min)
+
+    def _sum(
+        self, memory: Memory, inputs: Inputs, k: Kinematics
+    ) -> tuple[Memory, dict[str, Array]]:
+        """Return each source's twist (6,) in World axes; every source is always on."""
+        settings, gains = inputs.settings, memory.gains
+        moving = inputs.intent is Intent.MOVE
+        stick = inputs.stick if moving else None
+        joystick_state = memory.joystick if moving else JoystickState.idle()
+        joystick, joystick_state = self.joystick.rate(
+            joystick_state,
+            None if stick is None else stick.twist,
+            np.eye(3) if stick is None else stick.R_world_axes,
+            gains["joystick"],
+        )
+        position, position_state = self.position.rate(
+            memory.position,
+            inputs.goal if moving and inputs.posture is None else None,
+            k.T_world_mrf,
+            k.J @ memory.motion.dq,
+            gains["position"],
+            settings.T_world_crf.R,
+            settings.speed_factor,
+        )
+        wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
+        force = self.force.rate(wrench, inputs.wrench_desired, gains["force"], k.T_world_mrf.R)
+        memory = replace(memory, joystick=joystick_state, position=position_state)
+        if not moving:
+            memory, force = self._bleed(memory, inputs, k, wrench, force)
+        return memory, {"joystick": joystick, "position": position, "force": force}
+
+    def _bleed(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, wrench: Array | None, force: Array
+    ) -> tuple[Memory, Array]:
+        """In HOLD, let FMA go on alone, inside a small leash, until contact is bled off."""
+        if inputs.intent is not Intent.HOLD:
+            return replace(memory, hold=None, bleeding=False), np.zeros(6)
+        hold = memory.hold if memory.hold is not None else k.T_world_wrist.p
+        size = 0.0 if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3]))
+        threshold = self.p.hold_threshold * (BLED_OFF if memory.bleeding else 1.0)
+        bleeding = wrench is not None and size > threshold
+        memory = replace(memory, hold=hold, bleeding=bleeding)
+        if not bleeding:
+            return memory, np.zeros(6)
+        away = k.T_world_wrist.p - hold
+        distance = math.sqrt(float(away @ away))
+        if float(force[:3] @ away) > 0.0:
+            room = max(0.0, self.p.hold_leash - distance)
+            force = force * min(1.0, room / (0.2 * self.p.hold_leash + 1e-12))
+        force = force.copy()
+        force[3:] = 0.0
+        return memory, force
+
+    def _joint_rates(self, memory: Memory, inputs: Inputs) -> Array | None:
+        """Return joint rates (n,) where joints are commanded directly: jog, then posture."""
+        if inputs.intent is not Intent.MOVE:
+            return None
+        if inputs.jog is not None:
+            return inputs.jog
+        if inputs.posture is None:
+            return None
+        error = inputs.posture - memory.motion.q
+        size = np.maximum(np.abs(error), 1e-9)
+        fastest = np.minimum(
+            self.room.approach(size), inputs.settings.speed_factor * self.p.velocity
+        )
+        return error * min(POSTURE_GAIN, float((fastest / size).min()))
+
+    def _self_motion(self, q: Array, null_projector: Array, inputs: Inputs) -> Array:
+        """Return the objectives' joint rates (n,), projected and bounded on their own."""
+        z = np.zeros(self.p.n)
+        for objective in self.objectives:
+            z = z + objective.rate(q)
+        dq = null_projector @ z
+        bound = self.p.redundancy.max_rate * inputs.settings.speed_factor * self.p.velocity
+        return np.asarray(dq / max(1.0, float((np.abs(dq) / np.maximum(bound, 1e-12)).max())))
+
+    def _tool_share(self, twist: Array, factor: float) -> float:
+        """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
+        v = math.sqrt(float(twist[:3] @ twist[:3]))
+        w = math.sqrt(float(twist[3:] @ twist[3:]))
+        limits = self.p.limits
+        return min(
+            1.0,
+            factor * limits.speed / max(v, 1e-12),
+            factor * limits.angular_speed / max(w, 1e-12),
+        )
+
+    # --- what is allowed ---------------------------------------------------------------------
+
+    def _allow(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: _Asked, error: Array
+    ) -> _Asked:
+        """Scale to the joint speed bounds, then find the nearest rates that keep every barrier."""
+        V = inputs.settings.speed_factor * self.p.velocity
+        limits = asked.limits
+        share = 1.0 / max(1.0, float((np.abs(asked.dq) / V).max()))
+        if share < 1.0:
+            limits += ("joint_speed",)
+        dq = share * asked.dq
+        room = self.room.limits(memory.motion.q)
+        leash = self.room.leash(error)
+        low = np.maximum(np.maximum(room.low, leash.low), -V)
+        high = np.minimum(np.minimum(room.high, leash.high), V)
+        low, high = np.minimum(low, high), np.maximum(low, high)
+        if ((dq < low) | (dq > high)).any():
+            limits += self._reasons(dq, room.low, room.high, "joint_limit")
+            limits += self._reasons(dq, leash.low, leash.high, "leash")
+            found = nearest(dq, k.J, low, high, V, self.p.resolve.characteristic_length)
+            dq, share = found.dq, share * found.share
+        return replace(asked, dq=dq, scale=asked.scale * share, limits=limits)
+
+    def _reasons(self, dq: Array, low: Array, high: Array, name: str) -> tuple[str, ...]:
+        beyond = (dq < low) | (dq > high)
+        return tuple(f"{name}:{self.p.joints[i]}" for i in np.flatnonzero(beyond))
+
+    def _limit(self, memory: Memory, inputs: Inputs, asked: _Asked) -> Limited:
+        """Bound acceleration and jerk, and keep a verified stop at hand."""
+        if inputs.intent is Intent.STOP:
+            return self.limiter.go_on(memory.stop)
+        if inputs.intent is Intent.SEED:
+            return Limited(memory.motion, memory.stop, False)
+        return self.limiter.step(memory.motion, memory.stop, asked.dq, inputs.settings.speed_factor)
+
+    # --- what is remembered ------------------------------------------------------------------
+
+    def _ramp(self, memory: Memory, inputs: Inputs) -> dict[str, Array]:
+        """Return the gains in effect: on their way to the set ones, so that no change jumps."""
+        target = inputs.settings.gains
+        if inputs.intent is not Intent.MOVE or memory.gains.keys() != target.keys():
+            return target
+        part = 1.0 - math.exp(-self.p.period_s / GAIN_TIME_S)
+        ramped = {}
+        for name, now in memory.gains.items():
+            way = target[name] - now
+            ramped[name] = target[name] if np.abs(way).max() < 1e-7 else now + part * way
+        return ramped
+
+    def _remember(self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked) -> Memory:
+        granted = 0.0 if limited.stopped else asked.scale
+        return replace(
+            memory,
+            motion=limited.motion,
+            stop=limited.stop,
+            sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
+            position=self.position.advance(memory.position, granted),
+            hold=memory.hold if inputs.intent is Intent.HOLD else None,
+        )
+
+    def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
+        if inputs.intent is not Intent.MOVE:
+            return False
+        if inputs.posture is not None:
+            return bool(np.abs(inputs.posture - memory.motion.q).max() < POSTURE_REACHED)
+        return memory.position.at_goal

@@ -1,0 +1,153 @@
+"""Time-optimal, jerk-limited motions: the one place that knows Ruckig.
+
+Joint and Cartesian states are triples of arrays: position, velocity, acceleration. All functions
+are pure; the objects here only keep scratch memory.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+import ruckig
+
+from .frames import Array
+
+
+class Motion(NamedTuple):
+    """Position, velocity and acceleration of n degrees of freedom."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    @staticmethod
+    def at_rest(q: Array) -> "Motion":
+        """Return rest at q (n,)."""
+        return Motion(q.copy(), np.zeros_like(q), np.zeros_like(q))
+
+
+class TrajectoryError(Exception):
+    """Ruckig refused a state or a bound: carries its words."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A planned motion, and how far along it is."""
+
+    trajectory: "ruckig.Trajectory"
+    elapsed_s: float
+    duration_s: float
+
+    def at(self, ahead_s: float = 0.0) -> Motion:
+        """Return the motion `ahead_s` after now."""
+        return _state(self.trajectory.at_time(self.elapsed_s + ahead_s))
+
+    def advanced(self, by_s: float) -> Self:
+        """Return the same profile, further along."""
+        return replace(self, elapsed_s=self.elapsed_s + by_s)
+
+    @property
+    def to_go_s(self) -> float:
+        """Time until the end [s]."""
+        return max(0.0, self.duration_s - self.elapsed_s)
+
+    @property
+    def finished(self) -> bool:
+        """True once the end is reached."""
+        return self.elapsed_s >= self.duration_s
+
+
+@dataclass(frozen=True)
+class Stop(Profile):
+    """A jerk-limited way to rest."""
+
+    low: Array
+    """Least position of each joint along the whole stop (n,)."""
+    high: Array
+    """Greatest position of each joint along the whole stop (n,)."""
+
+
+def _state(at_time: tuple[list[float], list[float], list[float]]) -> Motion:
+    q, dq, ddq = at_time
+    return Motion(np.array(q), np.array(dq), np.array(ddq))
+
+
+class VelocityPlanner:
+    """Velocity targets for n degrees of freedom under acceleration and jerk bounds (n,)."""
+
+    def __init__(self, acceleration: Array, jerk: Array) -> None:
+        n = len(acceleration)
+        self._n = n
+        self._ruckig = ruckig.Ruckig(n)
+        self._input = ruckig.InputParameter(n)
+        self._input.control_interface = ruckig.ControlInterface.Velocity
+        self._input.target_acceleration = [0.0] * n
+        self._input.max_velocity = [1e6] * n
+        self.set_bounds(acceleration, jerk)
+
+    def set_bounds(self, acceleration: Array, jerk: Array) -> None:
+        """Change the acceleration and jerk bounds (n,)."""
+        self._input.max_acceleration = acceleration
+        self._input.max_jerk = jerk
+
+    def _plan(self, motion: Motion, target: Array, synchronised: bool) -> "ruckig.Trajectory":
+        i = self._input
+        i.synchronization = (
+            ruckig.Synchronization.Time if synchronised else ruckig.Synchronization.No
+        )
+        i.current_position = motion.q
+        i.current_velocity = motion.dq
+        i.current_acceleration = motion.ddq
+        i.target_velocity = target
+        trajectory = ruckig.Trajectory(self._n)
+        try:
+            result = self._ruckig.calculate(i, trajectory)
+        except ruckig.RuckigError as error:
+            raise TrajectoryError(str(error)) from error
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise TrajectoryError(f"velocity target {target} from {motion}: {result.name}")
+        return trajectory
+
+    def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
+        """Return the motion one period later on the way to velocities `target` (n,)."""
+        return _state(self._plan(motion, target, synchronised).at_time(period_s))
+
+    def stop(self, motion: Motion) -> Stop:
+        """Return the quickest stop of each degree of freedom on its own."""
+        trajectory = self._plan(motion, np.zeros(self._n), synchronised=False)
+        extrema = trajectory.position_extrema
+        low = np.array([e.min for e in extrema])
+        high = np.array([e.max for e in extrema])
+        return Stop(trajectory, 0.0, trajectory.duration, low, high)
+
+
+class PositionPlanner:
+    """Position targets for n degrees of freedom, ending at rest, in straight lines where it can."""
+
+    def __init__(self, n: int) -> None:
+        self._n = n
+        self._ruckig = ruckig.Ruckig(n)
+        self._input = ruckig.InputParameter(n)
+        self._input.synchronization = ruckig.Synchronization.Phase
+        self._input.target_velocity = [0.0] * n
+        self._input.target_acceleration = [0.0] * n
+
+    def plan(self, motion: Motion, target: Array, bounds: tuple[Array, Array, Array]) -> Profile:
+        """Return the way from `motion` to rest at `target` (n,).
+
+        `bounds` are velocity, acceleration and jerk (n,) each.
+        """
+        i = self._input
+        i.max_velocity, i.max_acceleration, i.max_jerk = bounds
+        i.current_position = motion.q
+        i.current_velocity = motion.dq
+        i.current_acceleration = motion.ddq
+        i.target_position = target
+        trajectory = ruckig.Trajectory(self._n)
+        try:
+            result = self._ruckig.calculate(i, trajectory)
+        except ruckig.RuckigError as error:
+            raise TrajectoryError(str(error)) from error
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise TrajectoryError(f"position target {target} from {motion}: {result.name}")
+        return Profile(trajectory, 0.0, trajectory.duration)

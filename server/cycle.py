@@ -1,0 +1,330 @@
+"""One period of the daemon: SYNC; read, take orders, decide the mode, tick, write, tell.
+
+`begin` sends SYNC k at its deadline; `finish` does the rest once the drives have answered. Every
+cycle ends in a safe command: whatever is raised on the way ends in a quick stop of every drive.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from ..config.load import Cell
+from ..drivers.device import Cause, DeviceError, Trouble
+from ..protocols.codec import encode
+from ..protocols.messages import Command, Keepalive
+from ..protocols.topics import DESCRIPTION, EVENT, STATE
+from .admission import Admission, Now, Refused, Why
+from .clock import Clock
+from .control.frames import Array
+from .control.state import Inputs, Intent, Memory, Output
+from .control.tick import Control
+from .desk import Desk, View
+from .events import Events
+from .link import Link
+from .mode import Mode, Situation, Wish, next_mode
+from .orders import Orders
+from .plant import Plant, PlantReading
+from .telemetry import describe, report
+
+TARE_S = 0.3
+"""A tare averages the sensor over this time [s]."""
+
+DESCRIBE_EVERY = 100
+"""Ticks between two descriptions, for operators that come late [1]."""
+
+INTENTS = {
+    Mode.BOOT: Intent.SEED,
+    Mode.READY: Intent.SEED,
+    Mode.ENABLED: Intent.MOVE,
+    Mode.STOPPING: Intent.STOP,
+    Mode.HOLD: Intent.HOLD,
+    Mode.FAULT: Intent.SEED,
+}
+
+
+class Cycle:
+    """The daemon's period over its plant, its operators' link and its control."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        control: Control,
+        plant: Plant,
+        link: Link,
+        clock: Clock,
+        new_token: Callable[[], str],
+        gain_bound: Callable[[str, tuple[float, ...]], str | None],
+    ) -> None:
+        timing = cell.config.timing
+        sensor = cell.config.mechanism.force_torque
+        self.mode = Mode.BOOT
+        self.tick = 0
+        self.overruns = 0
+        self.compute_s = 0.0
+        """Time that the last control computation took [s]."""
+        self.output: Output | None = None
+        self.cell, self.plant, self.clock = cell, plant, clock
+        self._control, self._link, self._gain_bound = control, link, gain_bound
+        self._late_in_a_row = 0
+        self._tolerated_overruns = timing.tolerated_overruns
+        self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
+        self._essential_sensor = sensor is not None and sensor.essential
+        self._events = Events()
+        self._admission = Admission(
+            timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
+        )
+        self._orders = Orders(cell)
+        self._desk = Desk(self._admission, self._orders, self._events, new_token)
+        self._memory: Memory | None = None
+        self._enabled_since: int | None = None
+        self._trouble: Trouble | None = None
+        self._reopened = False
+        self._sensor_stale = False
+        self._unloaded: deque[Array] = deque(maxlen=round(TARE_S / timing.period_s))
+
+    def boot(self) -> None:
+        """Configure every device; blocks. Raises `DeviceError`."""
+        self.plant.open()
+
+    def close(self) -> None:
+        """Stop and release everything, whatever state it is in."""
+        self.plant.close()
+        self._link.close()
+
+    def begin(self) -> None:
+        """Send SYNC, and now and then the heartbeat that only a living tick produces."""
+        self.tick += 1
+        self.plant.sync()
+        if self.tick % self._heartbeat_every == 0:
+            self.plant.fieldbus.heartbeat()
+
+    def missed(self, periods: int) -> None:
+        """Count deadlines that passed unserved before this tick; 0 for a tick in time."""
+        self.overruns += periods
+        self._late_in_a_row = self._late_in_a_row + periods if periods else 0
+
+    def finish(self) -> None:
+        """Do one period's work; quick-stop if anything is raised."""
+        now_s = self.clock.now()
+        self._events.at(self.tick, now_s)
+        try:
+            self._finish(now_s)
+        except Exception as error:  # noqa: BLE001  outermost: whatever it is, the arm stops
+            words = f"{type(error).__name__}: {error}"
+            self._quick_stop(Trouble(Cause.STATE_LOST, "daemon", words), "tick_raised")
+        for event in self._events.take():
+            self._link.publish(EVENT, encode(event))
+
+    def _finish(self, now_s: float) -> None:
+        reading = self.plant.read(now_s)
+        self._watch_sensor(reading)
+        view = self._view(now_s, reading)
+        self._take_orders(now_s, view)
+        trouble = self._find_trouble(reading)
+        if trouble is not None and self.mode is not Mode.FAULT:
+            self._quick_stop(trouble, "fault")
+        self._change_mode(reading, trouble, view)
+        if reading.q is not None:
+            self._compute_and_write(now_s, reading, reading.q)
+            self._tell(now_s, reading, reading.q)
+
+    # --- operators ---------------------------------------------------------------------------
+
+    def _take_orders(self, now_s: float, view: View) -> None:
+        self._desk.begin_tick()
+        holder = self._admission.lease.holder
+        if holder is not None and not self._admission.lease.alive(now_s):
+            self._events.warning("lease_expired", holder)
+            self._admission.end()
+        for asked in self._link.requests():
+            self._desk.serve(asked, view)
+        for topic, payload in self._link.commands():
+            try:
+                message = self._admission.admit(topic, payload, view.now)
+                if isinstance(message, Keepalive):
+                    self._admission.renew(view.now)
+                elif isinstance(message, Command) and self.output is not None:
+                    self._orders.take(message, now_s, self.output.T_world_mrf)
+            except Refused as refused:
+                self._events.warning(
+                    "command_refused",
+                    f"{topic.key}: {refused.detail}",
+                    topic=topic.key,
+                    reason=str(refused.reason),
+                )
+        for name in self._orders.expired(now_s):
+            self._events.info("stream_expired", name)
+
+    def _view(self, now_s: float, reading: PlantReading) -> View:
+        stale = self._essential_sensor and reading.wrench is None
+        full = len(self._unloaded) == self._unloaded.maxlen
+        return View(
+            now=Now(now_s, self.tick, self._enabled_since),
+            mode=self.mode,
+            unloaded=np.mean(self._unloaded, axis=0) if full else None,
+            at_rest=self.output is None or self.output.at_rest,
+            essential_stale=("force_torque",) if stale else (),
+            gain_bound=self._gain_bound,
+        )
+
+    def _watch_sensor(self, reading: PlantReading) -> None:
+        """Tell when the sensor falls silent or speaks again; average it for a tare."""
+        if self.plant.sensor is None or not self.plant.opened:
+            return
+        stale = reading.wrench is None
+        if stale and not self._sensor_stale:
+            age = reading.wrench_age_s
+            self._events.warning("sensor_stale", "force_torque", age_s=age)
+        elif self._sensor_stale and not stale:
+            self._events.info("sensor_fresh", "force_torque")
+        self._sensor_stale = stale
+        if reading.wrench is None:
+            self._unloaded.clear()
+        elif self.output is not None:
+            weight = self._control.weight(
+                self.output.T_world_mrf_measured, self._orders.T_wrist_mrf
+            )
+            self._unloaded.append(reading.wrench - weight)
+
+    # --- faults and modes --------------------------------------------------------------------
+
+    def _find_trouble(self, reading: PlantReading) -> Trouble | None:
+        if reading.trouble is not None:
+            return reading.trouble
+        if self.mode.energised and self.output is not None:
+            error = np.abs(self.output.following_error)
+            window = self._control.p.following_window
+            if (error > window).any():
+                j = int(np.argmax(error / window))
+                joint = self._control.p.joints[j]
+                return Trouble(
+                    Cause.FOLLOWING_ERROR,
+                    joint,
+                    f"command and joint are {error[j]:.4f} rad apart, at most {window[j]:.4f}",
+                    {"node": self.plant.drives[j].node, "error_rad": float(error[j])},
+                )
+        return None
+
+    def _quick_stop(self, trouble: Trouble, name: str) -> None:
+        """Stop every drive on its own ramp, now, and say why."""
+        self.plant.quick_stop()
+        self._trouble = trouble
+        self.mode = Mode.FAULT
+        self._enabled_since = None
+        self._orders.clear()
+        self._events.error(
+            name,
+            f"{trouble.device}: {trouble.detail}",
+            **{"cause": str(trouble.cause), "device": trouble.device, **trouble.values},
+        )
+
+    def _change_mode(self, reading: PlantReading, trouble: Trouble | None, view: View) -> None:
+        desk, before = self._desk, self.mode
+        if before is Mode.FAULT and desk.wish is Wish.RESET and not self._reopened:
+            trouble = self._reopen(view.now)
+        self._reopened = self._reopened and desk.wish is Wish.RESET
+        blocked = self._blocked(view)
+        self.mode = next_mode(
+            before,
+            Situation(
+                wish=desk.wish,
+                hold=desk.hold,
+                resume=desk.resume,
+                open=reading.q is not None,
+                healthy=trouble is None,
+                drives_enabled=reading.enabled,
+                drives_off=reading.off,
+                may_move=blocked is None,
+                at_rest=self.output is not None and self.output.at_rest,
+            ),
+        )
+        if self.mode is not before:
+            self._entered(before, blocked)
+        if self.mode is Mode.READY:
+            if desk.wish is Wish.ENABLE and blocked is None:
+                self.plant.enable()
+            else:
+                self.plant.disable()
+        desk.settle(self.mode, view)
+
+    def _entered(self, before: Mode, blocked: str | None) -> None:
+        if self.mode is Mode.STOPPING:
+            reason = blocked or ("hold asked" if self._desk.hold else "disable asked")
+            self._events.warning("stopping", reason, reason=reason)
+        self._enabled_since = self.tick if self.mode is Mode.ENABLED else None
+        if Mode.ENABLED in (self.mode, before):
+            self._orders.clear()
+        self._events.info("mode", f"{before} -> {self.mode}", mode=self.mode, before=before)
+
+    def _blocked(self, view: View) -> str | None:
+        """Return why the arm may not move now, or None."""
+        if not self._admission.lease.alive(view.now.time_s):
+            return "lease run out"
+        if self._desk.protective_stop is not None:
+            return "protective stop"
+        if view.essential_stale:
+            return "sensor stale"
+        if self._late_in_a_row > self._tolerated_overruns:
+            return "overruns"
+        return None
+
+    def _reopen(self, now: Now) -> Trouble | None:
+        """Configure all devices anew for a reset; return what is still wrong."""
+        try:
+            self.plant.open()
+        except DeviceError as error:
+            self._desk.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
+            return self._trouble
+        self.plant.reset()
+        self._reopened = True
+        self._trouble = self._memory = None
+        return None
+
+    # --- computing, writing, telling ---------------------------------------------------------
+
+    def _compute_and_write(self, now_s: float, reading: PlantReading, q: Array) -> None:
+        intent = INTENTS[self.mode]
+        if self._memory is None:
+            self._memory = self._control.seed(q)
+        orders, moving = self._orders, intent is Intent.MOVE
+        T_world_mrf = self._control.pose_mrf(self._memory, orders.T_wrist_mrf)
+        inputs = Inputs(
+            time_s=now_s,
+            intent=intent,
+            q_measured=q,
+            settings=orders.settings(),
+            wrench_sensor=reading.wrench,
+            stick=orders.stick(now_s, T_world_mrf) if moving else None,
+            jog=orders.jog(now_s) if moving else None,
+            goal=orders.goal if moving else None,
+            posture=orders.posture if moving else None,
+            wrench_desired=orders.wrench_desired,
+        )
+        start = time.perf_counter()
+        self._memory, self.output = self._control.tick(self._memory, inputs)
+        self.compute_s = time.perf_counter() - start
+        if self.output.refusal is not None and self.mode is not Mode.FAULT:
+            refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
+            self._quick_stop(refused, "gate_refused")
+        self.plant.write(self.output.q)
+
+    def _tell(self, now_s: float, reading: PlantReading, q: Array) -> None:
+        if self.output is None:
+            return
+        state = report(
+            self.tick,
+            now_s,
+            self.mode,
+            reading,
+            q,
+            self.output,
+            self._orders,
+            self._admission,
+            self._desk.protective_stop is not None,
+            self.overruns,
+        )
+        self._link.publish(STATE, encode(state))
+        if self.tick % DESCRIBE_EVERY == 1:
+            self._link.publish(DESCRIPTION, encode(describe(self.cell)))

@@ -1,0 +1,222 @@
+"""The operators' desk: answers every request, now or once what was asked for has come about.
+
+Requests change the lease, wishes for a mode, and settings. A request for a mode is answered when
+the mode is reached, or can't be.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..protocols import messages as m
+from ..protocols.codec import encode
+from .admission import Admission, Now, Refused, Why
+from .control.frames import Array
+from .events import Events
+from .link import Asked
+from .mode import Mode, Wish
+from .orders import Orders
+
+ENABLE_TIMEOUT_S = 3.0
+"""Drives that are not in Operation enabled by then will not be [s]."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What a request may depend on."""
+
+    now: Now
+    mode: Mode
+    unloaded: Array | None
+    """Sensor reading less the payload's weight, averaged (6,) [N, N·m]; None when stale."""
+    at_rest: bool
+    essential_stale: tuple[str, ...]
+    gain_bound: Callable[[str, tuple[float, ...]], str | None]
+    """Why a source's gains would be unstable, or None."""
+
+
+@dataclass(frozen=True)
+class _Pending:
+    """A wish whose request waits for its answer."""
+
+    asked: Asked
+    since_s: float
+
+
+class Desk:
+    """Takes requests, keeps wishes, and remembers the protective stop."""
+
+    def __init__(
+        self,
+        admission: Admission,
+        orders: Orders,
+        events: Events,
+        new_token: Callable[[], str],
+    ) -> None:
+        self._admission = admission
+        self._orders = orders
+        self._events = events
+        self._new_token = new_token
+        self.wish = Wish.NONE
+        self.hold = False
+        self.resume = False
+        self.protective_stop: str | None = None
+        """Name of the operator who asked for the protective stop that is latched."""
+        self._pending: _Pending | None = None
+
+    def begin_tick(self) -> None:
+        """Forget what was asked for one tick only."""
+        self.hold = self.resume = False
+
+    def serve(self, asked: Asked, view: View) -> None:
+        """Answer one request, or keep it until its wish has come about."""
+        try:
+            message = self._admission.admit(asked.topic, asked.payload, view.now)
+            reply = self._act(message, asked, view)
+        except Refused as refused:
+            self._events.warning(
+                "request_refused",
+                f"{asked.topic.key}: {refused.detail}",
+                topic=asked.topic.key,
+                reason=refused.reason,
+            )
+            reply = m.Reply(
+                ok=False,
+                reason=str(refused.reason)[:64],
+                detail=refused.detail[:500],
+                tick=view.now.tick,
+            )
+        if reply is not None:
+            asked.answer(encode(reply))
+
+    def settle(self, mode: Mode, view: View) -> None:
+        """Answer the pending wish once it has come about or has taken too long."""
+        pending = self._pending
+        if pending is None:
+            return
+        done = {
+            Wish.ENABLE: mode is Mode.ENABLED,
+            Wish.DISABLE: mode is Mode.READY,
+            Wish.RESET: mode is Mode.READY,
+        }[self.wish]
+        late = view.now.time_s - pending.since_s > ENABLE_TIMEOUT_S
+        if done:
+            self.finish_wish(view.now, None)
+        elif late:
+            self.finish_wish(view.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
+        elif self.wish is Wish.ENABLE and mode is not Mode.READY:
+            self.finish_wish(view.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
+
+    def finish_wish(self, now: Now, refused: Refused | None) -> None:
+        """End the pending wish and answer it."""
+        pending, wish = self._pending, self.wish
+        self._pending, self.wish = None, Wish.NONE
+        if pending is None:
+            return
+        if refused is None:
+            reply = m.Reply(ok=True, tick=now.tick)
+        else:
+            self._events.warning(f"{wish}_failed", refused.detail, reason=refused.reason)
+            reply = m.Reply(
+                ok=False, reason=refused.reason, detail=refused.detail[:500], tick=now.tick
+            )
+        pending.asked.answer(encode(reply))
+
+    # --- one method per request --------------------------------------------------------------
+
+    def _act(self, message: m.Message, asked: Asked, view: View) -> m.Reply | None:
+        ok = m.Reply(ok=True, tick=view.now.tick)
+        match message:
+            case m.LeaseRequest():
+                lease = self._admission.grant(message.operator, self._new_token(), view.now)
+                self._events.info("lease_granted", message.operator, epoch=lease.epoch)
+                return ok.model_copy(update={"token": lease.token, "epoch": lease.epoch})
+            case m.LeaseRelease():
+                self._events.info("lease_released", self._admission.lease.holder or "")
+                self._admission.end()
+            case m.ModeRequest():
+                return self._mode(message, asked, view)
+            case m.ProtectiveStop():
+                self.protective_stop = message.operator
+                self._events.warning("protective_stop", f"asked by {message.operator}")
+            case m.ProtectiveClear():
+                self._clear(message, view)
+            case m.GainRequest():
+                reason = view.gain_bound(message.source, message.gain)
+                if reason is not None:
+                    raise Refused(Why.UNSTABLE_GAIN, reason)
+                self._orders.gains[message.source] = np.array(message.gain)
+                self._events.info("gain_set", message.source, gain=str(list(message.gain)))
+            case m.SwitchRequest():
+                self._orders.on[message.source] = message.on
+                if message.on and message.source is m.SourceName.POSITION:
+                    self._orders.restart_path()
+                self._events.info("source_switched", message.source, on=message.on)
+            case m.FrameRequest():
+                self._orders.set_frame(message)
+                self._events.info("frame_set", message.frame)
+            case m.SpeedRequest():
+                self._orders.speed_factor = message.factor
+                self._events.info("speed_set", "", factor=message.factor)
+            case m.TareRequest():
+                self._tare(view)
+            case _:
+                raise Refused(Why.NOT_NOW, f"no service for {asked.topic.key}")
+        return ok
+
+    def _mode(self, message: m.ModeRequest, asked: Asked, view: View) -> m.Reply | None:
+        mode = view.mode
+        allowed: dict[str, tuple[Mode, ...]] = {
+            "enable": (Mode.READY, Mode.HOLD),
+            "hold": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
+            "resume": (Mode.HOLD,),
+            "disable": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
+            "reset": (Mode.FAULT,),
+        }
+        if mode not in allowed[message.action]:
+            modes = " or ".join(allowed[message.action])
+            raise Refused(Why.NOT_NOW, f"{message.action} needs mode {modes}, it is {mode}")
+        if message.action in ("enable", "resume"):
+            self._ready_to_move(view)
+        if self._pending is not None:
+            raise Refused(Why.NOT_NOW, f"{self.wish} is still under way")
+        if message.action == "hold":
+            self.hold = True
+        elif mode is Mode.HOLD and message.action in ("enable", "resume"):
+            self.resume = True
+        else:
+            self.wish = Wish(message.action)
+            self._pending = _Pending(asked, view.now.time_s)
+            return None
+        return m.Reply(ok=True, tick=view.now.tick)
+
+    def _ready_to_move(self, view: View) -> None:
+        if self.protective_stop is not None:
+            raise Refused(
+                Why.PROTECTIVE_STOP, f"protective stop asked by {self.protective_stop} is latched"
+            )
+        if view.essential_stale:
+            raise Refused(Why.SENSOR_STALE, f"{', '.join(view.essential_stale)} is stale")
+
+    def _clear(self, message: m.ProtectiveClear, view: View) -> None:
+        lease = self._admission.lease
+        holder = (
+            message.token is not None
+            and lease.alive(view.now.time_s)
+            and lease.proves(message.token)
+        )
+        if self.protective_stop is not None and not holder:
+            asker = self.protective_stop
+            if message.operator != asker:
+                raise Refused(Why.NOT_YOURS, f"asked by {asker}: {asker} or the lease holder may")
+        self.protective_stop = None
+        self._events.info("protective_stop_cleared", f"by {message.operator}")
+
+    def _tare(self, view: View) -> None:
+        if not view.at_rest:
+            raise Refused(Why.NOT_NOW, "the arm moves")
+        if view.unloaded is None:
+            raise Refused(Why.SENSOR_STALE, "force_torque is stale or missing")
+        self._orders.wrench_bias = view.unloaded
+        self._events.info("tared", "", bias=str(np.round(view.unloaded, 3).tolist()))

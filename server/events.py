@@ -1,0 +1,70 @@
+"""Events: what happened, with cause and values; the same one not more than a few times a second."""
+
+from collections import deque
+from typing import Literal
+
+from ..protocols.messages import Event
+
+Severity = Literal["info", "warning", "error"]
+Value = str | int | float | bool | None
+
+PER_SECOND = 3
+"""Events of one name that are sent within a second; more are counted and told later."""
+
+
+class Events:
+    """Collects the events of a run until they are taken for sending."""
+
+    def __init__(self) -> None:
+        self._next_id = 1
+        self._pending: deque[Event] = deque()
+        self._recent: dict[str, deque[float]] = {}
+        self._suppressed: dict[str, int] = {}
+        self.tick = 0
+        self.time_s = 0.0
+
+    def at(self, tick: int, time_s: float) -> None:
+        """Set the tick and time that events are stamped with."""
+        self.tick, self.time_s = tick, time_s
+
+    def info(self, name: str, detail: str = "", **values: Value) -> None:
+        """Note something that is well."""
+        self._add("info", name, detail, values)
+
+    def warning(self, name: str, detail: str = "", **values: Value) -> None:
+        """Note something that was refused or limited."""
+        self._add("warning", name, detail, values)
+
+    def error(self, name: str, detail: str = "", **values: Value) -> None:
+        """Note something that stops the arm."""
+        self._add("error", name, detail, values)
+
+    def take(self) -> list[Event]:
+        """Return and forget what happened since the last call."""
+        taken = list(self._pending)
+        self._pending.clear()
+        return taken
+
+    def _add(self, severity: Severity, name: str, detail: str, values: dict[str, Value]) -> None:
+        recent = self._recent.setdefault(name, deque())
+        while recent and recent[0] <= self.time_s - 1.0:
+            recent.popleft()
+        if severity != "error" and len(recent) >= PER_SECOND:
+            self._suppressed[name] = self._suppressed.get(name, 0) + 1
+            return
+        recent.append(self.time_s)
+        suppressed = self._suppressed.pop(name, 0)
+        if suppressed:
+            values = {**values, "suppressed": suppressed}
+        self._pending.append(
+            Event.model_construct(
+                id=self._next_id,
+                tick=self.tick,
+                time_s=self.time_s,
+                name=name,
+                severity=severity,
+                detail=detail[:1000],
+                values=values,
+            )
+        )
+        self._next_id += 1

@@ -1,0 +1,136 @@
+"""The operators' network: what the cycle sees of it, and Zenoh behind it.
+
+Everything is polled. Commands wait in ring channels, newest wins, so no backlog is ever executed
+and no Python thread but the loop's own runs in the daemon.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import zenoh
+
+from ..protocols.topics import COMMANDS, REQUESTS, Topic
+
+MAILBOX = 8
+"""Unread commands kept per topic; older ones are dropped for newer ones."""
+
+REQUEST_BOX = 16
+"""Unread requests kept per topic."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request that waits for its answer."""
+
+    topic: Topic
+    payload: bytes
+    answer: Callable[[bytes], None]
+
+
+class Link(Protocol):
+    """The network as the cycle uses it; nothing here blocks."""
+
+    def commands(self) -> Iterator[tuple[Topic, bytes]]:
+        """Yield the commands that came in, oldest first on each topic."""
+        ...
+
+    def requests(self) -> Iterator[Asked]:
+        """Yield the requests that came in."""
+        ...
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Send telemetry."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the network."""
+        ...
+
+
+def router_config(listen: str) -> "zenoh.Config":
+    """Return the daemon's Zenoh configuration: a router that is found only where it listens."""
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": "router",
+        "listen/endpoints": [listen],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/lease": 1000,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class ZenohLink:
+    """A Zenoh router session for one cell."""
+
+    def __init__(self, cell: str, listen: str) -> None:
+        self._session = zenoh.open(router_config(listen))
+        self._commands = [
+            (
+                topic,
+                self._session.declare_subscriber(
+                    topic.full_key(cell), zenoh.handlers.RingChannel(MAILBOX)
+                ),
+            )
+            for topic in COMMANDS
+        ]
+        self._requests = [
+            (
+                topic,
+                topic.full_key(cell),
+                self._session.declare_queryable(
+                    topic.full_key(cell), zenoh.handlers.RingChannel(REQUEST_BOX)
+                ),
+            )
+            for topic in REQUESTS
+        ]
+        self._cell = cell
+        self._publishers: dict[str, zenoh.Publisher] = {}
+
+    def commands(self) -> Iterator[tuple[Topic, bytes]]:
+        """Yield the commands that came in, oldest first on each topic."""
+        for topic, subscriber in self._commands:
+            for _ in range(MAILBOX):
+                sample = subscriber.try_recv()
+                if sample is None:
+                    break
+                yield topic, sample.payload.to_bytes()
+
+    def requests(self) -> Iterator[Asked]:
+        """Yield the requests that came in."""
+        for topic, key, queryable in self._requests:
+            query = queryable.try_recv()
+            if query is None:
+                continue
+            payload = query.payload.to_bytes() if query.payload is not None else b""
+            yield Asked(topic, payload, _answer(query, key))
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
+        and event ids tell the reader that something is missing.
+        """
+        publisher = self._publishers.get(topic.key)
+        if publisher is None:
+            publisher = self._session.declare_publisher(
+                topic.full_key(self._cell),
+                priority=zenoh.Priority.REAL_TIME,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            self._publishers[topic.key] = publisher
+        publisher.put(payload)
+
+    def close(self) -> None:
+        """Close the session."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _answer(query: "zenoh.Query", key: str) -> Callable[[bytes], None]:
+    def answer(payload: bytes) -> None:
+        query.reply(key, payload)
+        query.drop()  # type: ignore[no-untyped-call]
+
+    return answer

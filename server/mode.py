@@ -1,0 +1,82 @@
+"""The daemon's modes, and the one pure function that changes them.
+
+BOOT → READY → ENABLED ⇄ (STOPPING →) HOLD → READY,   FAULT from anywhere, left by reset
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Mode(StrEnum):
+    """What the daemon is doing with the arm."""
+
+    BOOT = "boot"
+    """Devices are being configured; drives are off."""
+    READY = "ready"
+    """Drives are off and healthy, joints are read."""
+    ENABLED = "enabled"
+    """Sources and goals move the arm."""
+    STOPPING = "stopping"
+    """The verified stop runs out."""
+    HOLD = "hold"
+    """Drives are on and stand still."""
+    FAULT = "fault"
+    """Drives were quick-stopped."""
+
+    @property
+    def energised(self) -> bool:
+        """True where drives are meant to be in Operation enabled."""
+        return self in (Mode.ENABLED, Mode.STOPPING, Mode.HOLD)
+
+
+class Wish(StrEnum):
+    """What an operator has asked for and still waits for."""
+
+    NONE = "none"
+    ENABLE = "enable"
+    DISABLE = "disable"
+    RESET = "reset"
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Everything a mode change depends on, at one tick."""
+
+    wish: Wish = Wish.NONE
+    hold: bool = False
+    """An operator asks for HOLD now."""
+    resume: bool = False
+    """An operator asks to go on now."""
+    open: bool = True
+    """All devices are configured and heard."""
+    healthy: bool = True
+    """No cause for a quick stop is present."""
+    drives_enabled: bool = False
+    drives_off: bool = True
+    may_move: bool = False
+    """The lease is alive, no protective stop, essential sensors fresh, the loop in time."""
+    at_rest: bool = True
+
+
+def next_mode(mode: Mode, s: Situation) -> Mode:
+    """Return the mode after one tick in situation `s`."""
+    if mode is Mode.FAULT:
+        reset = s.wish is Wish.RESET and s.open and s.healthy and s.drives_off
+        return Mode.READY if reset else Mode.FAULT
+    if not s.healthy:
+        return Mode.FAULT
+    match mode:
+        case Mode.BOOT:
+            return Mode.READY if s.open else Mode.BOOT
+        case Mode.READY:
+            go = s.wish is Wish.ENABLE and s.drives_enabled and s.may_move
+            return Mode.ENABLED if go else Mode.READY
+        case Mode.ENABLED:
+            stay = s.may_move and not s.hold and s.wish is not Wish.DISABLE
+            return Mode.ENABLED if stay else Mode.STOPPING
+        case Mode.STOPPING:
+            return Mode.HOLD if s.at_rest else Mode.STOPPING
+        case Mode.HOLD:
+            if s.wish is Wish.DISABLE:
+                return Mode.READY
+            return Mode.ENABLED if s.resume and s.may_move and not s.hold else Mode.HOLD

@@ -1,0 +1,140 @@
+"""The devices of one cell as one thing: all drives, the sensor, the bus they share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..drivers.device import Trouble
+from ..drivers.fieldbus import Fieldbus
+from ..drivers.force_torque import RobotousSensor
+from ..drivers.servo import ServoDrive
+from ..protocols.cia402 import DriveState
+from .control.frames import Array
+
+OFF = (DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON)
+"""Drive states in which the power stage is off and nothing is wrong."""
+
+
+@dataclass(frozen=True)
+class PlantReading:
+    """What the devices last said."""
+
+    q: Array | None
+    """Joint angles (n,) [rad]; None before every drive has told its own."""
+    tau: Array
+    """Joint torques (n,) [N·m]."""
+    states: tuple[DriveState | None, ...]
+    wrench: Array | None
+    """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
+    wrench_age_s: float | None
+    trouble: Trouble | None
+
+    @property
+    def enabled(self) -> bool:
+        """True when every drive is in Operation enabled."""
+        return all(s is DriveState.OPERATION_ENABLED for s in self.states)
+
+    @property
+    def off(self) -> bool:
+        """True when every drive's power stage is off and none is faulty."""
+        return all(s in OFF for s in self.states)
+
+
+class Plant:
+    """Opens, reads, writes and stops every device of a cell."""
+
+    def __init__(
+        self,
+        fieldbus: Fieldbus,
+        drives: tuple[ServoDrive, ...],
+        sensor: RobotousSensor | None,
+        sensor_timeout_s: float,
+    ) -> None:
+        self.fieldbus = fieldbus
+        self.drives = drives
+        self.sensor = sensor
+        self.opened = False
+        self._sensor_timeout_s = sensor_timeout_s
+
+    def open(self) -> None:
+        """Configure every device; blocks. Raises `DeviceError`."""
+        self.opened = False
+        self.fieldbus.clear_trouble()
+        for drive in self.drives:
+            drive.open()
+        if self.sensor is not None:
+            self.sensor.open()
+        self.opened = True
+
+    def sync(self) -> None:
+        """Send SYNC."""
+        self.fieldbus.sync()
+
+    def answered(self) -> bool:
+        """Take in what has come; return whether every drive has answered the last SYNC."""
+        self.fieldbus.receive(self.fieldbus.clock())
+        return all(drive.read().fresh for drive in self.drives)
+
+    def read(self, now_s: float) -> PlantReading:
+        """Return what the devices last said."""
+        self.fieldbus.receive(now_s)
+        readings = [drive.read() for drive in self.drives]
+        angles = [r.position_rad for r in readings]
+        heard = self.opened and all(a is not None for a in angles)
+        trouble = self.fieldbus.trouble
+        for reading in readings:
+            trouble = trouble or reading.trouble
+        wrench, age = self._wrench(now_s)
+        return PlantReading(
+            q=np.array(angles, dtype=float) if heard else None,
+            tau=np.array([r.torque_nm or 0.0 for r in readings]),
+            states=tuple(r.state for r in readings),
+            wrench=wrench,
+            wrench_age_s=age,
+            trouble=trouble if self.opened else None,
+        )
+
+    def write(self, q: Array) -> None:
+        """Send one setpoint (n,) [rad] to every drive."""
+        for drive, angle in zip(self.drives, q.tolist(), strict=True):
+            drive.write(angle)
+
+    def enable(self) -> None:
+        """Ask every drive for Operation enabled."""
+        for drive in self.drives:
+            drive.request_enable()
+
+    def disable(self) -> None:
+        """Ask every drive to switch its power off."""
+        for drive in self.drives:
+            drive.request_disable()
+
+    def reset(self) -> None:
+        """Ask every drive to leave its fault."""
+        for drive in self.drives:
+            drive.request_fault_reset()
+
+    def quick_stop(self) -> None:
+        """Stop every drive on its own ramp, now."""
+        for drive in self.drives:
+            drive.stop()
+
+    def close(self) -> None:
+        """Stop and let go of every device."""
+        self.quick_stop()
+        for drive in self.drives:
+            drive.close()
+        if self.sensor is not None:
+            self.sensor.close()
+        self.fieldbus.close()
+
+    def _wrench(self, now_s: float) -> tuple[Array | None, float | None]:
+        if self.sensor is None or not self.opened:
+            return None, None
+        reading = self.sensor.read(now_s)
+        fresh = (
+            reading.wrench is not None
+            and reading.trouble is None
+            and reading.age_s <= self._sensor_timeout_s
+        )
+        return (reading.wrench if fresh else None), reading.age_s

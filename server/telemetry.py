@@ -1,0 +1,91 @@
+"""What the daemon tells: its state every tick, and what an operator should know of the cell."""
+
+import math
+from importlib import metadata
+
+from ..config.load import Cell
+from ..protocols.messages import VERSION, Description, State, Vector6
+from .admission import Admission
+from .control.frames import Array
+from .control.state import Output
+from .mode import Mode
+from .orders import Orders
+from .plant import PlantReading
+
+
+def describe(cell: Cell) -> Description:
+    """Return the description of a cell."""
+    config = cell.config
+    drives = {d.joint: d for d in config.mechanism.drives}
+    joints = cell.robot.joints
+    margins = [drives[j.name].position_margin for j in joints]
+    sources = config.sources
+    return Description(
+        cell=config.name,
+        description=config.description,
+        period_s=config.timing.period_s,
+        joints=tuple(j.name for j in joints),
+        lower=tuple(j.lower + m for j, m in zip(joints, margins, strict=True)),
+        upper=tuple(j.upper - m for j, m in zip(joints, margins, strict=True)),
+        max_velocity=tuple(drives[j.name].max_velocity for j in joints),
+        postures=config.mechanism.postures,
+        sources=("joystick", "position", "force"),
+        gains={
+            "joystick": sources.joystick.gain,
+            "position": sources.position.gain,
+            "force": sources.force.gain,
+        },
+        lease_timeout_s=config.timing.lease_timeout_s,
+        stream_timeout_s=config.timing.stream_timeout_s,
+        max_command_age_s=config.timing.max_command_age_s,
+        versions={"telerobot": metadata.version("telerobot"), "protocol": str(VERSION)},
+    )
+
+
+def report(
+    tick: int,
+    time_s: float,
+    mode: Mode,
+    reading: PlantReading,
+    q: Array,
+    output: Output,
+    orders: Orders,
+    admission: Admission,
+    protective_stop: bool,
+    overruns: int,
+) -> State:
+    """Return the state of one tick."""
+    return State.model_construct(
+        tick=tick,
+        time_s=time_s,
+        mode=str(mode),
+        q=tuple(q.tolist()),
+        q_command=tuple(output.q.tolist()),
+        dq_command=tuple(output.dq.tolist()),
+        tau=tuple(reading.tau.tolist()),
+        following_error=tuple(output.following_error.tolist()),
+        pose_mrf=output.T_world_mrf.to_xyz_rpy(),
+        pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),
+        pose_crf=orders.T_world_crf.to_xyz_rpy(),
+        wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
+        sources={name: _six(twist) for name, twist in output.twists.items()},
+        gains={name: _six(gain) for name, gain in orders.settings().gains.items()},
+        twist=_six(output.twist),
+        scale=output.scale,
+        limits=output.limits,
+        sigma_min=output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
+        at_goal=output.at_goal,
+        speed_factor=orders.speed_factor,
+        drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
+        protective_stop=protective_stop,
+        lease_epoch=admission.lease.epoch,
+        lease_holder=admission.lease.holder,
+        last_seq=dict(admission.last_seq),
+        command_age_ticks=admission.age_ticks,
+        overruns=overruns,
+    )
+
+
+def _six(values: Array) -> Vector6:
+    a, b, c, d, e, f = values.tolist()
+    return (a, b, c, d, e, f)
