@@ -1,0 +1,97 @@
+import argparse
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+from telerobot.config.errors import ConfigError
+from telerobot.drivers.device import DeviceError
+from telerobot.tools import check, cli
+from telerobot.tools.cli import COMMANDS, main
+
+
+def leave(argv):
+    with pytest.raises(SystemExit) as caught:
+        main(argv)
+    return caught.value.code
+
+
+def test_help_lists_every_command(capsys):
+    assert leave(["--help"]) == 0
+    out = capsys.readouterr().out
+    for command in COMMANDS:
+        assert f"  {command.name} " in out
+
+
+@pytest.mark.parametrize("name", ["check", "doctor"])
+def test_a_commands_help_has_examples(name, capsys):
+    assert leave([name, "--help"]) == 0
+    assert f"examples:\n  telerobot {name}" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    assert leave(["--version"]) == 0
+    assert capsys.readouterr().out == f"telerobot {version('telerobot')}\n"
+
+
+def test_no_command_shows_the_help_and_is_bad_usage(capsys):
+    assert main([]) == 2
+    assert "commands:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("argv", [["chekc"], ["check"], ["check", "pa10", "--yes"]])
+def test_bad_usage_is_one_line_and_code_2(argv, capsys):
+    assert leave(argv) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("telerobot")
+    assert captured.err.count("\n") == 1
+
+
+def test_a_bad_cell_is_one_line_and_code_2(small, capsys):
+    assert main(["check", str(small.replace("node = 2", "node = 1"))]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"telerobot: {small.cell}: mechanism.drives[1].node: value 1: ")
+    assert captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("trouble", "code", "words"),
+    [
+        (ConfigError("cell.toml: key: bad"), 2, "telerobot: cell.toml: key: bad\n"),
+        (DeviceError("drive j1: no answer"), 1, "telerobot: drive j1: no answer\n"),
+        (FileNotFoundError(2, "No such file", "x.mcap"), 1, "x.mcap"),
+        (ModuleNotFoundError("No module named 'mujoco'"), 1, "'mujoco'"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_expected_trouble_is_a_line_and_a_code(monkeypatch, capsys, trouble, code, words):
+    def run(args: argparse.Namespace) -> int:
+        raise trouble
+
+    monkeypatch.setattr(check, "run", run)
+    assert main(["check", "pa10"]) == code
+    captured = capsys.readouterr()
+    assert words in captured.err
+    assert captured.err.count("\n") == bool(words)
+
+
+def test_a_command_that_cannot_be_imported_leaves_the_others_whole(monkeypatch, capsys):
+    broken = cli.Command("broken", "no_such_module", "never works", ())
+    monkeypatch.setattr(cli, "COMMANDS", (broken, *COMMANDS))
+    assert main(["broken"]) == 1
+    assert "broken: cannot be loaded" in capsys.readouterr().err
+    assert leave(["check", "--help"]) == 0
+
+
+def test_help_loads_none_of_the_heavy_libraries():
+    code = (
+        "import sys; from telerobot.tools.cli import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'pinocchio', 'mujoco', 'zenoh', 'can', 'pydantic'} & set(sys.modules)\n"
+        "sys.exit(f'loaded: {heavy}' if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,35 @@
+"""Can the arm be driven from where it starts: is it well away from its singularities?"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...config.agree import REQUIRED_POSTURES
+from ...config.load import Cell
+from ...server.control.frames import Pose
+from ...server.control.mechanism import Mechanism
+from ..findings import Finding, Status
+
+
+def postures(cell: Cell) -> Iterator[Finding]:
+    """Judge the least singular value at `start` and `ready`; joint limits were held on loading."""
+    config = cell.config.mechanism
+    mechanism = Mechanism.from_cell(cell)
+    tool = Pose.from_xyz_rpy(config.T_wrist_mrf.xyz, config.T_wrist_mrf.rpy)
+    resolve = cell.config.resolve
+    weight = np.array([1.0] * 3 + [resolve.characteristic_length] * 3)
+    for name in REQUIRED_POSTURES:
+        J = mechanism.kinematics(np.array(config.postures[name]), tool).J
+        sigma = float(np.linalg.svd(J * weight[:, None], compute_uv=False)[-1])
+        status, judgement = Status.OK, "away from"
+        if sigma < resolve.floor:
+            status, judgement = Status.ERROR, "in"
+        elif sigma < resolve.singular_region:
+            status, judgement = Status.WARN, "near"
+        yield Finding(
+            f"posture {name}",
+            status,
+            f"{judgement} a singularity: least singular value {sigma:.3g} m, damping begins below "
+            f"{resolve.singular_region:g}, motion into it ends at {resolve.floor:g}",
+            {"sigma_min": sigma, "singular_region": resolve.singular_region},
+        )

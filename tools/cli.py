@@ -1,0 +1,120 @@
+"""The command line: `telerobot COMMAND …`; every command is a module beside this one.
+
+A command's module offers `add_arguments(parser)` and `run(args) -> int` and is imported only when
+it is asked for. Exit codes: 0 well, 1 the thing failed, 2 bad usage or bad config, 130 interrupted.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import version
+from typing import Final, NoReturn
+
+from ..config.errors import ConfigError
+from ..drivers.device import DeviceError
+
+
+@dataclass(frozen=True)
+class Command:
+    """A row of the help: what is typed, which module does it, and how it is used."""
+
+    name: str
+    module: str
+    summary: str
+    examples: tuple[str, ...]
+
+
+COMMANDS: Final = (
+    Command("demo", "demo", "virtual hardware and daemon on this machine, ready to drive",
+            ("telerobot demo", "telerobot demo ur5e")),
+    Command("serve", "serve", "the daemon: runs a cell",
+            ("telerobot serve pa10", "telerobot serve my/cell.toml")),
+    Command("rig", "rig", "the virtual hardware of a cell: physics, drives and sensors on CAN",
+            ("telerobot rig pa10",)),
+    Command("simulate", "simulate", "daemon and rig in one process, in virtual time",
+            ("telerobot simulate pa10", "telerobot simulate pa10 reach --json")),
+    Command("drive", "drive", "a remote operator in the terminal",
+            ("telerobot drive pa10",)),
+    Command("check", "check", "judge a cell: timeouts, bus load, drives, stability, postures",
+            ("telerobot check pa10", "telerobot check my/cell.toml --json")),
+    Command("doctor", "doctor", "is this machine fit: rights, timer, CAN, packages",
+            ("telerobot doctor", "telerobot doctor --json")),
+    Command("bench", "bench.cli", "measure the speed of the control computation",
+            ("telerobot bench", "telerobot bench --json")),
+    Command("campaign", "campaign.cli", "behaviour at scale: random scripts, scenes and faults",
+            ("telerobot campaign --help",)),
+)  # fmt: skip
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; return its exit code."""
+    # Matrices of this size are slower on several threads; must stand before numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    asked = next((a for a in arguments if not a.startswith("-")), None)
+    command = next((c for c in COMMANDS if c.name == asked), None)
+    try:
+        return _run(command, arguments)
+    except ConfigError as error:
+        return _fail(2, str(error))
+    except (DeviceError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            # The reader of our output has gone; keep the interpreter from complaining at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        return _fail(1, " ".join(str(error).split()))
+    except ImportError as error:
+        return _fail(1, f"{asked}: cannot be loaded: {error}")
+    except KeyboardInterrupt:
+        return 130
+
+
+def _run(command: Command | None, arguments: list[str]) -> int:
+    parser = _Parser(
+        prog="telerobot",
+        description="A control server for remote robot arms, its virtual hardware and its tools.",
+        epilog="CELL is the path of a cell file or the name of a shipped one, such as pa10.\n"
+        "`telerobot COMMAND --help` tells more. A first drive: telerobot demo",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"telerobot {version('telerobot')}")
+    choices = parser.add_subparsers(metavar="COMMAND", dest="command", title="commands")
+    run: Callable[[argparse.Namespace], int] | None = None
+    for c in COMMANDS:
+        sub = choices.add_parser(
+            c.name,
+            help=c.summary,
+            description=c.summary[0].upper() + c.summary[1:] + ".",
+            epilog="examples:\n" + "\n".join(f"  {e}" for e in c.examples),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if c is command:
+            module = import_module(f"{__package__}.{c.module}")
+            module.add_arguments(sub)
+            run = module.run
+    args = parser.parse_args(arguments)
+    if run is None:
+        parser.print_help(sys.stderr)
+        return 2
+    code = run(args)
+    sys.stdout.flush()
+    return code
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"telerobot: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
