@@ -1,0 +1,240 @@
+"""CAN buses as python-can sees them, and the two of ours that need no hardware.
+
+`loopback` carries frames between processes as UDP multicast that cannot leave this machine;
+`in_process` carries them between objects, in virtual time. Everything else is python-can's.
+"""
+
+import select
+import socket
+import struct
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+import can
+import msgpack
+from can.interfaces.udp_multicast import UdpMulticastBus
+from can.interfaces.udp_multicast.utils import pack_message, unpack_message
+
+from ..config.schema import Bus
+from .device import DeviceError
+
+_LOOPBACK: Final = "127.0.0.1"
+_IP_MULTICAST_ALL: Final = 49  # linux/in.h; Python has no name for it
+_SO_TIMESTAMPNS: Final = 35  # asm-generic/socket.h
+_TIMESPEC: Final = struct.Struct("@ll")
+_LARGEST_DATAGRAM: Final = 1024
+_RECEIVE_BUFFER: Final = 1 << 20
+_MALFORMED: Final = (
+    ValueError, TypeError, AttributeError, OverflowError, msgpack.UnpackException,
+)  # fmt: skip
+
+
+class LoopbackBus(UdpMulticastBus):
+    """Classic CAN between the processes of one machine: python-can's UDP bus, pinned to loopback.
+
+    Nothing leaves the machine: group, sender and receiver are on 127.0.0.1, with hop limit 0. The
+    sender's own echo is dropped by its source port, so a foreign frame with equal content is
+    still seen. Stamps are the kernel's, in seconds. Datagrams that are no classic CAN frame are
+    ignored and counted in `malformed`.
+    """
+
+    def __init__(self, channel: str, port: int) -> None:
+        can.BusABC.__init__(self, channel)
+        self._can_protocol = can.CanProtocol.CAN_20
+        self.channel_info = f"loopback {channel}:{port}"
+        self.malformed = 0
+        self._group = (channel, port)
+        self.receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._pin(channel, port)
+        except OSError as error:
+            self.shutdown()
+            raise can.CanInitializationError(f"{self.channel_info}: {error}") from error
+        self._own: tuple[str, int] = self.sender.getsockname()
+
+    def _pin(self, channel: str, port: int) -> None:
+        interface = socket.inet_aton(_LOOPBACK)
+        receiver, sender = self.receiver, self.sender
+        receiver.setblocking(False)
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+        receiver.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        receiver.bind((channel, port))
+        membership = socket.inet_aton(channel) + interface
+        receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        receiver.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        sender.bind((_LOOPBACK, 0))
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame to every other member. Raises `can.CanOperationError`."""
+        if msg.is_fd:
+            raise can.CanOperationError("this bus carries classic CAN only")
+        self.sender.settimeout(timeout)
+        try:
+            self.sender.sendto(pack_message(msg), self._group)
+        except OSError as error:
+            raise can.CanOperationError(f"{self.channel_info}: {error}") from error
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        deadline = None if timeout is None else time.monotonic() + timeout
+        try:
+            while True:
+                try:
+                    data, ancillary, _, source = self.receiver.recvmsg(_LARGEST_DATAGRAM, 64)
+                except BlockingIOError:
+                    left = None if deadline is None else deadline - time.monotonic()
+                    if left is not None and left <= 0:
+                        return None, False
+                    select.select([self.receiver], [], [], left)
+                    continue
+                if source == self._own:
+                    continue
+                message = self._frame(data, ancillary)
+                if message is not None:
+                    return message, False
+        except OSError as error:
+            raise can.CanOperationError(f"{self.channel_info}: {error}") from error
+
+    def _frame(self, data: bytes, ancillary: list[tuple[int, int, bytes]]) -> can.Message | None:
+        stamp = time.time()
+        for level, kind, content in ancillary:
+            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIMESPEC.unpack(content[: _TIMESPEC.size])
+                stamp = seconds + nanoseconds * 1e-9
+        try:
+            message = unpack_message(data, replace={"timestamp": stamp}, check=True)
+        except _MALFORMED:
+            self.malformed += 1
+            return None
+        if message.is_fd or type(message.arbitration_id) is not int:
+            self.malformed += 1
+            return None
+        return message
+
+    def fileno(self) -> int:
+        """Return the descriptor that becomes readable when a frame, or an own echo, came."""
+        return self.receiver.fileno()
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        can.BusABC.shutdown(self)
+        self.receiver.close()
+        self.sender.close()
+
+
+class Hub:
+    """What the members of one in-process bus share: who they are, and the virtual time.
+
+    `time_s` is set by whoever owns the time, and stamps every frame. `pump` is called when a
+    member waits for a frame that is not there yet: it lets the others run.
+    """
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+        self.pump: Callable[[], None] | None = None
+        self._members: list[InProcessBus] = []
+        self._underway: deque[tuple[InProcessBus, can.Message]] = deque()
+        self._delivering = False
+
+    def join(self, member: "InProcessBus") -> None:
+        """Make a bus a member: it hears what the others send from now on."""
+        self._members.append(member)
+
+    def leave(self, member: "InProcessBus") -> None:
+        """Take a bus out again; one that is no member already is no error."""
+        if member in self._members:
+            self._members.remove(member)
+
+    def deliver(self, sender: "InProcessBus", message: can.Message) -> None:
+        """Hand a frame to every other member, in the order of joining.
+
+        What a member sends while it is being handed a frame comes after that frame for everyone.
+        """
+        message.timestamp = self.time_s
+        self._underway.append((sender, message))
+        if self._delivering:
+            return
+        self._delivering = True
+        try:
+            while self._underway:
+                source, frame = self._underway.popleft()
+                for member in tuple(self._members):
+                    if member is not source:
+                        member.accept(frame)
+        finally:
+            self._underway.clear()
+            self._delivering = False
+
+
+class InProcessBus(can.BusABC):
+    """One member of a hub. Frames are shared, not copied: nobody changes one that was sent.
+
+    With `on_message` set, frames go to it instead of waiting for `recv`.
+    """
+
+    def __init__(self, hub: Hub, on_message: Callable[[can.Message], None] | None = None) -> None:
+        super().__init__("in_process")
+        self.channel_info = "in_process"
+        self.hub = hub
+        self.on_message = on_message
+        self._queue: deque[can.Message] = deque()
+        hub.join(self)
+
+    def accept(self, message: can.Message) -> None:
+        """Take a frame from the hub."""
+        if self.on_message is None:
+            self._queue.append(message)
+        else:
+            self.on_message(message)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
+        """Hand a frame to every other member at once."""
+        self.hub.deliver(self, msg)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Return the next frame; with none there, let the others run once, then try again.
+
+        Never waits for the wall clock: None means that nothing came of the others' turn. With
+        `timeout` 0 the others get no turn.
+        """
+        queue = self._queue
+        if not queue and timeout != 0 and self.hub.pump is not None:
+            self.hub.pump()
+        return queue.popleft() if queue else None
+
+    def fileno(self) -> int:
+        """Return -1: there is nothing to select on."""
+        return -1
+
+    def shutdown(self) -> None:
+        """Leave the hub."""
+        super().shutdown()
+        self.hub.leave(self)
+
+
+def open_bus(config: Bus, hub: Hub | None = None) -> can.BusABC:
+    """Open the bus that a cell names; `hub` is needed for `in_process` only.
+
+    Raises `DeviceError`, in one line, for a bus that is not there or cannot be opened.
+    """
+    where = f"CAN bus {config.interface} {config.channel}"
+    try:
+        if config.interface == "loopback":
+            return LoopbackBus(config.channel, config.port)
+        if config.interface == "in_process":
+            if hub is None:
+                raise DeviceError(f"{where}: exists only inside one process, as in simulation")
+            return InProcessBus(hub)
+        options: dict[str, Any] = dict(config.options)
+        return can.Bus(
+            channel=config.channel, interface=config.interface, bitrate=config.bitrate, **options
+        )
+    except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise DeviceError(f"{where}: {words}") from error

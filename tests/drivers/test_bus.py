@@ -1,0 +1,202 @@
+"""The two buses that need no hardware, and how a cell's bus is opened."""
+
+import random
+import socket
+from collections.abc import Iterator
+
+import can
+import msgpack
+import pytest
+from telerobot.config.schema import Bus
+from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, open_bus
+from telerobot.drivers.device import DeviceError
+
+IP_MULTICAST_ALL = 49
+
+
+def frame(can_id: int, data: bytes = b"") -> can.Message:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+
+
+@pytest.fixture
+def address() -> tuple[str, int]:
+    dice = random.SystemRandom()
+    return f"239.74.{dice.randrange(256)}.{dice.randrange(1, 255)}", dice.randrange(20_000, 60_000)
+
+
+@pytest.fixture
+def pair(address: tuple[str, int]) -> Iterator[tuple[LoopbackBus, LoopbackBus]]:
+    a, b = LoopbackBus(*address), LoopbackBus(*address)
+    yield a, b
+    a.shutdown()
+    b.shutdown()
+
+
+def test_a_frame_arrives_at_the_other_side(pair: tuple[LoopbackBus, LoopbackBus]) -> None:
+    a, b = pair
+    a.send(frame(0x205, b"\x01\x02"))
+    got = b.recv(2.0)
+    assert got is not None
+    assert (got.arbitration_id, bytes(got.data)) == (0x205, b"\x01\x02")
+    assert not got.is_extended_id
+
+
+def test_a_sender_does_not_hear_itself_but_hears_an_equal_frame_of_another(
+    pair: tuple[LoopbackBus, LoopbackBus],
+) -> None:
+    a, b = pair
+    a.send(frame(0x100, b"same"))
+    assert b.recv(2.0) is not None
+    b.send(frame(0x100, b"same"))
+    b.send(frame(0x101))
+    heard = [a.recv(2.0), a.recv(2.0)]
+    assert [m.arbitration_id for m in heard if m] == [0x100, 0x101]
+    assert a.recv(0) is None
+
+
+def test_an_own_echo_does_not_hide_what_waits_behind_it(
+    pair: tuple[LoopbackBus, LoopbackBus],
+) -> None:
+    a, b = pair
+    a.send(frame(0x80))
+    assert b.recv(2.0) is not None
+    b.send(frame(0x181))
+    assert b.recv(0) is None
+    got = a.recv(0)
+    assert got is not None
+    assert got.arbitration_id == 0x181
+
+
+def test_stamps_are_the_kernels_and_follow_the_order_of_sending(
+    pair: tuple[LoopbackBus, LoopbackBus],
+) -> None:
+    a, b = pair
+    for i in range(5):
+        a.send(frame(0x100 + i))
+    stamps = [m.timestamp for m in (b.recv(2.0) for _ in range(5)) if m]
+    assert len(stamps) == 5
+    assert stamps == sorted(stamps)
+    assert stamps[0] > 1e9
+
+
+MALFORMED = {
+    "garbage": b"\xc1\xff",
+    "no map": msgpack.packb(5),
+    "unknown keys": msgpack.packb({"hello": 1}),
+    "id too large": msgpack.packb({"arbitration_id": 1 << 40, "dlc": 0}),
+    "id no number": msgpack.packb({"arbitration_id": 1.5, "dlc": 0, "is_extended_id": False}),
+    "CAN FD": msgpack.packb({"arbitration_id": 1, "is_fd": True, "dlc": 0}),
+    "too long": msgpack.packb({"arbitration_id": 1, "dlc": 9, "data": bytes(9)}),
+}
+
+
+@pytest.mark.parametrize("datagram", MALFORMED.values(), ids=MALFORMED.keys())
+def test_a_malformed_datagram_is_counted_and_ignored(
+    pair: tuple[LoopbackBus, LoopbackBus], address: tuple[str, int], datagram: bytes
+) -> None:
+    a, b = pair
+    a.sender.sendto(datagram, address)
+    a.send(frame(0x123))
+    got = b.recv(2.0)
+    assert got is not None
+    assert got.arbitration_id == 0x123
+    assert b.malformed == 1
+
+
+def test_nothing_leaves_the_machine(
+    pair: tuple[LoopbackBus, LoopbackBus], address: tuple[str, int]
+) -> None:
+    bus = pair[0]
+    sender, receiver = bus.sender, bus.receiver
+    assert sender.getsockname()[0] == "127.0.0.1"
+    assert sender.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
+    interface = sender.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, 4)
+    assert socket.inet_ntoa(interface) == "127.0.0.1"
+    assert receiver.getsockname() == address
+    assert receiver.getsockopt(socket.IPPROTO_IP, IP_MULTICAST_ALL) == 0
+
+
+def test_only_classic_frames_are_sent(pair: tuple[LoopbackBus, LoopbackBus]) -> None:
+    with pytest.raises(can.CanOperationError, match="classic CAN only"):
+        pair[0].send(can.Message(arbitration_id=1, is_fd=True))
+
+
+def test_members_of_a_hub_hear_each_other_in_virtual_time() -> None:
+    hub = Hub()
+    a, b, c = InProcessBus(hub), InProcessBus(hub), InProcessBus(hub)
+    hub.time_s = 1.25
+    sent = frame(0x80)
+    a.send(sent)
+    assert a.recv(0) is None
+    assert b.recv(0) is sent
+    assert c.recv(0) is sent
+    assert sent.timestamp == 1.25
+    other = InProcessBus(Hub())
+    a.send(frame(0x81))
+    assert other.recv(0) is None
+    for bus in (a, b, c, other):
+        bus.shutdown()
+
+
+def test_an_answer_given_at_once_comes_after_the_question_for_everyone() -> None:
+    hub = Hub()
+    master = InProcessBus(hub)
+    answering = InProcessBus(hub)
+    answering.on_message = lambda _m: answering.send(frame(0x581))
+    watching = InProcessBus(hub)
+    master.send(frame(0x601))
+    heard = [watching.recv(0), watching.recv(0)]
+    assert [m.arbitration_id for m in heard if m] == [0x601, 0x581]
+    answer = master.recv(0)
+    assert answer is not None
+    assert answer.arbitration_id == 0x581
+    for bus in (master, answering, watching):
+        bus.shutdown()
+
+
+def test_who_waits_lets_the_others_run_and_never_the_wall_clock() -> None:
+    hub = Hub()
+    master, node = InProcessBus(hub), InProcessBus(hub)
+    turns: list[int] = []
+
+    def pump() -> None:
+        turns.append(1)
+        if len(turns) == 1:
+            node.send(frame(0x705))
+
+    hub.pump = pump
+    assert master.recv(0) is None
+    assert turns == []
+    assert master.recv(1.0) is not None
+    assert master.recv(3600.0) is None
+    assert len(turns) == 2
+    node.shutdown()
+    node.shutdown()
+    master.shutdown()
+
+
+def test_a_cell_names_its_bus(address: tuple[str, int]) -> None:
+    loopback = open_bus(Bus(channel=address[0], port=address[1]))
+    assert isinstance(loopback, LoopbackBus)
+    hub = Hub()
+    inside = open_bus(Bus(interface="in_process"), hub)
+    assert isinstance(inside, InProcessBus)
+    other = open_bus(Bus(interface="virtual", channel="test_a_cell_names_its_bus"))
+    assert isinstance(other, can.BusABC)
+    for bus in (loopback, inside, other):
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("config", "words"),
+    [
+        (Bus(interface="in_process"), "only inside one process"),
+        (Bus(interface="no_such_thing"), "no_such_thing"),
+        (Bus(channel="10.0.0.1"), "loopback 10.0.0.1"),
+        (Bus(interface="socketcan", channel="can_that_is_not"), "socketcan can_that_is_not"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_says_so_in_one_line(config: Bus, words: str) -> None:
+    with pytest.raises(DeviceError, match=words) as refused:
+        open_bus(config)
+    assert "\n" not in str(refused.value)
