@@ -1,0 +1,213 @@
+"""The CAN master on one bus: SYNC, heartbeat, dispatch of frames, and SDO without a thread.
+
+Cyclic PDOs go to their decoder by identifier; everything else goes to canopen, whose network is
+used without its Notifier thread: an SDO request pumps the bus until its reply has been handed
+over, so that canopen finds it in its queue. Nothing here blocks but SDOs, `wait` and `wait_until`.
+"""
+
+import logging
+import select
+import struct
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+import can
+import canopen
+
+from ..protocols import can301
+from ..protocols.can301 import FrameError
+from .device import Cause, Trouble
+
+Handler = Callable[[bytes, float], None]
+"""Called with a frame's data and its stamp [s] on the bus' own clock."""
+Tap = Callable[[int, bytes], None]
+"""Called with identifier and data of every frame that was sent."""
+
+SDO_TIMEOUT_S: Final = 0.3
+_MOST_FRAMES_AT_ONCE: Final = 1000
+_SDO_ABORT: Final = 0x80
+_BUS_OFF: Final = 0x40  # socketcan's error class CAN_ERR_BUSOFF
+logging.getLogger("canopen").addHandler(logging.NullHandler())  # its errors are raised to us too
+_OPERATIONAL: Final = bytes((can301.NmtState.OPERATIONAL,))
+
+
+class _Network(canopen.Network):
+    """canopen's network on a bus that the fieldbus reads."""
+
+    def __init__(self, fieldbus: "Fieldbus") -> None:
+        super().__init__()
+        self._fieldbus = fieldbus
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:  # noqa: ARG002
+        """Send a frame; after an SDO request, wait for the reply. Raises `can.CanError`."""
+        self._fieldbus.request(can_id, bytes(data))
+
+
+class Fieldbus:
+    """One CAN bus and this server as its only master (node 127).
+
+    `clock` tells the time [s] that timeouts are measured by: monotonic, or a simulation's.
+    `trouble` stays until `clear_trouble`.
+    """
+
+    name: Final = "bus"
+
+    def __init__(self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic) -> None:
+        self.bus = bus
+        self.clock = clock
+        self.network: canopen.Network = _Network(self)
+        self.taps: list[Tap] = []
+        self.trouble: Trouble | None = None
+        self.sync_count = 0
+        self.malformed = 0
+        self.now = clock()
+        """When the frames being dispatched were taken off the bus [s], on `clock`."""
+        self._handlers: dict[int, Handler] = {}
+        self._masters: set[int] = {
+            can301.NMT_ID,
+            can301.SYNC_ID,
+            can301.heartbeat_id(can301.MASTER_NODE),
+        }
+        self._waiting: deque[can.Message] = deque()
+
+    def add_node(self, node_id: int, dictionary: canopen.ObjectDictionary) -> canopen.RemoteNode:
+        """Make a node known, in place of one with the same id; only we may command it."""
+        node = canopen.RemoteNode(node_id, dictionary)
+        node.sdo.RESPONSE_TIMEOUT = 0.0  # the reply is there before canopen looks for it
+        self.network.add_node(node)
+        self._masters |= {can301.rpdo1_id(node_id), can301.sdo_request_id(node_id)}
+        return node
+
+    def listen(self, can_id: int, handler: Handler) -> None:
+        """Hand frames of an identifier to `handler`, instead of to canopen."""
+        self._handlers[can_id] = handler
+
+    def send(self, can_id: int, data: bytes) -> bool:
+        """Send a frame without blocking; return whether it went out, else `trouble` says why."""
+        try:
+            self._put(can_id, data)
+        except (can.CanError, OSError) as error:
+            self._fail(Cause.BUS_ERROR, f"cannot send {can_id:#05x}: {error}", can_id=can_id)
+            return False
+        return True
+
+    def sync(self) -> None:
+        """Send SYNC and count it (CiA 301, 7.2.5)."""
+        if self.send(can301.SYNC_ID, b""):
+            self.sync_count += 1
+
+    def heartbeat(self) -> None:
+        """Send the master's heartbeat: operational. Called by the tick, so it stops with it."""
+        self.send(can301.heartbeat_id(can301.MASTER_NODE), _OPERATIONAL)
+
+    def receive(self, now: float) -> int:
+        """Dispatch every frame that is there, without blocking; return how many there were."""
+        self.now = now
+        for count in range(_MOST_FRAMES_AT_ONCE):
+            message = self._waiting.popleft() if self._waiting else self._take(0)
+            if message is None:
+                return count
+            self._dispatch(message)
+        return _MOST_FRAMES_AT_ONCE
+
+    def wait(self, timeout_s: float) -> bool:
+        """Block until there may be a frame to receive, or until the timeout [s].
+
+        A buffered bus echoes what we sent, so this may return early: look again.
+        """
+        if self._waiting:
+            return True
+        try:
+            descriptor = self.bus.fileno()
+        except NotImplementedError:
+            descriptor = -1
+        if descriptor >= 0:
+            return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
+        message = self._take(timeout_s)
+        if message is not None:
+            self._waiting.append(message)
+        return message is not None
+
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Dispatch frames until `condition` holds; return False if it does not in time [s]."""
+        deadline = self.clock() + timeout_s
+        while not condition():
+            left = deadline - self.clock()
+            message = self._waiting.popleft() if self._waiting else None
+            if message is None and left > 0:
+                message = self._take(left)
+            if message is None:
+                return condition()
+            self.now = self.clock()
+            self._dispatch(message)
+        return True
+
+    def request(self, can_id: int, data: bytes) -> None:
+        """Send a frame for canopen and, after an SDO request, pump until the reply is in.
+
+        Raises `can.CanError` when it cannot be sent.
+        """
+        self._put(can_id, data)
+        node = can_id - can301.sdo_request_id(0)
+        if not 1 <= node <= 127 or data[0] == _SDO_ABORT:
+            return
+        replies: list[bytes] = []
+        reply_id = can301.sdo_reply_id(node)
+
+        def note(_id: int, reply: bytearray, _stamp: float) -> None:
+            replies.append(bytes(reply))
+
+        self.network.subscribe(reply_id, note)
+        try:
+            self.wait_until(lambda: bool(replies), SDO_TIMEOUT_S)
+        finally:
+            self.network.unsubscribe(reply_id, note)
+
+    def clear_trouble(self) -> None:
+        """Forget what was wrong; it is noticed again if it still is."""
+        self.trouble = None
+
+    def close(self) -> None:
+        """Leave the bus. Never raises."""
+        try:
+            self.bus.shutdown()
+        except (can.CanError, OSError) as error:
+            self._fail(Cause.BUS_ERROR, f"cannot close: {error}")
+
+    def _put(self, can_id: int, data: bytes) -> None:
+        self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        for tap in self.taps:
+            tap(can_id, data)
+
+    def _take(self, timeout_s: float) -> can.Message | None:
+        try:
+            return self.bus.recv(timeout_s)
+        except (can.CanError, OSError) as error:
+            self._fail(Cause.BUS_ERROR, f"cannot receive: {error}")
+            return None
+
+    def _dispatch(self, message: can.Message) -> None:
+        can_id = message.arbitration_id
+        if message.is_error_frame:
+            if can_id & _BUS_OFF:
+                self._fail(Cause.BUS_ERROR, "the controller is off the bus")
+            return
+        if message.is_remote_frame or message.is_extended_id:
+            return
+        if can_id in self._masters:
+            self._fail(Cause.SECOND_MASTER, f"someone else sent {can_id:#05x}", can_id=can_id)
+            return
+        handler = self._handlers.get(can_id)
+        try:
+            if handler is not None:
+                handler(bytes(message.data), message.timestamp)
+            else:
+                self.network.notify(can_id, message.data, message.timestamp)
+        except (FrameError, struct.error, IndexError):
+            self.malformed += 1
+
+    def _fail(self, cause: Cause, detail: str, **values: int) -> None:
+        if self.trouble is None:
+            self.trouble = Trouble(cause, self.name, detail, dict(values))

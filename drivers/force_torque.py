@@ -1,0 +1,132 @@
+"""A Robotous RFT force/torque sensor on the CAN bus."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config.schema import ForceTorque
+from ..protocols import robotous
+from .device import Cause, DeviceError, Trouble
+from .fieldbus import Fieldbus
+
+FIRST_SAMPLE_TIMEOUT_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchReading:
+    """The newest sample. Until the first one came there is none: `ready` is false."""
+
+    ready: bool
+    wrench: NDArray[np.float64] | None
+    """(6,) [N, N·m], force first: what the arm exerts on its environment, at the Sensor frame's
+    origin and in its axes. Weight and bias are still in it."""
+    stamp: float
+    """The bus' stamp of the sample's second half [s], on the bus' own clock."""
+    age_s: float
+    overload: bool
+    trouble: Trouble | None
+
+
+class RobotousSensor:
+    """Pairs the two frames of each sample, and turns the sign; keeps the contract of `device.py`.
+
+    The device reports the load *on* itself; what is handed on is what the arm exerts: its negative.
+    `discarded` counts halves that found no partner within the pairing window: nothing numbers
+    them, so a lost frame must not join halves of two samples. Nothing is averaged.
+    """
+
+    def __init__(self, fieldbus: Fieldbus, config: ForceTorque, name: str = "force_torque") -> None:
+        self.name = name
+        self.config = config
+        self.samples = 0
+        self.discarded = 0
+        self._bus = fieldbus
+        self._first: tuple[bytes, float] | None = None
+        self._foreign = False
+        self._sample: robotous.Sample | None = None
+        self._stamp = 0.0
+        self._arrival_s = 0.0
+        fieldbus.listen(config.reply_ids[0], self._on_first)
+        fieldbus.listen(config.reply_ids[1], self._on_second)
+
+    def open(self) -> None:
+        """Set the rate, start the stream and wait for its first sample. Raises `DeviceError`."""
+        self._sample = self._first = None
+        commands = (
+            robotous.stop(),
+            robotous.set_rate(self.config.rate_hz),
+            robotous.start(),
+        )
+        if not all(self._bus.send(self.config.command_id, command) for command in commands):
+            raise DeviceError(f"{self.name}: its commands cannot be sent: {self._bus.trouble}")
+        if not self._bus.wait_until(lambda: self._sample is not None, FIRST_SAMPLE_TIMEOUT_S):
+            raise DeviceError(
+                f"{self.name}: no sample within {FIRST_SAMPLE_TIMEOUT_S} s of its start "
+                f"(command id {self.config.command_id:#x})"
+            )
+
+    def read(self, now_s: float | None = None) -> WrenchReading:
+        """Return the newest sample; its age is that at `now_s`, by default the bus' `now` [s]."""
+        sample = self._sample
+        if sample is None:
+            lost = Trouble(Cause.PDO_LOST, self.name, "no sample yet")
+            return WrenchReading(False, None, 0.0, 0.0, False, lost)
+        age = (self._bus.now if now_s is None else now_s) - self._arrival_s
+        load = np.array((*sample.force, *sample.torque))
+        return WrenchReading(
+            ready=True,
+            wrench=-load,
+            stamp=self._stamp,
+            age_s=age,
+            overload=sample.overload != 0,
+            trouble=self._judge(sample, age),
+        )
+
+    def write(self, command: bytes) -> bytes:
+        """Send one of the protocol's commands, for instance `robotous.bias()`; return it."""
+        self._bus.send(self.config.command_id, command)
+        return command
+
+    def stop(self) -> None:
+        """Do nothing: a sensor moves nothing, and its readings are wanted while others stop."""
+
+    def close(self) -> None:
+        """Stop the stream. Never raises."""
+        self._bus.send(self.config.command_id, robotous.stop())
+        self._sample = self._first = None
+
+    def _judge(self, sample: robotous.Sample, age: float) -> Trouble | None:
+        if age > self.config.timeout_s:
+            return Trouble(Cause.PDO_LOST, self.name, f"no sample for {age:.3f} s", {"age_s": age})
+        if sample.error:
+            detail = f"the sensor reports error {sample.error:#06x}"
+            return Trouble(Cause.EMERGENCY, self.name, detail, {"error": sample.error})
+        return None
+
+    def _on_first(self, data: bytes, stamp: float) -> None:
+        self._drop_half()
+        self._foreign = not robotous.is_sample_start(data)
+        if not self._foreign:
+            self._first = (data, stamp)
+
+    def _on_second(self, data: bytes, stamp: float) -> None:
+        if self._foreign:  # the rest of a reply to another command
+            self._foreign = False
+            return
+        first = self._first
+        if first is None or not 0 <= stamp - first[1] <= self.config.pairing_window_s:
+            self._drop_half()
+            self.discarded += 1
+            return
+        self._first = None
+        self._sample = robotous.join_sample(first[0], data)
+        self._stamp = stamp
+        self._arrival_s = self._bus.now
+        self.samples += 1
+
+    def _drop_half(self) -> None:
+        if self._first is not None:
+            self._first = None
+            self.discarded += 1

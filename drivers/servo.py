@@ -1,0 +1,292 @@
+"""A CiA 402 servo drive in cyclic synchronous position mode, as one joint."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import can
+import canopen
+from canopen.emcy import EmcyError
+from canopen.sdo.exceptions import SdoError
+
+from ..config.schema import Drive, Timing
+from ..protocols import can301, cia402
+from ..protocols.can301 import EmcyCode, FrameError, NmtState
+from ..protocols.cia402 import Control, DriveState, Object, Status
+from . import servo_setup
+from .device import Cause, DeviceError, Trouble
+from .fieldbus import Fieldbus
+
+BOOT_TIMEOUT_S: Final = 2.0
+MOST_MISSED_SYNCS: Final = 3
+"""More SYNCs than this without an answer mean that the drive is lost."""
+RESET_SYNCS: Final = 25
+"""A fault reset that has not worked after this many SYNCs is given up."""
+_ENABLED: Final = DriveState.OPERATION_ENABLED
+_DISABLED: Final = DriveState.SWITCH_ON_DISABLED
+
+
+@dataclass(frozen=True, slots=True)
+class ServoReading:
+    """What the drive last said. Until its first TPDO it said nothing: `ready` is false."""
+
+    ready: bool
+    fresh: bool
+    """It answered the newest SYNC."""
+    age_syncs: int
+    """SYNCs sent since the one that it last answered."""
+    position_rad: float | None
+    torque_nm: float | None
+    velocity_rad_s: float | None
+    """None: TPDO1 has no room for it."""
+    state: DriveState | None
+    """None also when the statusword means no state."""
+    statusword: int
+    trouble: Trouble | None
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What `write` really sent; nothing (None) while the drive's position is not known."""
+
+    controlword: int
+    counts: int | None
+    position_rad: float | None
+
+
+class ServoDrive:
+    """One joint's drive; keeps the contract of `device.py`.
+
+    `lower` and `upper` are the joint's limits [rad] (607Dh); `eds` names the drive's objects.
+    `read` judges by what `Fieldbus.receive` dispatched and by its `now`. The first trouble stays
+    until `request_fault_reset` finds its cause gone; a node that restarted has lost its
+    configuration and needs `open` again.
+    """
+
+    def __init__(
+        self,
+        fieldbus: Fieldbus,
+        drive: Drive,
+        timing: Timing,
+        *,
+        lower: float,
+        upper: float,
+        eds: Path | None = None,
+    ) -> None:
+        self.drive = drive
+        self._bus = fieldbus
+        self._timing = timing
+        self._limits = (lower, upper)
+        dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
+        self._node = fieldbus.add_node(drive.node, dictionary)
+        self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
+        self._node.emcy.add_callback(self._on_emcy)
+        fieldbus.listen(can301.tpdo1_id(drive.node), self._on_feedback)
+        self._rpdo_id = can301.rpdo1_id(drive.node)
+        self._booted = False
+        self._opened = False
+        self._forget()
+
+    def _forget(self) -> None:
+        self._feedback: cia402.Feedback | None = None
+        self._state: DriveState | None = None
+        self._answered_sync = self._bus.sync_count
+        self._heartbeat_s: float | None = None
+        self._was_operational = False
+        self._restarted: int | None = None
+        self._emcy: EmcyError | None = None
+        self._target = _DISABLED
+        self._seen_enabled = False
+        self._stopped = False
+        self._reset_sync: int | None = None
+        self._trouble: Trouble | None = None
+
+    @property
+    def name(self) -> str:
+        """The joint that the drive moves."""
+        return self.drive.joint
+
+    def open(self) -> None:
+        """Reset the node's communication, configure it and start it. Blocks; `DeviceError`."""
+        self._booted = False
+        self._opened = False
+        try:
+            self._node.nmt.send_command(can301.NmtCommand.RESET_COMMUNICATION)
+            if not self._bus.wait_until(lambda: self._booted, BOOT_TIMEOUT_S):
+                raise DeviceError(
+                    f"{self.name} (node {self.drive.node}): no boot-up message within "
+                    f"{BOOT_TIMEOUT_S} s of a reset"
+                )
+            servo_setup.configure(self._node, self.drive, self._timing, *self._limits)
+            self._node.nmt.send_command(can301.NmtCommand.START)
+        except can.CanError as error:
+            raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
+        self._forget()
+        self._opened = True
+
+    def read(self) -> ServoReading:
+        """Return what the drive last said, and what is wrong with it."""
+        age = self._bus.sync_count - self._answered_sync
+        if self._heartbeat_s is None:
+            self._heartbeat_s = self._bus.now
+        wrong = self._judge(age)
+        if self._reset_sync is not None:
+            if wrong is None:
+                self._trouble, self._reset_sync = None, None
+            elif self._bus.sync_count - self._reset_sync > RESET_SYNCS:
+                self._trouble, self._reset_sync = wrong, None
+        elif self._trouble is None:
+            self._trouble = wrong
+        last, drive = self._feedback, self.drive
+        if last is None:
+            return ServoReading(False, False, age, None, None, None, None, 0, self._trouble)
+        torque = last.torque * 1e-3 * drive.rated_torque * drive.direction
+        return ServoReading(
+            ready=True,
+            fresh=age == 0,
+            age_syncs=age,
+            position_rad=servo_setup.to_radians(drive, last.position),
+            torque_nm=torque,
+            velocity_rad_s=None,
+            state=self._state,
+            statusword=last.statusword,
+            trouble=self._trouble,
+        )
+
+    def request_enable(self) -> None:
+        """Step towards *Operation enabled* with the coming writes; not after a stop or trouble."""
+        if not self._stopped and self._trouble is None:
+            self._target = _ENABLED
+
+    def request_disable(self) -> None:
+        """Step back to *Switch on disabled* with the coming writes."""
+        self._target = _DISABLED
+        self._seen_enabled = False
+
+    def request_fault_reset(self) -> None:
+        """Acknowledge trouble and stop, and reset the drive's fault; it ends up disabled."""
+        self.request_disable()
+        self._stopped = False
+        self._emcy = None
+        self._reset_sync = self._bus.sync_count
+
+    def write(self, command: float) -> Sent:
+        """Send a setpoint [rad] with the controlword of the next step; return what was sent.
+
+        Until *Operation enabled* is seen, the newest measured position goes out in its place, so
+        that enabling moves nothing. Raises `ValueError` if it is not finite or beyond 32 bits.
+        """
+        word = self._controlword()
+        if self._feedback is None:
+            return Sent(word, None, None)
+        if self._state is _ENABLED:
+            counts = servo_setup.to_counts(self.drive, command)
+        else:
+            counts = self._feedback.position
+        self._bus.send(self._rpdo_id, cia402.pack_csp(word, counts))
+        return Sent(word, counts, servo_setup.to_radians(self.drive, counts))
+
+    def stop(self) -> None:
+        """Send the quick stop now, and with every write until a reset."""
+        self._stopped = True
+        self._target = _DISABLED
+        self._seen_enabled = False
+        self._reset_sync = None
+        if self._feedback is not None:
+            setpoint = self._feedback.position
+            self._bus.send(self._rpdo_id, cia402.pack_csp(Control.QUICK_STOP, setpoint))
+
+    def close(self) -> None:
+        """Take the voltage off and leave the node in *Pre-operational*. Never raises."""
+        word = Control.DISABLE_VOLTAGE.to_bytes(2, "little")
+        self._opened = False
+        with suppress(SdoError, can.CanError, OSError):
+            self._node.sdo.download(Object.CONTROLWORD, 0, word)
+        with suppress(can.CanError, OSError):
+            self._node.nmt.send_command(can301.NmtCommand.PRE_OPERATIONAL)
+        self._forget()
+
+    def _controlword(self) -> int:
+        state = self._state
+        if self._stopped:
+            return Control.QUICK_STOP
+        if state is None:
+            return Control.DISABLE_VOLTAGE
+        if self._reset_sync is not None and state.in_fault:
+            # bit 7 low for a SYNC first: the drive resets on its rising edge only
+            seen_low = self._bus.sync_count > self._reset_sync
+            return Control.FAULT_RESET if seen_low else Control.DISABLE_VOLTAGE
+        return cia402.next_controlword(state, self._target)
+
+    def _judge(self, age: int) -> Trouble | None:
+        """Return what is wrong now, the cause that explains most first."""
+        bus, timing = self._bus, self._timing
+        if self._restarted is not None:
+            detail = "the node left Operational: its configuration is lost"
+            return self._wrong(Cause.NODE_RESTARTED, detail, nmt_state=self._restarted)
+        if self._emcy is not None:
+            code = self._emcy.code
+            followed = code == EmcyCode.FOLLOWING_ERROR
+            return self._wrong(
+                Cause.FOLLOWING_ERROR if followed else Cause.EMERGENCY,
+                f"emergency {code:#06x}: {can301.emcy_name(code)}",
+                code=code,
+                name=can301.emcy_name(code),
+                register=self._emcy.register,
+            )
+        if age > MOST_MISSED_SYNCS:
+            return self._wrong(Cause.PDO_LOST, f"no answer to {age} SYNCs", age_syncs=age)
+        silence = bus.now - (self._heartbeat_s if self._heartbeat_s is not None else bus.now)
+        if silence > timing.heartbeat_timeout_s:
+            return self._wrong(
+                Cause.HEARTBEAT_LOST, f"no heartbeat for {silence:.3f} s", silence_s=silence
+            )
+        return None if self._feedback is None else self._judge_status(self._feedback.statusword)
+
+    def _judge_status(self, word: int) -> Trouble | None:
+        state = self._state
+        if state is None:
+            return self._wrong(Cause.STATE_LOST, f"statusword {word:#06x} means no state")
+        meant = self._target is _ENABLED and self._seen_enabled
+        if word & Status.FOLLOWING_ERROR and (meant or state.in_fault):
+            detail = "following error beyond 6065h"
+            return self._wrong(Cause.FOLLOWING_ERROR, detail, statusword=word)
+        if state.in_fault:
+            return self._wrong(Cause.DRIVE_FAULT, f"{state.name.lower()}", statusword=word)
+        if meant and not word & Status.VOLTAGE_ENABLED:
+            return self._wrong(Cause.POWER_LOST, "no voltage on the power stage", statusword=word)
+        if meant and state is not _ENABLED:
+            detail = f"left operation_enabled for {state.name.lower()} unasked"
+            return self._wrong(Cause.STATE_LOST, detail, statusword=word)
+        return None
+
+    def _wrong(self, cause: Cause, detail: str, **values: str | int | float) -> Trouble:
+        return Trouble(cause, self.name, detail, {"node": self.drive.node, **values})
+
+    def _on_feedback(self, data: bytes, _stamp: float) -> None:
+        self._feedback = feedback = cia402.unpack_feedback(data)
+        self._answered_sync = self._bus.sync_count
+        try:
+            self._state = cia402.decode_state(feedback.statusword)
+        except FrameError:
+            self._state = None
+        if self._state is _ENABLED and self._target is _ENABLED:
+            self._seen_enabled = True
+
+    def _on_heartbeat(self, state: int) -> None:
+        self._heartbeat_s = self._bus.now
+        if state == NmtState.OPERATIONAL:
+            self._was_operational = True
+        elif self._opened and (self._was_operational or state == NmtState.BOOT_UP):
+            self._restarted = state
+        if state == NmtState.BOOT_UP:
+            self._booted = True
+
+    def _on_emcy(self, emcy: EmcyError) -> None:
+        self._node.emcy.log.clear()  # canopen would keep them all
+        self._node.emcy.active.clear()
+        if emcy.code & 0xFF00 != EmcyCode.NO_ERROR:
+            self._emcy = emcy
+        elif self._reset_sync is not None:
+            self._emcy = None

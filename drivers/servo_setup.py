@@ -1,0 +1,164 @@
+"""What a servo drive is told over SDO before it may move: a table, and how it is written.
+
+Each step that fails raises `DeviceError` naming joint, node, object and the drive's answer.
+"""
+
+import struct
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import can
+import canopen
+from canopen.sdo.exceptions import SdoError
+
+from ..config.schema import Drive, Timing
+from ..protocols import can301, cia402
+from ..protocols.can301 import CommunicationObject as Com
+from ..protocols.cia402 import AbortConnectionOption, Object, OperationMode, QuickStopOption
+from .device import DeviceError
+
+_I32_MAX: Final = 2**31 - 1
+_NO_OBJECT: Final = (0x06020000, 0x06090011)
+"""SDO abort codes: no such object, no such subindex."""
+_MODE_READS: Final = 20
+
+U8, I8, U16, I16, U32, I32 = "<B", "<b", "<H", "<h", "<I", "<i"
+
+
+class Step(NamedTuple):
+    """One object to write: `optional` if a drive may do without it."""
+
+    object_index: int
+    subindex: int
+    layout: str
+    value: int
+    optional: bool = False
+
+
+def to_counts(drive: Drive, position_rad: float) -> int:
+    """Return the encoder counts nearest to a joint angle [rad].
+
+    Raises `ValueError` if it is not finite, or beyond the 32 bits of 607Ah.
+    """
+    exact = drive.direction * (position_rad - drive.zero_rad) * drive.counts_per_radian
+    if not abs(exact) <= _I32_MAX:
+        raise ValueError(f"{drive.joint}: {position_rad} rad is beyond the drive's 32-bit position")
+    return round(exact)
+
+
+def to_radians(drive: Drive, counts: int) -> float:
+    """Return the joint angle [rad] at an encoder reading."""
+    return drive.zero_rad + drive.direction * counts / drive.counts_per_radian
+
+
+def steps(drive: Drive, timing: Timing, lower: float, upper: float) -> Iterator[Step]:
+    """Yield what to write, in order (CiA 301, CiA 402-2); `lower`, `upper` are URDF limits [rad].
+
+    Raises `ValueError` for a limit that the drive's counts cannot hold.
+    """
+    scale = drive.counts_per_radian
+    ends = sorted((to_counts(drive, lower), to_counts(drive, upper)))
+    watch = can301.consumer_heartbeat(can301.MASTER_NODE, _ms(timing.heartbeat_timeout_s))
+    yield Step(Com.CONSUMER_HEARTBEAT, 1, U32, watch)
+    yield Step(Com.PRODUCER_HEARTBEAT, 0, U16, _ms(timing.heartbeat_period_s))
+    yield Step(Object.ABORT_CONNECTION_OPTION, 0, I16, AbortConnectionOption.QUICK_STOP)
+    yield Step(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_THEN_DISABLE)
+    ramp = min(round(drive.quick_stop_deceleration * scale), 2**32 - 1)
+    yield Step(Object.QUICK_STOP_DECELERATION, 0, U32, ramp)
+    yield Step(Object.FOLLOWING_WINDOW, 0, U32, round(drive.following_window * scale))
+    yield Step(Object.FOLLOWING_TIMEOUT, 0, U16, _ms(timing.period_s))
+    yield Step(Object.POSITION_LIMIT, 1, I32, ends[0])
+    yield Step(Object.POSITION_LIMIT, 2, I32, ends[1])
+    value, exponent = interpolation_period(timing.period_s)
+    yield Step(Object.INTERPOLATION_PERIOD, 1, U8, value)
+    yield Step(Object.INTERPOLATION_PERIOD, 2, I8, exponent)
+    yield Step(Object.SETPOINT_TIMEOUT, 0, U16, _ms(timing.setpoint_timeout_s))
+    yield from _pdos(drive.node)
+    yield Step(Object.MODE_OF_OPERATION, 0, I8, OperationMode.CSP)
+
+
+def interpolation_period(period_s: float) -> tuple[int, int]:
+    """Return 60C2h:1 and :2 so that `value · 10^exponent` is the period [s].
+
+    Raises `ValueError` if no value of 1 to 255 says it exactly enough (1 ppm).
+    """
+    for exponent in (-3, -4, -5, -6):
+        value = round(period_s * 10**-exponent)
+        if 1 <= value <= 255 and abs(value * 10**exponent - period_s) < 1e-6 * period_s:
+            return value, exponent
+    raise ValueError(f"a period of {period_s} s cannot be written to 60C2h")
+
+
+def configure(
+    node: canopen.RemoteNode, drive: Drive, timing: Timing, lower: float, upper: float
+) -> None:
+    """Write all steps to a drive in *Pre-operational*, and check its mode. Raises `DeviceError`."""
+    supported = read(node, drive, Object.SUPPORTED_MODES, 0, U32)
+    if not cia402.supports_mode(supported, OperationMode.CSP):
+        raise DeviceError(
+            f"{_who(drive)}: {_object(Object.SUPPORTED_MODES, 0)} is {supported:#x}: "
+            "cyclic synchronous position is not among the drive's modes"
+        )
+    try:
+        plan = tuple(steps(drive, timing, lower, upper))
+    except ValueError as error:
+        raise DeviceError(f"{_who(drive)}: {error}") from error
+    for step in plan:
+        write(node, drive, step)
+    for _ in range(_MODE_READS):
+        mode = read(node, drive, Object.MODE_DISPLAY, 0, I8)
+        if mode == OperationMode.CSP:
+            return
+    raise DeviceError(f"{_who(drive)}: {_object(Object.MODE_DISPLAY, 0)} stays {mode}, not 8")
+
+
+def read(node: canopen.RemoteNode, drive: Drive, index: int, subindex: int, layout: str) -> int:
+    """Read an integer object over SDO. Raises `DeviceError`."""
+    try:
+        data = node.sdo.upload(index, subindex)
+        (value,) = struct.unpack(layout, data[: struct.calcsize(layout)])
+    except (SdoError, can.CanError, struct.error) as error:
+        raise DeviceError(f"{_who(drive)}: reading {_object(index, subindex)}: {error}") from error
+    return int(value)
+
+
+def write(node: canopen.RemoteNode, drive: Drive, step: Step) -> None:
+    """Write an integer object over SDO. Raises `DeviceError`."""
+    where = _object(step.object_index, step.subindex)
+    try:
+        node.sdo.download(step.object_index, step.subindex, struct.pack(step.layout, step.value))
+    except (SdoError, can.CanError, struct.error) as error:
+        if step.optional and getattr(error, "code", None) in _NO_OBJECT:
+            return
+        raise DeviceError(f"{_who(drive)}: writing {step.value} to {where}: {error}") from error
+
+
+def _pdos(node: int) -> Iterator[Step]:
+    """Map RPDO1 and TPDO1, at every SYNC; disable the other default PDOs (CiA 301, 7.5.2.35 f)."""
+    for base, communication, mapping, entries in (
+        (0x200, Com.RPDO_COMMUNICATION, Com.RPDO_MAPPING, cia402.CSP_MAPPING),
+        (0x180, Com.TPDO_COMMUNICATION, Com.TPDO_MAPPING, cia402.FEEDBACK_MAPPING),
+    ):
+        for number in range(can301.DEFAULT_PDOS):
+            off = can301.PDO_INVALID | base + 0x100 * number + node
+            yield Step(communication + number, 1, U32, off, optional=number > 0)
+        yield Step(communication, 2, U8, can301.EVERY_SYNC)
+        yield Step(mapping, 0, U8, 0)
+        for place, entry in enumerate(entries, 1):
+            yield Step(mapping, place, U32, entry)
+        yield Step(mapping, 0, U8, len(entries))
+        yield Step(communication, 1, U32, base + node)
+
+
+def _ms(seconds: float) -> int:
+    return max(1, round(seconds * 1000))
+
+
+def _who(drive: Drive) -> str:
+    return f"{drive.joint} (node {drive.node})"
+
+
+def _object(index: int, subindex: int) -> str:
+    known: type[Com] | type[Object] = Object if index in Object.__members__.values() else Com
+    name = known(index).name.lower() if index in known.__members__.values() else "pdo"
+    return f"{index:04X}h:{subindex} ({name})"

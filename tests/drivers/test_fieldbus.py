@@ -1,0 +1,205 @@
+"""The CAN master: SYNC, dispatch, SDO without a thread, and what it notices."""
+
+import random
+import threading
+from typing import Any
+
+import can
+import canopen
+import pytest
+from canopen.sdo.exceptions import SdoCommunicationError
+from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus
+from telerobot.drivers.device import Cause
+from telerobot.drivers.fieldbus import Fieldbus
+from telerobot.protocols import can301, cia402
+
+
+def frame(can_id: int, data: bytes = b"", **kind: bool) -> can.Message:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=False, **kind)
+
+
+def test_sync_and_heartbeat_are_sent_and_counted(cell: Any) -> None:
+    seen: list[tuple[int, bytes]] = []
+    cell.fieldbus.taps.append(lambda can_id, data: seen.append((can_id, data)))
+    cell.fieldbus.sync()
+    cell.fieldbus.heartbeat()
+    assert seen == [(0x080, b""), (0x77F, b"\x05")]
+    assert cell.fieldbus.sync_count == 1
+
+
+def test_frames_go_to_the_decoder_of_their_identifier(cell: Any) -> None:
+    got: list[tuple[bytes, float, float]] = []
+    bus = cell.fieldbus
+    bus.listen(0x190, lambda data, stamp: got.append((data, stamp, bus.now)))
+    cell.hub.time_s = 0.5
+    cell.played.send(0x190, b"\x01")
+    cell.played.send(0x191, b"\x02")
+    assert bus.receive(0.75) == 2
+    assert got == [(b"\x01", 0.5, 0.75)]
+
+
+@pytest.mark.parametrize("kind", ["is_remote_frame", "is_error_frame"])
+def test_only_data_frames_reach_a_decoder(cell: Any, kind: str) -> None:
+    got: list[bytes] = []
+    cell.fieldbus.listen(0x190, lambda data, _stamp: got.append(data))
+    cell.played.bus.send(frame(0x190, **{kind: True}))
+    cell.fieldbus.receive(0.0)
+    assert got == []
+    assert cell.fieldbus.trouble is None
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data"),
+    [(0x185, bytes(5)), (0x085, bytes(3)), (0x705, b"")],
+    ids=["PDO", "EMCY", "heartbeat"],
+)
+def test_a_frame_of_a_wrong_length_is_counted_not_raised(
+    cell: Any, can_id: int, data: bytes
+) -> None:
+    cell.played.send(can_id, data)
+    cell.fieldbus.receive(0.0)
+    assert cell.fieldbus.malformed == 1
+    assert not cell.servo.read().ready
+
+
+@pytest.mark.parametrize("can_id", [0x000, 0x080, 0x77F, 0x205, 0x605])
+def test_a_second_master_is_noticed_until_cleared(cell: Any, can_id: int) -> None:
+    stranger = InProcessBus(cell.hub)
+    stranger.send(frame(can_id, bytes(8)))
+    cell.fieldbus.receive(0.0)
+    trouble = cell.fieldbus.trouble
+    assert trouble is not None
+    assert trouble.cause is Cause.SECOND_MASTER
+    assert trouble.values["can_id"] == can_id
+    cell.fieldbus.clear_trouble()
+    assert cell.fieldbus.trouble is None
+    stranger.shutdown()
+
+
+def test_our_own_frames_are_no_second_master(cell: Any) -> None:
+    cell.enable()
+    assert cell.fieldbus.trouble is None
+
+
+class BrokenBus(InProcessBus):
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("cable cut")
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        raise can.CanOperationError("cable cut")
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        raise can.CanOperationError("cable cut")
+
+
+def test_a_broken_bus_is_trouble_and_not_an_exception() -> None:
+    fieldbus = Fieldbus(BrokenBus(Hub()))
+    fieldbus.sync()
+    assert fieldbus.sync_count == 0
+    assert fieldbus.trouble is not None
+    assert fieldbus.trouble.cause is Cause.BUS_ERROR
+    assert "cable cut" in fieldbus.trouble.detail
+    fieldbus.clear_trouble()
+    assert fieldbus.receive(0.0) == 0
+    assert fieldbus.trouble is not None
+    fieldbus.close()
+
+
+def test_bus_off_is_trouble(cell: Any) -> None:
+    cell.played.bus.send(frame(0x40, is_error_frame=True))
+    cell.fieldbus.receive(0.0)
+    assert cell.fieldbus.trouble.cause is Cause.BUS_ERROR
+
+
+def test_an_sdo_is_answered_without_a_thread(cell: Any) -> None:
+    node = cell.fieldbus.network[5]
+    node.sdo.download(0x6065, 0, (600).to_bytes(4, "little"))
+    assert node.sdo.upload(0x6065, 0) == (600).to_bytes(4, "little")
+
+
+def test_an_sdo_without_an_answer_fails(cell: Any) -> None:
+    cell.played.answers_sdo = False
+    with pytest.raises(SdoCommunicationError):
+        cell.fieldbus.network[5].sdo.upload(0x6502, 0)
+
+
+def test_an_answer_that_needs_the_others_to_run_is_waited_for(cell: Any) -> None:
+    cell.played.bus.on_message = None
+
+    def run_the_node() -> None:
+        while (message := cell.played.bus.recv(0)) is not None:
+            cell.played.on_message(message)
+
+    cell.hub.pump = run_the_node
+    data = cell.fieldbus.network[5].sdo.upload(0x6502, 0)
+    assert cia402.supports_mode(int.from_bytes(data, "little"), cia402.OperationMode.CSP)
+
+
+def test_other_frames_are_dispatched_while_an_sdo_waits(cell: Any) -> None:
+    got: list[bytes] = []
+    cell.fieldbus.listen(0x190, lambda data, _stamp: got.append(data))
+    cell.played.send(0x190, b"\x07")
+    cell.fieldbus.network[5].sdo.upload(0x6502, 0)
+    assert got == [b"\x07"]
+
+
+def test_sdo_and_wait_work_over_udp() -> None:
+    dice = random.SystemRandom()
+    address = f"239.74.{dice.randrange(256)}.{dice.randrange(1, 255)}", dice.randrange(20000, 60000)
+    far = LoopbackBus(*address)
+    fieldbus = Fieldbus(LoopbackBus(*address))
+    node = fieldbus.add_node(5, canopen.import_od(None))
+
+    def answer() -> None:
+        request = far.recv(5.0)
+        assert request is not None
+        far.send(frame(can301.sdo_reply_id(5), b"\x43" + bytes(request.data[1:4]) + b"\x2a\0\0\0"))
+
+    helper = threading.Thread(target=answer)
+    helper.start()
+    assert node.sdo.upload(0x1000, 0) == b"\x2a\0\0\0"
+    helper.join()
+    got: list[bytes] = []
+    fieldbus.listen(0x185, lambda data, _stamp: got.append(data))
+    far.send(frame(0x185, b"\x01"))
+    while not got:
+        assert fieldbus.wait(5.0)
+        fieldbus.receive(0.0)
+    assert got == [b"\x01"]
+    fieldbus.close()
+    far.shutdown()
+
+
+def test_waiting_in_process_keeps_the_frame_for_receive(cell: Any) -> None:
+    got: list[bytes] = []
+    cell.fieldbus.listen(0x190, lambda data, _stamp: got.append(data))
+    assert not cell.fieldbus.wait(1.0)
+    cell.played.send(0x190, b"\x01")
+    assert cell.fieldbus.wait(1.0)
+    assert cell.fieldbus.wait(1.0)
+    assert got == []
+    assert cell.fieldbus.receive(0.0) == 1
+    assert got == [b"\x01"]
+
+
+def test_a_condition_is_waited_for_and_given_up(cell: Any) -> None:
+    got: list[bytes] = []
+    cell.fieldbus.listen(0x190, lambda data, _stamp: got.append(data))
+    cell.played.send(0x190, b"\x01")
+    assert cell.fieldbus.wait_until(lambda: bool(got), 1.0)
+
+    def flood() -> None:
+        cell.hub.time_s += 0.25
+        cell.played.send(0x191, b"")
+
+    cell.hub.pump = flood
+    assert not cell.fieldbus.wait_until(lambda: len(got) > 1, 1.0)
+    assert cell.hub.time_s == 1.0
+
+
+def test_a_flood_does_not_hold_the_tick_for_ever(cell: Any) -> None:
+    for _ in range(1500):
+        cell.played.send(0x191, b"")
+    assert cell.fieldbus.receive(0.0) == 1000
+    assert cell.fieldbus.receive(0.0) == 500

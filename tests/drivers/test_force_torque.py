@@ -1,0 +1,113 @@
+"""The force/torque sensor: sign, pairing, age."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from telerobot.drivers.device import Cause, DeviceError
+from telerobot.protocols import robotous
+from telerobot.protocols.robotous import Command, Sample
+
+
+def test_opening_sets_the_rate_and_waits_for_a_sample(cell: Any) -> None:
+    assert not cell.sensor.read().ready
+    assert cell.sensor.read().wrench is None
+    cell.sensor.open()
+    assert cell.played_sensor.commands == [
+        (Command.STOP, 0),
+        (Command.SET_RATE, 0),
+        (Command.START, 0),
+    ]
+    assert cell.sensor.read().ready
+
+
+def test_a_sensor_that_stays_silent_cannot_be_opened(cell: Any) -> None:
+    cell.played_sensor.starts = False
+    with pytest.raises(DeviceError, match="force_torque: no sample within"):
+        cell.sensor.open()
+
+
+def test_the_wrench_is_what_the_arm_exerts_not_the_load(cell: Any) -> None:
+    """Pressing a wall at +x with 20 N, the sensor feels −20 N; the reading is +20."""
+    cell.sensor.open()
+    cell.played_sensor.sample = Sample((-20.0, 0.0, 4.0), (0.5, 0.0, -1.0), 0, 0)
+    cell.played_sensor.send()
+    cell.fieldbus.receive(0.0)
+    wrench = cell.sensor.read().wrench
+    np.testing.assert_allclose(wrench, [20.0, 0.0, -4.0, -0.5, 0.0, 1.0])
+
+
+def test_a_lost_frame_never_joins_halves_of_two_samples(cell: Any) -> None:
+    cell.sensor.open()
+    played = cell.played_sensor
+    before = cell.sensor.read().wrench
+    played.sample = Sample((0.0, 0.0, 0.0), (8.0, 8.0, 8.0), 0, 0)
+    played.send(second=False)
+    cell.hub.time_s += 0.005
+    played.sample = Sample((0.0, 0.0, 0.0), (-8.0, -8.0, -8.0), 0, 0)
+    played.send(first=False)
+    cell.fieldbus.receive(0.0)
+    np.testing.assert_array_equal(cell.sensor.read().wrench, before)
+    assert cell.sensor.discarded == 2
+    played.send()
+    cell.fieldbus.receive(0.0)
+    np.testing.assert_allclose(cell.sensor.read().wrench[3:], [8.0, 8.0, 8.0])
+
+
+def test_a_second_half_alone_and_a_first_half_twice_are_discarded(cell: Any) -> None:
+    cell.sensor.open()
+    cell.played_sensor.send(first=False)
+    cell.played_sensor.send(second=False)
+    cell.played_sensor.send()
+    cell.fieldbus.receive(0.0)
+    assert cell.sensor.discarded == 2
+    assert cell.sensor.samples == 2
+
+
+@pytest.mark.parametrize(("gap_s", "samples"), [(0.0019, 2), (0.0021, 1)])
+def test_halves_pair_inside_the_window_only(cell: Any, gap_s: float, samples: int) -> None:
+    cell.sensor.open()
+    cell.played_sensor.send(gap_s=gap_s)
+    cell.fieldbus.receive(0.0)
+    assert cell.sensor.samples == samples
+
+
+def test_the_reply_to_another_command_is_no_sample(cell: Any) -> None:
+    cell.sensor.open()
+    cell.played_sensor.put(0, b"\x0f\x01" + bytes(6))
+    cell.played_sensor.put(1, bytes(8))
+    cell.played_sensor.send()
+    cell.fieldbus.receive(0.0)
+    assert (cell.sensor.samples, cell.sensor.discarded) == (2, 0)
+
+
+def test_age_is_measured_from_when_the_sample_was_taken_off_the_bus(cell: Any) -> None:
+    cell.sensor.open()
+    cell.hub.time_s = 10.0
+    cell.played_sensor.send()
+    cell.fieldbus.receive(100.0)
+    reading = cell.sensor.read(100.03)
+    assert reading.age_s == pytest.approx(0.03)
+    assert reading.stamp == 10.0
+    assert reading.trouble is None
+    stale = cell.sensor.read(100.06)
+    assert stale.trouble.cause is Cause.PDO_LOST
+    assert stale.ready
+
+
+def test_overload_and_error_are_told(cell: Any) -> None:
+    cell.sensor.open()
+    assert not cell.sensor.read().overload
+    cell.played_sensor.sample = Sample((0.0,) * 3, (0.0,) * 3, 1, 2)
+    cell.played_sensor.send()
+    cell.fieldbus.receive(0.0)
+    reading = cell.sensor.read()
+    assert reading.overload
+    assert reading.trouble.cause is Cause.EMERGENCY
+    assert reading.trouble.values == {"error": 2}
+
+
+def test_a_bias_is_asked_of_the_sensor(cell: Any) -> None:
+    cell.sensor.open()
+    assert cell.sensor.write(robotous.bias()) == robotous.bias()
+    assert cell.played_sensor.commands[-1] == (Command.SET_BIAS, 1)
