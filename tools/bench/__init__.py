@@ -1,1 +1,1 @@
-"""."""
+"""How fast the control computation is, measured."""

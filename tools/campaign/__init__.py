@@ -1,1 +1,1 @@
-"""."""
+"""Behaviour at scale: random scripts, scenes and faults from a seed."""

@@ -1,0 +1,21 @@
+"""Fail if a wheel lacks a file that the package reads, or carries one that is not the package's."""
+
+import sys
+import zipfile
+from pathlib import Path
+
+FOLDERS = ("config", "drivers", "protocols", "server", "tools")
+DATA = (".toml", ".urdf", ".eds")
+
+root = Path(__file__).resolve().parents[1]
+wanted = {"telerobot/__init__.py", "telerobot/py.typed"}
+for folder in FOLDERS:
+    for path in (root / folder).rglob("*"):
+        if path.suffix in (".py", *DATA):
+            wanted.add(f"telerobot/{path.relative_to(root).as_posix()}")
+names = set(zipfile.ZipFile(sys.argv[1]).namelist())
+missing = sorted(wanted - names)
+foreign = sorted(n for n in names if not n.startswith(("telerobot/", "telerobot-")))
+if missing or foreign:
+    sys.exit(f"wheel: missing {missing}, foreign {foreign}")
+print(f"{Path(sys.argv[1]).name}: {len(names)} files, all of the package's")

@@ -1,0 +1,54 @@
+# The commands of everyday work; each builds the environment first when it has to.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+MAKEFLAGS += --no-print-directory
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+JOBS ?= 2
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help venv demo test check bench campaign format clean
+
+help: ## Show these targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+venv: $(STAMP) ## Build the environment in .venv, if it is not up to date
+
+$(STAMP): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "make: no python3.11 or python3 found; set PYTHON=" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "make: $(PYTHON) is $$("$(PYTHON)" -V 2>&1); Python 3.11 or newer is needed, set PYTHON=" >&2; exit 1; }
+	@test -x $(BIN)/python || { echo "creating $(VENV) with $(PYTHON)"; "$(PYTHON)" -m venv $(VENV); }
+	@echo "installing telerobot into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: venv ## Virtual arm and daemon on this machine, ready to drive
+	@exec $(BIN)/telerobot demo pa10
+
+test: venv ## All tests: first those in parallel, then those that start processes
+	@$(BIN)/pytest -q -m "not hil" -n $(JOBS)
+	@$(BIN)/pytest -q -m hil || { code=$$?; test $$code -eq 5 && echo "no hil tests"; }
+
+check: venv ## Format, lint, types and import rules
+	@$(BIN)/ruff format --check --quiet . || { echo "run: make format" >&2; exit 1; }
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-logo
+
+format: venv ## Format the code and sort its imports
+	@$(BIN)/ruff check --quiet --fix-only .
+	@$(BIN)/ruff format .
+
+bench: venv ## Measure the speed of the control computation
+	@$(BIN)/telerobot bench
+
+campaign: venv ## Behaviour at scale: random scripts, scenes and faults
+	@$(BIN)/telerobot campaign
+
+clean: ## Remove what can be built again
+	@rm -rf $(VENV) dist build out .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
