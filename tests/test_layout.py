@@ -1,0 +1,40 @@
+import tomllib
+from importlib import resources
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDERS = ("config", "drivers", "protocols", "server", "tools")
+
+
+def test_the_package_is_the_five_folders():
+    links = {p.name: p.resolve() for p in (ROOT / ".namespace/telerobot").iterdir()}
+    assert links == {name: ROOT / name for name in (*FOLDERS, "__init__.py", "py.typed")}
+
+
+def test_links_are_relative_so_that_the_tree_can_move():
+    assert not any(p.readlink().is_absolute() for p in (ROOT / ".namespace/telerobot").iterdir())
+
+
+def test_data_travels_with_the_package():
+    config = Path(str(resources.files("telerobot") / "config"))
+    for kind, suffix in (("cells", ".toml"), ("robots", ".urdf")):
+        assert list((config / kind).glob(f"*{suffix}")), f"no {suffix} in config/{kind}"
+
+
+def test_constraints_name_versions_only_and_cover_what_we_need():
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pinned = dict(line.split("==") for line in lines)
+    assert lines == sorted(lines, key=str.lower)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    needed = (*project["dependencies"], *project["optional-dependencies"]["dev"])
+    assert {n.split(">=")[0].lower() for n in needed} <= {name.lower() for name in pinned}
+
+
+def test_no_file_is_longer_than_three_hundred_lines():
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*.py")
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 300
+    }
+    assert long == {}
