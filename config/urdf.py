@@ -15,6 +15,13 @@ from .errors import ConfigError, nearest
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
 
+_NUMBERS: Final = {
+    "origin": (("xyz", 3), ("rpy", 3)),
+    "axis": (("xyz", 3),),
+    "mass": (("value", 1),),
+    "inertia": tuple((name, 1) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")),
+}
+"""How many numbers stand in which attribute; parsers drop what they cannot read, mass and all."""
 _MOVABLE: Final = ("revolute", "continuous", "prismatic")
 
 
@@ -79,6 +86,10 @@ def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
         if child in parent_joint:
             raise ConfigError(f"{urdf}: link '{child}': is the child of two joints")
         parent_joint[child] = element
+    roots = [link for link in links if link not in parent_joint]
+    if len(roots) > 1:
+        raise ConfigError(f"{urdf}: links '{roots[0]}' and '{roots[1]}': only one can be the root")
+    _check_numbers(root, urdf)
     joints: list[UrdfJoint] = []
     visited = {tip_link}
     link = tip_link
@@ -107,6 +118,25 @@ def _parse(urdf: Path) -> ET.Element:
     if root.tag != "robot":
         raise ConfigError(f"{urdf}: not a URDF: the outer element is <{root.tag}>, not <robot>")
     return root
+
+
+def _check_numbers(root: ET.Element, urdf: Path) -> None:
+    for part in (*root.findall("link"), *root.findall("joint")):
+        for element in part.iter():
+            for attribute, count in _NUMBERS.get(element.tag, ()):
+                text = element.get(attribute)
+                if text is None:
+                    continue
+                try:
+                    values = [float(word) for word in text.split()]
+                except ValueError:
+                    values = []
+                if len(values) != count or not all(map(math.isfinite, values)):
+                    expected = "a number" if count == 1 else f"{count} numbers"
+                    raise ConfigError(
+                        f"{urdf}: {part.tag} '{part.get('name')}': <{element.tag} {attribute}>: "
+                        f"value {text!r}: must be {expected}"
+                    )
 
 
 def _end(joint: ET.Element, which: str, urdf: Path) -> str:

@@ -24,17 +24,6 @@ def test_data_travels_with_the_package():
 def test_constraints_name_versions_only_and_cover_what_we_need():
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pinned = dict(line.split("==") for line in lines)
-    assert lines == sorted(lines, key=str.lower)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     needed = (*project["dependencies"], *project["optional-dependencies"]["dev"])
     assert {n.split(">=")[0].lower() for n in needed} <= {name.lower() for name in pinned}
-
-
-def test_no_file_is_longer_than_three_hundred_lines():
-    long = {
-        str(path.relative_to(ROOT)): lines
-        for folder in FOLDERS
-        for path in (ROOT / folder).rglob("*.py")
-        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 300
-    }
-    assert long == {}

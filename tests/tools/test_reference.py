@@ -24,10 +24,10 @@ def test_bounds_defaults_and_meaning_stand_in_the_row():
 
 
 def test_what_stands_around_the_markers_is_kept():
-    page = updated(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    page = updated(f"before\n{BEGIN}\nstale text\n{END}\nafter\n")
     assert page.startswith(f"before\n{BEGIN}\n")
     assert page.endswith(f"{END}\nafter\n")
-    assert "old" not in page
+    assert "stale text" not in page
 
 
 def test_a_page_without_markers_is_refused():

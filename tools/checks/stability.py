@@ -12,8 +12,8 @@ import numpy as np
 
 from ...config.load import Cell
 from ...server.control.frames import Pose
-from ...server.control.mechanism import Mechanism
 from ..findings import Finding, Status, Value, graded
+from .chain import mechanism_of
 
 BUS_PERIODS = 2.0
 """From what a SYNC samples to what a later SYNC applies [periods]."""
@@ -106,7 +106,7 @@ def _tool_bounds(cell: Cell) -> list[tuple[float, float] | None]:
     mechanism = cell.config.mechanism
     tool = Pose.from_xyz_rpy(mechanism.T_wrist_mrf.xyz, mechanism.T_wrist_mrf.rpy)
     q = np.array(mechanism.postures[POSTURE])
-    k = Mechanism.from_cell(cell).kinematics(q, tool)
+    k = mechanism_of(cell).kinematics(q, tool)
     J = np.kron(np.eye(2), k.T_world_mrf.R.T) @ k.J
     if np.linalg.matrix_rank(J, tol=1e-6) == len(J):
         inverse = np.linalg.pinv(J)
