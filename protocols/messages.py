@@ -218,7 +218,7 @@ class State(Message):
 
     Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World. `sources` holds each source's
     twist as it entered the sum, at the MRF origin in World axes; `twist` is the sum before
-    limiting. `command_age_ticks` is how old the picture was that the last accepted command was
+    limiting; `target_mrf` is the pose that the position source leads to. `command_age_ticks` is how old the picture was that the last accepted command was
     based on. `limits` names what is limiting now.
     """
 
@@ -233,6 +233,7 @@ class State(Message):
     pose_mrf: Vector6
     pose_mrf_measured: Vector6
     pose_crf: Vector6
+    target_mrf: Vector6 | None
     wrench_mrf: Vector6 | None
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]

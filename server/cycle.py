@@ -12,12 +12,13 @@ import numpy as np
 
 from ..config.load import Cell
 from ..drivers.device import Cause, DeviceError, Trouble
+from ..protocols.cia402 import DriveState
 from ..protocols.codec import encode
 from ..protocols.messages import Command, Keepalive
 from ..protocols.topics import DESCRIPTION, EVENT, STATE
 from .admission import Admission, Now, Refused, Why
 from .clock import Clock
-from .control.frames import Array
+from .control.frames import Array, Pose
 from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
 from .desk import Desk, View
@@ -67,6 +68,8 @@ class Cycle:
         self.output: Output | None = None
         self.cell, self.plant, self.clock = cell, plant, clock
         self._control, self._link, self._gain_bound = control, link, gain_bound
+        nodes = {d.joint: d.node for d in cell.config.mechanism.drives}
+        self._nodes = tuple(nodes[j] for j in control.p.joints)
         self._late_in_a_row = 0
         self._tolerated_overruns = timing.tolerated_overruns
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
@@ -81,6 +84,7 @@ class Cycle:
         self._enabled_since: int | None = None
         self._trouble: Trouble | None = None
         self._reopened = False
+        self._retiring = False
         self._sensor_stale = False
         self._unloaded: deque[Array] = deque(maxlen=round(TARE_S / timing.period_s))
 
@@ -92,6 +96,26 @@ class Cycle:
         """Stop and release everything, whatever state it is in."""
         self.plant.close()
         self._link.close()
+
+    def retire(self) -> None:
+        """Stop the arm, switch it off, and let it move no more: the daemon is about to end."""
+        self._retiring = True
+        self._events.warning("retiring", "the daemon was told to end")
+
+    def wait_in_boot(self, reason: str) -> None:
+        """Answer operators while a device is missing, and tell them which."""
+        now_s = self.clock.now()
+        self.tick += 1
+        self._events.at(self.tick, now_s)
+        self._events.warning("device_missing", reason)
+        reading = self.plant.read(now_s)
+        self._take_orders(now_s, self._view(now_s, reading))
+        self._publish_events()
+
+    @property
+    def target(self) -> Pose | None:
+        """Where the position source is to bring the MRF, in World, if anywhere."""
+        return None if self._orders.goal is None else self._orders.goal.T_world_target
 
     def begin(self) -> None:
         """Send SYNC, and now and then the heartbeat that only a living tick produces."""
@@ -114,6 +138,9 @@ class Cycle:
         except Exception as error:  # noqa: BLE001  outermost: whatever it is, the arm stops
             words = f"{type(error).__name__}: {error}"
             self._quick_stop(Trouble(Cause.STATE_LOST, "daemon", words), "tick_raised")
+        self._publish_events()
+
+    def _publish_events(self) -> None:
         for event in self._events.take():
             self._link.publish(EVENT, encode(event))
 
@@ -203,7 +230,7 @@ class Cycle:
                     Cause.FOLLOWING_ERROR,
                     joint,
                     f"command and joint are {error[j]:.4f} rad apart, at most {window[j]:.4f}",
-                    {"node": self.plant.drives[j].node, "error_rad": float(error[j])},
+                    {"node": self._nodes[j], "error_rad": float(error[j])},
                 )
         return None
 
@@ -229,7 +256,7 @@ class Cycle:
         self.mode = next_mode(
             before,
             Situation(
-                wish=desk.wish,
+                wish=Wish.DISABLE if self._retiring else desk.wish,
                 hold=desk.hold,
                 resume=desk.resume,
                 open=reading.q is not None,
@@ -260,6 +287,8 @@ class Cycle:
 
     def _blocked(self, view: View) -> str | None:
         """Return why the arm may not move now, or None."""
+        if self._retiring:
+            return "daemon ends"
         if not self._admission.lease.alive(view.now.time_s):
             return "lease run out"
         if self._desk.protective_stop is not None:
@@ -295,6 +324,7 @@ class Cycle:
             intent=intent,
             q_measured=q,
             settings=orders.settings(),
+            energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
             wrench_sensor=reading.wrench,
             stick=orders.stick(now_s, T_world_mrf) if moving else None,
             jog=orders.jog(now_s) if moving else None,

@@ -67,6 +67,7 @@ def report(
         pose_mrf=output.T_world_mrf.to_xyz_rpy(),
         pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),
         pose_crf=orders.T_world_crf.to_xyz_rpy(),
+        target_mrf=None if orders.goal is None else orders.goal.T_world_target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
         sources={name: _six(twist) for name, twist in output.twists.items()},
         gains={name: _six(gain) for name, gain in orders.settings().gains.items()},

@@ -57,6 +57,8 @@ class Inputs:
     intent: Intent
     q_measured: Array
     settings: Settings
+    energised: Array | None = None
+    """Which drives (n,) are already on while the arm is being enabled: they keep their command."""
     wrench_sensor: Array | None = None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     stick: StickCommand | None = None

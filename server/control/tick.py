@@ -65,9 +65,7 @@ class Control:
             p.T_wrist_sensor or Pose.identity(), p.payload_mass, p.payload_com, p.wrench_smoothing
         )
         self.objectives = (MidRange(p.lower, p.upper, p.redundancy.mid_range),)
-        self.room = JointRoom(
-            p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T
-        )
+        self.room = JointRoom(p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
 
@@ -100,7 +98,10 @@ class Control:
             memory.force, inputs.wrench_sensor, inputs.settings.wrench_bias, measured.T_world_wrist
         )
         if inputs.intent is Intent.SEED:
-            memory = replace(self.seed(inputs.q_measured), force=force)
+            q = inputs.q_measured
+            if inputs.energised is not None:
+                q = np.where(inputs.energised, memory.motion.q, q)
+            memory = self.seed(q)
         memory = replace(memory, force=force, gains=self._ramp(memory, inputs))
         kinematics = self.mechanism.kinematics(memory.motion.q, inputs.settings.T_wrist_mrf)
 

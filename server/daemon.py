@@ -1,0 +1,129 @@
+"""The daemon: builds a cell from its config and runs it. The one file that knows every class."""
+
+import secrets
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+
+import can
+
+from ..config.load import Cell
+from ..drivers.bus import open_bus
+from ..drivers.device import DeviceError
+from ..drivers.fieldbus import Fieldbus
+from ..drivers.force_torque import RobotousSensor
+from ..drivers.servo import ServoDrive
+from .clock import Clock, MonotonicClock
+from .control.mechanism import Mechanism
+from .control.parameters import Parameters
+from .control.tick import Control
+from .cycle import Cycle
+from .link import Link, ZenohLink
+from .loop import LoopStatistics, run
+from .mode import Mode
+from .plant import Plant
+from .realtime import prepare
+from .stability import gain_bound
+
+RETRY_S = 0.5
+"""While devices are missing at start, they are looked for again after [s]."""
+
+RETIRE_S = 3.0
+"""A daemon that is asked to end takes at most this long to stop the arm [s]."""
+
+
+def build(
+    cell: Cell, bus: can.BusABC, link: Link, clock: Clock, new_token: Callable[[], str]
+) -> Cycle:
+    """Return the cycle of a cell over a bus and an operators' link; nothing is opened yet."""
+    config = cell.config
+    fieldbus = Fieldbus(bus, clock.now)
+    by_joint = {d.joint: d for d in config.mechanism.drives}
+    eds = Path(__file__).resolve().parent.parent / "config" / "devices" / "simulated_drive.eds"
+    drives = tuple(
+        ServoDrive(fieldbus, by_joint[j.name], config.timing, lower=j.lower, upper=j.upper, eds=eds)
+        for j in cell.robot.joints
+    )
+    sensor = config.mechanism.force_torque
+    plant = Plant(
+        fieldbus,
+        drives,
+        None if sensor is None else RobotousSensor(fieldbus, sensor),
+        0.0 if sensor is None else sensor.timeout_s,
+    )
+    control = Control(Parameters.from_cell(cell), Mechanism.from_cell(cell))
+    return Cycle(cell, control, plant, link, clock, new_token, gain_bound(cell))
+
+
+class Ending:
+    """Turns signals and a time limit into an orderly end: stop, switch off, go."""
+
+    def __init__(self, seconds: float | None) -> None:
+        self._seconds = seconds
+        self._asked = False
+        self._since_s: float | None = None
+        self._start_s = time.monotonic()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        self._asked = True
+
+    @property
+    def asked(self) -> bool:
+        """True once a signal came or time is up."""
+        up = self._seconds is not None and time.monotonic() - self._start_s > self._seconds
+        return self._asked or up
+
+    def go_on(self, cycle: Cycle) -> bool:
+        """Return False once the arm is at rest with its drives off, or takes too long."""
+        if not self.asked:
+            return True
+        if self._since_s is None:
+            self._since_s = time.monotonic()
+            cycle.retire()
+        over = time.monotonic() - self._since_s > RETIRE_S
+        off = cycle.mode in (Mode.BOOT, Mode.READY, Mode.FAULT)
+        return not (off or over)
+
+
+def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
+    """Run a cell's daemon until it is told to end; return what the loop was like.
+
+    Raises `DeviceError` when the bus cannot be opened. Devices that are missing are looked for
+    again and again.
+    """
+    clock = MonotonicClock()
+    bus = open_bus(cell.config.bus)
+    link = ZenohLink(cell.config.name, cell.config.zenoh.listen)
+    cycle = build(cell, bus, link, clock, lambda: secrets.token_hex(16))
+    ending = Ending(seconds)
+    try:
+        if not _boot(cycle, clock, ending):
+            return LoopStatistics()
+        for notice in prepare():
+            print(f"telerobot: {notice}", file=sys.stderr)
+        print(f"telerobot: {cell.config.name} is ready at {cell.config.zenoh.listen}", flush=True)
+        return run(cycle, clock, cell.config.timing.period_s, ending.go_on)
+    finally:
+        cycle.close()
+
+
+def _boot(cycle: Cycle, clock: MonotonicClock, ending: Ending) -> bool:
+    """Open the devices, however long they take to appear; return False when told to end."""
+    told = ""
+    while not ending.asked:
+        try:
+            cycle.boot()
+        except DeviceError as error:
+            if str(error) != told:
+                told = str(error)
+                print(f"telerobot: waiting: {told}", file=sys.stderr, flush=True)
+            cycle.wait_in_boot(str(error))
+            clock.sleep_until(clock.now() + RETRY_S)
+        else:
+            return True
+    return False

@@ -1,0 +1,214 @@
+"""Plays a script: pilots do what its steps say, when their time has come."""
+
+from collections import deque
+from collections.abc import Callable
+from enum import Enum, auto
+
+from ..protocols import messages as m
+from ..protocols import topics as t
+from .pilot import Ask, Pilot, PilotError, Put
+from .script import Script, Step
+
+Inject = Callable[[m.RigFault], None]
+"""Injects a fault into the virtual hardware."""
+
+
+class Phase(Enum):
+    """How far the player is."""
+
+    WAITING = auto()
+    """For telemetry to show a daemon that is READY."""
+    ACQUIRING = auto()
+    ENABLING = auto()
+    PLAYING = auto()
+    OVER = auto()
+    FAILED = auto()
+
+
+class Player:
+    """Plays one script for one or more operators; told the time and the states that come in."""
+
+    def __init__(self, script: Script, put: Put, ask: Ask, inject: Inject) -> None:
+        self.script = script
+        self.phase = Phase.WAITING
+        self.start_s = 0.0
+        """When the script's time began, on the clock of `run`."""
+        self.refused: list[str] = []
+        """What the daemon refused, and why."""
+        self.failure = ""
+        self._put, self._ask, self._inject = put, ask, inject
+        self._links: dict[str, _DelayLine] = {}
+        self._pilots: dict[str, Pilot] = {}
+        self._steps = deque(script.steps)
+        self._now_s = 0.0
+        self.pilot = self._pilot("operator")
+
+    @property
+    def over(self) -> bool:
+        """True once the script is played, or cannot be."""
+        return self.phase in (Phase.OVER, Phase.FAILED)
+
+    def on_state(self, state: m.State) -> None:
+        """Take in a state."""
+        for pilot in self._pilots.values():
+            self._links[pilot.name].hear(lambda p=pilot: p.on_state(state), self._now_s)
+
+    def run(self, now_s: float) -> None:
+        """Do what is due at `now_s`."""
+        self._now_s = now_s
+        for line in self._links.values():
+            line.run(now_s)
+        if self.phase is Phase.WAITING:
+            self._begin(now_s)
+        elif self.phase is Phase.ENABLING and self._mode == "enabled":
+            self.phase, self.start_s = Phase.PLAYING, now_s
+        if self.phase is Phase.PLAYING:
+            while self._steps and now_s >= self.start_s + self._steps[0].at_s - 1e-9:
+                self._do(self._steps.popleft())
+            if now_s >= self.start_s + self.script.duration_s - 1e-9:
+                self.phase = Phase.OVER
+        for pilot in self._pilots.values():
+            pilot.run(now_s)
+
+    @property
+    def _mode(self) -> str:
+        return "" if self.pilot.state is None else self.pilot.state.mode
+
+    def _begin(self, now_s: float) -> None:
+        if not self.script.auto_enable:
+            if self.pilot.state is not None:
+                self.phase, self.start_s = Phase.PLAYING, now_s
+        elif self._mode in ("ready", "hold"):
+            self.phase = Phase.ACQUIRING
+            self.pilot.acquire(self._on_lease)
+        elif self._mode == "fault":
+            self._fail("the daemon is in FAULT: reset it first")
+
+    def _on_lease(self, reply: m.Reply) -> None:
+        if not reply.ok:
+            self._fail(f"no lease: {reply.reason}: {reply.detail}")
+            return
+        self.phase = Phase.ENABLING
+        self.pilot.request(t.MODE, self._on_enabled, action="enable")
+
+    def _on_enabled(self, reply: m.Reply) -> None:
+        if not reply.ok:
+            self._fail(f"not enabled: {reply.reason}: {reply.detail}")
+
+    def _fail(self, why: str) -> None:
+        self.phase, self.failure = Phase.FAILED, why
+
+    def _pilot(self, name: str) -> Pilot:
+        pilot = self._pilots.get(name)
+        if pilot is None:
+            line = _DelayLine()
+            self._links[name] = line
+
+            def put(topic: t.Topic, payload: bytes) -> None:
+                line.send(lambda: self._put(topic, payload), self._now_s)
+
+            def ask(topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
+                line.send(lambda: self._ask(topic, payload, answer), self._now_s)
+
+            pilot = self._pilots[name] = Pilot(name, put, ask)
+        return pilot
+
+    def _do(self, step: Step) -> None:
+        pilot = self._pilot(step.operator)
+        if pilot.state is None:
+            pilot.state = self.pilot.state
+        try:
+            self._speak(step, pilot)
+        except PilotError as error:
+            self.refused.append(f"{step.at_s:g} s: {error}")
+
+    def _speak(self, step: Step, pilot: Pilot) -> None:
+        def ask(topic: t.Topic, **fields: object) -> None:
+            pilot.request(topic, self._note(step, topic), **fields)
+
+        if step.lease == "acquire":
+            pilot.acquire(self._note(step, t.LEASE))
+        elif step.lease == "release":
+            pilot.release(self._note(step, t.RELEASE))
+        if step.link is not None:
+            self._links[pilot.name].set(step.link.cut, step.link.delay_s)
+        if step.mode is not None:
+            ask(t.MODE, action=step.mode)
+        if step.protective_stop is True:
+            ask(t.PROTECTIVE_STOP, operator=pilot.name)
+        elif step.protective_stop is False:
+            ask(t.PROTECTIVE_CLEAR, operator=pilot.name, token=pilot.token)
+        if step.speed is not None:
+            ask(t.SPEED, factor=step.speed)
+        if step.gain is not None:
+            ask(t.GAIN, **dict(step.gain))
+        if step.switch is not None:
+            ask(t.SWITCH, **dict(step.switch))
+        if step.frame is not None:
+            ask(t.FRAME, **dict(step.frame))
+        if step.tare:
+            ask(t.TARE)
+        if step.cancel:
+            pilot.command(t.CANCEL)
+        self._command(step, pilot)
+        if step.raw is not None:
+            topic = next((x for x in t.TOPICS if x.key == step.raw.topic), t.JOYSTICK)
+            self._put(topic, bytes.fromhex(step.raw.hex))
+        if step.fault is not None:
+            self._inject(m.RigFault(**dict(step.fault)))
+
+    def _command(self, step: Step, pilot: Pilot) -> None:
+        if step.joystick is not None:
+            if step.joystick.twist is None:
+                pilot.end_stream(t.JOYSTICK)
+            else:
+                pilot.stream(t.JOYSTICK, **dict(step.joystick))
+        if step.jog is not None:
+            if step.jog.rates is None:
+                pilot.end_stream(t.JOG)
+            else:
+                pilot.stream(t.JOG, **dict(step.jog))
+        if step.position is not None:
+            pilot.command(t.POSITION, **dict(step.position))
+        if isinstance(step.posture, str):
+            pilot.command(t.POSTURE, posture=step.posture)
+        elif step.posture is not None:
+            pilot.command(t.POSTURE, q=step.posture)
+        if step.force is not None:
+            pilot.command(t.FORCE, wrench=step.force)
+
+    def _note(self, step: Step, topic: t.Topic) -> Callable[[m.Reply], None]:
+        def note(reply: m.Reply) -> None:
+            if not reply.ok:
+                self.refused.append(f"{step.at_s:g} s: {topic.key}: {reply.reason}: {reply.detail}")
+
+        return note
+
+
+class _DelayLine:
+    """An operator's connection, both ways: in order, late by a set time, or cut."""
+
+    def __init__(self) -> None:
+        self._delay_s = 0.0
+        self._cut = False
+        self._underway: deque[tuple[float, Callable[[], None]]] = deque()
+
+    def set(self, cut: bool, delay_s: float) -> None:
+        """Cut the line, or let everything arrive `delay_s` late in each direction."""
+        self._cut, self._delay_s = cut, delay_s
+
+    def send(self, deliver: Callable[[], None], now_s: float) -> None:
+        """Carry something."""
+        if self._cut:
+            return
+        if self._delay_s == 0.0 and not self._underway:
+            deliver()
+        else:
+            self._underway.append((now_s + self._delay_s, deliver))
+
+    hear = send
+
+    def run(self, now_s: float) -> None:
+        """Deliver what has arrived by now."""
+        while self._underway and self._underway[0][0] <= now_s + 1e-9:
+            self._underway.popleft()[1]()

@@ -1,0 +1,166 @@
+"""Scripts: what operators do over time, and which faults happen meanwhile, in TOML.
+
+    duration_s = 6.0
+    [[step]]
+    at_s = 0.5
+    joystick = { twist = [0.05, 0, 0, 0, 0, 0], expressed_in = "base" }
+
+Times count from the moment the arm is enabled. A stick or jog is streamed at 100 Hz until the next
+step of its kind. The same script drives a simulation and a running daemon.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ..config.load import ConfigError, script_path
+from ..protocols import messages as m
+
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class Part(BaseModel):
+    """A table of a script: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Stick(Part):
+    """A stick twist [m/s, rad/s], streamed; without a twist the stream falls silent."""
+
+    twist: m.Twist | None = None
+    relative_to: m.Frame = m.Frame.CRF
+    expressed_in: m.Frame = m.Frame.CRF
+
+
+class Jog(Part):
+    """Joint rates [rad/s], streamed; without rates the stream falls silent."""
+
+    rates: tuple[float, ...] | None = None
+
+
+class Target(Part):
+    """A target pose of the MRF [m, rad]."""
+
+    xyz: m.Place
+    rpy: m.Attitude
+    relative_to: m.Frame = m.Frame.CRF
+    expressed_in: m.Frame | None = None
+    speed: float | None = None
+
+
+class Gain(Part):
+    """Gains of one source."""
+
+    source: m.SourceName
+    gain: m.Gains
+
+
+class Switch(Part):
+    """A source on or off."""
+
+    source: m.SourceName
+    on: bool
+
+
+class FrameStep(Part):
+    """A new MRF (in Wrist) or CRF (in World)."""
+
+    frame: Literal["mrf", "crf"]
+    xyz: m.Place
+    rpy: m.Attitude
+
+
+FaultKind = Literal[
+    "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy"
+]
+
+
+class FaultStep(Part):
+    """A fault of the virtual hardware, as `{ kind = "target" }`; `on = false` takes it back."""
+
+    kind: FaultKind
+    target: str
+    on: bool = True
+    value: float | None = None
+    vector: m.Vector3 | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _kind_is_a_key(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "kind" in data:
+            return data
+        kinds = [k for k in data if k in get_args(FaultKind)]
+        if len(kinds) != 1:
+            raise ValueError(f"one fault of {', '.join(get_args(FaultKind))}")
+        rest = {k: v for k, v in data.items() if k != kinds[0]}
+        return {"kind": kinds[0], "target": data[kinds[0]], **rest}
+
+
+class LinkStep(Part):
+    """What happens to an operator's connection."""
+
+    cut: bool = False
+    delay_s: float = Field(0.0, ge=0, le=60)
+
+
+class Raw(Part):
+    """Bytes put on a topic as they are, to see them refused."""
+
+    topic: str
+    hex: str
+
+
+class Step(Part):
+    """One moment of a script; everything in it happens at `at_s`, in this order."""
+
+    at_s: NonNegative
+    operator: str = "operator"
+    lease: Literal["acquire", "release"] | None = None
+    link: LinkStep | None = None
+    mode: Literal["enable", "hold", "resume", "disable", "reset"] | None = None
+    protective_stop: bool | None = None
+    speed: float | None = None
+    gain: Gain | None = None
+    switch: Switch | None = None
+    frame: FrameStep | None = None
+    tare: bool = False
+    cancel: bool = False
+    joystick: Stick | None = None
+    jog: Jog | None = None
+    position: Target | None = None
+    posture: str | tuple[float, ...] | None = None
+    force: m.Wrench | None = None
+    raw: Raw | None = None
+    fault: FaultStep | None = None
+
+
+class Script(Part):
+    """What happens over a run."""
+
+    description: str = ""
+    duration_s: float = Field(gt=0, le=3600)
+    auto_enable: bool = True
+    """The operator takes the lease and enables the arm before time starts."""
+    step: tuple[Step, ...] = ()
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The steps in order of time."""
+        return tuple(sorted(self.step, key=lambda s: s.at_s))
+
+
+def load_script(name_or_path: str | Path, base: Path = Path()) -> Script:
+    """Load a script: a path, or the name of one that is shipped. Raises `ConfigError`."""
+    path = script_path(name_or_path, base)
+    try:
+        return Script.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        value = str(first["input"])[:60]
+        raise ConfigError(f"{path}: {key}: value {value}: {first['msg']}") from None

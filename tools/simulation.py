@@ -1,0 +1,222 @@
+"""Daemon logic and rig in one process, in virtual time: deterministic, faster than real time.
+
+The same CAN frames go over an in-process bus, and the script's operator goes through the same
+codec, lease and mailboxes as a real one; only the network and the wall clock are missing.
+"""
+
+import hashlib
+import itertools
+import math
+import struct
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+import numpy as np
+
+from ..config.load import Cell, load_cell
+from ..drivers.bus import Hub, InProcessBus
+from ..drivers.rig.rig import Rig
+from ..protocols import messages as m
+from ..protocols import topics as t
+from ..protocols.codec import decode_as
+from ..server.clock import VirtualClock
+from ..server.control.frames import Pose, rotation_log
+from ..server.daemon import build
+from ..server.memory_link import MemoryLink
+from .observer import Observer
+from .player import Phase, Player
+from .record import Recorder
+from .script import Script, load_script
+
+JUDGED_S = 0.5
+"""The tool's error is the largest over this long before the end [s]."""
+
+CONTACT_S = 1.0
+"""The contact force is the mean over this long before the end [s]."""
+
+ENABLE_WITHIN_S = 10.0
+"""A script whose arm is not enabled by then has failed [s]."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a simulation showed; the fields of its JSON, and the state of every tick."""
+
+    summary: dict[str, object]
+    states: tuple[m.State, ...]
+    truths: tuple[m.RigTruth, ...]
+    """The physics' truth after every tick."""
+
+    @property
+    def ok(self) -> bool:
+        """True when the script could be played and no limit was violated."""
+        return self.summary["failure"] is None and self.summary["limit_violations"] == 0
+
+
+class Simulation:
+    """One run of a cell under a script."""
+
+    def __init__(self, cell: Cell, script: Script, record: Path | None = None) -> None:
+        self.cell = cell
+        self.hub = Hub()
+        self.clock = VirtualClock()
+        bus = InProcessBus(self.hub)
+        self.rig = Rig(cell, InProcessBus(self.hub))
+        self.hub.pump = self.rig.poll
+        InProcessBus(self.hub, self._on_frame)
+        self.link = MemoryLink()
+        tokens = (f"simulated-{n}" for n in itertools.count(1))
+        self.cycle = build(cell, bus, self.link, self.clock, lambda: next(tokens))
+        self.player = Player(script, self.link.put, self.link.ask, self.rig.inject)
+        self.observer = Observer(cell)
+        self.events: list[m.Event] = []
+        self.states: list[m.State] = []
+        self.truths: list[m.RigTruth] = []
+        self.on_tick: Callable[[Simulation], None] | None = None
+        """Called after every tick, for a judge that looks deeper."""
+        self._recorder = None if record is None else Recorder(record)
+        self._hash = hashlib.sha256()
+        self._from_daemon = {bus}
+        self._errors: deque[tuple[float, float] | None] = deque(
+            maxlen=round(JUDGED_S / cell.config.timing.period_s)
+        )
+        self._compute: list[float] = []
+        self.cycle.plant.fieldbus.taps.append(self._on_sent)
+        self.link.listen(self._on_telemetry)
+
+    def run(self) -> Result:
+        """Play the script to its end; return what it showed."""
+        try:
+            self.cycle.boot()
+            while not self.player.over:
+                self.step()
+                waiting = self.player.phase is not Phase.PLAYING
+                if waiting and self.clock.time_s > ENABLE_WITHIN_S:
+                    break
+            return self._result()
+        finally:
+            self.cycle.close()
+            if self._recorder is not None:
+                self._recorder.close()
+
+    def step(self) -> None:
+        """Advance one period."""
+        period = self.cell.config.timing.period_s
+        self.clock.time_s = self.hub.time_s = self.rig.time_s
+        self.player.run(self.clock.time_s)
+        self.cycle.begin()
+        self.rig.poll()
+        self.cycle.finish()
+        self._compute.append(self.cycle.compute_s)
+        self.rig.advance(period)
+        self._judge()
+        if self.on_tick is not None:
+            self.on_tick(self)
+
+    # --- listening ---------------------------------------------------------------------------
+
+    def _on_frame(self, message: can.Message) -> None:
+        """Every frame on the bus, whoever sent it."""
+        data = bytes(message.data)
+        self.observer.frame(self.hub.time_s, message.arbitration_id, data)
+        if self._recorder is not None:
+            self._recorder.frame(self.hub.time_s, message.arbitration_id, data, sent=False)
+
+    def _on_sent(self, can_id: int, data: bytes) -> None:
+        self._hash.update(struct.pack("<HB", can_id, len(data)) + data)
+
+    def _on_telemetry(self, topic: t.Topic, payload: bytes) -> None:
+        if topic is t.STATE:
+            state = decode_as(m.State, payload, topic.max_bytes)
+            self.states.append(state)
+            self.player.on_state(state)
+            self._write("state", state)
+        elif topic is t.EVENT:
+            event = decode_as(m.Event, payload, topic.max_bytes)
+            self.events.append(event)
+            self._write("event", event)
+
+    def _write(self, topic: str, message: m.Message) -> None:
+        if self._recorder is not None:
+            self._recorder.message(topic, self.clock.time_s, message)
+
+    # --- judging -----------------------------------------------------------------------------
+
+    def _judge(self) -> None:
+        truth = self.rig.truth()
+        self.truths.append(truth)
+        self._write("truth", truth)
+        target = self.cycle.target
+        if target is None:
+            self._errors.append(None)
+            return
+        true = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
+        turn = rotation_log(target.R.T @ true.R)
+        self._errors.append((float(np.linalg.norm(true.p - target.p)), float(np.linalg.norm(turn))))
+
+    def _result(self) -> Result:
+        period = self.cell.config.timing.period_s
+        ticks_of_contact = round(CONTACT_S / period)
+        contact = [truth.contact_force for truth in self.truths[-ticks_of_contact:]]
+        clear = [truth.clearance_m for truth in self.truths if truth.clearance_m is not None]
+        judged = [e for e in self._errors if e is not None]
+        settled = len(judged) == self._errors.maxlen
+        micros = np.array(self._compute) * 1e6 if self._compute else np.zeros(1)
+        failure = self.player.failure or (
+            None if self.player.phase is Phase.OVER else "the arm was not enabled"
+        )
+        summary: dict[str, object] = {
+            "cell": self.cell.config.name,
+            "failure": failure,
+            "ticks": self.cycle.tick,
+            "duration_s": round(self.clock.time_s + period, 9),
+            "mode": str(self.cycle.mode),
+            "events": [
+                {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}
+                | ({"values": e.values} if e.values else {})
+                for e in self.events
+            ],
+            "refused": self.player.refused,
+            "limit_violations": len(self.observer.violations),
+            "violations": [v.__dict__ for v in self.observer.violations[:20]],
+            "limited_ticks": sum(bool(s.limits) for s in self.states),
+            "min_clearance_m": min(clear) if clear else None,
+            "max_speed_ratio": self.observer.max_speed_ratio,
+            "max_acceleration_ratio": self.observer.max_acceleration_ratio,
+            "tool_error_m": max(e[0] for e in judged) if settled else None,
+            "tool_error_rad": max(e[1] for e in judged) if settled else None,
+            "contact_force_n": _mean_norm(contact),
+            "q_final": list(self.truths[-1].q) if self.truths else [],
+            "tick_us": {
+                "p50": round(float(np.percentile(micros, 50)), 1),
+                "p99": round(float(np.percentile(micros, 99)), 1),
+                "max": round(float(micros.max()), 1),
+            },
+            "command_hash": self._hash.hexdigest(),
+        }
+        return Result(summary, tuple(self.states), tuple(self.truths))
+
+
+def _mean_norm(forces: list[tuple[float, float, float]]) -> float:
+    if not forces:
+        return 0.0
+    return math.fsum(math.sqrt(x * x + y * y + z * z) for x, y, z in forces) / len(forces)
+
+
+def simulate(
+    cell: Cell | str | Path, script: Script | str | Path | None = None, record: Path | None = None
+) -> Result:
+    """Simulate a cell under a script (the cell's own by default).
+
+    Raises `ConfigError` for a cell or script that is wrong.
+    """
+    if not isinstance(cell, Cell):
+        cell = load_cell(cell)
+    if script is None:
+        script = cell.config.default_script
+    if not isinstance(script, Script):
+        script = load_script(script)
+    return Simulation(cell, script, record).run()
