@@ -20,6 +20,9 @@ from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 from ..config.schema import Bus
 from .device import DeviceError
 
+CanMessage = can.Message
+"""A CAN frame as it comes from a bus."""
+
 _LOOPBACK: Final = "127.0.0.1"
 _IP_MULTICAST_ALL: Final = 49  # linux/in.h; Python has no name for it
 _SO_TIMESTAMPNS: Final = 35  # asm-generic/socket.h
@@ -211,6 +214,11 @@ class InProcessBus(can.BusABC):
     def fileno(self) -> int:
         """Return -1: there is nothing to select on."""
         return -1
+
+    @property
+    def waiting(self) -> int:
+        """Number of frames that have come and were not received yet."""
+        return len(self._queue)
 
     def shutdown(self) -> None:
         """Leave the hub."""

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
-import can
-
 from ..config.load import Cell
 from ..drivers.bus import open_bus
 from ..drivers.device import DeviceError
@@ -26,7 +24,7 @@ from .loop import LoopStatistics, run
 from .mode import Mode
 from .plant import Plant
 from .realtime import prepare
-from .stability import gain_bound
+from .stability import gain_judge
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""
@@ -36,11 +34,10 @@ RETIRE_S = 3.0
 
 
 def build(
-    cell: Cell, bus: can.BusABC, link: Link, clock: Clock, new_token: Callable[[], str]
+    cell: Cell, fieldbus: Fieldbus, link: Link, clock: Clock, new_token: Callable[[], str]
 ) -> Cycle:
-    """Return the cycle of a cell over a bus and an operators' link; nothing is opened yet."""
+    """Return the cycle of a cell over a bus and an operators' link; no device is opened yet."""
     config = cell.config
-    fieldbus = Fieldbus(bus, clock.now)
     by_joint = {d.joint: d for d in config.mechanism.drives}
     eds = Path(__file__).resolve().parent.parent / "config" / "devices" / "simulated_drive.eds"
     drives = tuple(
@@ -55,7 +52,7 @@ def build(
         0.0 if sensor is None else sensor.timeout_s,
     )
     control = Control(Parameters.from_cell(cell), Mechanism.from_cell(cell))
-    return Cycle(cell, control, plant, link, clock, new_token, gain_bound(cell))
+    return Cycle(cell, control, plant, link, clock, new_token, gain_judge(cell))
 
 
 class Ending:
@@ -97,9 +94,9 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     again and again.
     """
     clock = MonotonicClock()
-    bus = open_bus(cell.config.bus)
+    fieldbus = Fieldbus(open_bus(cell.config.bus), clock.now)
     link = ZenohLink(cell.config.name, cell.config.zenoh.listen)
-    cycle = build(cell, bus, link, clock, lambda: secrets.token_hex(16))
+    cycle = build(cell, fieldbus, link, clock, lambda: secrets.token_hex(16))
     ending = Ending(seconds)
     try:
         if not _boot(cycle, clock, ending):

@@ -1,11 +1,11 @@
 """A kinematic chain: forward kinematics and Jacobian of the MRF, by Pinocchio."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from ...config.errors import ConfigError
 from ...config.load import Cell
 from .frames import Array, Pose
 
@@ -26,14 +26,15 @@ class Mechanism:
     """
 
     def __init__(
-        self, urdf: Path, joints: tuple[str, ...], tip_link: str, T_world_base: Pose
+        self, description: str, joints: tuple[str, ...], tip_link: str, T_world_base: Pose
     ) -> None:
-        full = pin.buildModelFromUrdf(str(urdf))
+        """Build from a URDF's text; raises `ValueError` where the joints are not its own."""
+        full = pin.buildModelFromXML(description)
         others = [i for i in range(1, full.njoints) if full.names[i] not in joints]
         model = pin.buildReducedModel(full, others, pin.neutral(full)) if others else full
         order = tuple(model.names[i] for i in range(1, model.njoints))
         if order != joints:
-            raise ValueError(f"{urdf}: joints in order {order}, the cell says {joints}")
+            raise ValueError(f"in order {order}, the cell says {joints}")
         self.model = model
         self.n = int(model.nv)
         self.joints = joints
@@ -44,11 +45,17 @@ class Mechanism:
 
     @classmethod
     def from_cell(cls, cell: Cell) -> "Mechanism":
-        """Build the mechanism that a cell describes."""
+        """Build the mechanism that a cell describes.
+
+        Raises `ConfigError` where the kinematics library refuses the URDF.
+        """
         m = cell.config.mechanism
         joints = tuple(j.name for j in cell.robot.joints)
         base = Pose.from_xyz_rpy(m.T_world_base.xyz, m.T_world_base.rpy)
-        return cls(cell.robot.urdf, joints, m.tip_link, base)
+        try:
+            return cls(cell.robot.description(), joints, m.tip_link, base)
+        except (ValueError, RuntimeError) as error:
+            raise ConfigError(f"{cell.robot.urdf}: {error}") from None
 
     def kinematics(self, q: Array, T_wrist_mrf: Pose) -> Kinematics:
         """Return frames and Jacobian at joint angles q (n,) [rad]."""

@@ -8,7 +8,7 @@ from telerobot.config.load import load_cell, shipped
 from telerobot.server.control.mechanism import Mechanism
 from telerobot.tools.check import judge
 from telerobot.tools.checks.bus_load import worst_case_bits
-from telerobot.tools.checks.stability import bound, filter_periods, jerk_lag_s
+from telerobot.server.stability import bound, filter_periods, jerk_lag_s
 from telerobot.tools.cli import main
 from telerobot.tools.findings import Status, failed
 
@@ -175,9 +175,9 @@ def test_a_start_posture_in_a_singularity_is_an_error(tmp_path):
 
 
 def test_a_urdf_that_the_kinematics_refuses_is_one_line(small, monkeypatch, capsys):
-    def refuse(_cell):
+    def refuse(*_arguments):
         raise ValueError("first line\nsecond line")
 
-    monkeypatch.setattr(Mechanism, "from_cell", refuse)
+    monkeypatch.setattr(Mechanism, "__init__", refuse)
     assert main(["check", str(small.cell)]) == 2
     assert capsys.readouterr().err == f"telerobot: {small.urdf}: first line second line\n"

@@ -7,14 +7,14 @@ import numpy as np
 from ...config.agree import REQUIRED_POSTURES
 from ...config.load import Cell
 from ...server.control.frames import Pose
+from ...server.control.mechanism import Mechanism
 from ..findings import Finding, Status
-from .chain import mechanism_of
 
 
 def postures(cell: Cell) -> Iterator[Finding]:
     """Judge the least singular value at `start` and `ready`; joint limits were held on loading."""
     config = cell.config.mechanism
-    mechanism = mechanism_of(cell)
+    mechanism = Mechanism.from_cell(cell)
     tool = Pose.from_xyz_rpy(config.T_wrist_mrf.xyz, config.T_wrist_mrf.rpy)
     resolve = cell.config.resolve
     weight = np.array([1.0] * 3 + [resolve.characteristic_length] * 3)
