@@ -1,26 +1,24 @@
 """A remote operator over Zenoh: `telerobot.Operator`, for a user's own scripts.
 
-    with Operator("pa10") as operator:
-        operator.acquire()
-        operator.enable()
-        operator.joystick([0.02, 0, 0, 0, 0, 0], seconds=2.0)
+with Operator("pa10") as operator:
+    operator.acquire()
+    operator.enable()
+    operator.joystick([0.02, 0, 0, 0, 0, 0], seconds=2.0)
 """
 
-import json
 import time
 from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Self
 
-import zenoh
-
 from ..config.load import Cell, load_cell
 from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, decode_as, encode
-from .pilot import Pilot
+from .pilot import OnReply, Pilot, PilotError
+from .round_trip import RoundTrip
+from .session import REPLY_TIMEOUT_S, Session
 
-REPLY_TIMEOUT_S = 5.0
 POLL_S = 0.002
 
 
@@ -33,26 +31,15 @@ class OperatorError(Exception):
         self.detail = detail
 
 
-def client_config(endpoint: str) -> "zenoh.Config":
-    """Return a Zenoh client's configuration: it talks to the daemon and to nobody else."""
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "client",
-        "connect/endpoints": [endpoint],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
 class Operator:
     """One operator's session with a daemon; a context manager.
 
-    Nothing runs in the background: the lease is renewed, streams are sent and telemetry is read
-    inside `spin` and the calls that wait. Call one of them at least ten times a second, or the
-    lease runs out and the arm goes to HOLD.
+    **Nothing runs in the background.** The lease is renewed, streams are sent and telemetry is
+    read inside `spin` and the calls that wait. Call one of them at least every 0.1 s, or the
+    lease runs out (0.5 s in most cells) and the arm stops and holds: that is meant, a script that
+    hangs shall not keep an arm moving. Not for use from several threads.
+
+    Raises `OperatorError` when nobody answers, `ConfigError` for a cell that is wrong.
     """
 
     def __init__(
@@ -60,20 +47,25 @@ class Operator:
     ) -> None:
         loaded = cell if isinstance(cell, Cell) else load_cell(cell)
         self.cell = loaded.config.name
-        target = endpoint or loaded.config.zenoh.listen
+        self.endpoint = endpoint or loaded.config.zenoh.listen
         try:
-            self._session = zenoh.open(client_config(target))
-        except zenoh.ZError as error:
-            raise OperatorError("no_daemon", f"nobody answers at {target}: {error}") from None
-        self._states = self._subscribe(t.STATE, 1)
-        self._events = self._subscribe(t.EVENT, 256)
-        self._publishers: dict[str, zenoh.Publisher] = {}
-        self._replies: list[tuple[Any, Callable[[bytes], None], float]] = []
-        self.pilot = Pilot(name, self._put, self._ask)
+            self.session = Session(self.cell, self.endpoint)
+        except ConnectionError as error:
+            raise OperatorError("no_daemon", str(error)) from None
+        self._states = self.session.subscribe(t.STATE, 1)
+        self._events = self.session.subscribe(t.EVENT, 256)
+        self._descriptions = self.session.subscribe(t.DESCRIPTION, 1)
+        self.pilot = Pilot(name, self._put, self.session.ask)
+        self.description: m.Description | None = None
+        """What the daemon says of its cell; comes within a second."""
+        self.round_trip = RoundTrip()
+        self.state_since_s: float | None = None
+        """When the newest state was read, on the monotonic clock [s]."""
         self.on_state: Callable[[m.State], None] | None = None
         """Called with every state that is read."""
         self.on_event: Callable[[m.Event], None] | None = None
         """Called with every event that is read."""
+        self._lease_seen = False
 
     def __enter__(self) -> Self:
         return self
@@ -98,22 +90,47 @@ class Operator:
         """All events that were read."""
         return self.pilot.events
 
+    @property
+    def holds_lease(self) -> bool:
+        """True from the grant of the lease until it is released or telemetry shows it lost."""
+        return self.pilot.token is not None
+
     def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
         """Keep the session alive for a while, or until something holds; return whether it did."""
         end = time.monotonic() + seconds
         while True:
-            self._turn()
+            self.turn()
             if until is not None and until():
                 return True
             if time.monotonic() >= end:
                 return until is None
             time.sleep(POLL_S)
 
+    def turn(self) -> None:
+        """Read what came in and send what is due, once; waits for nothing."""
+        for inbox, topic in (
+            (self._states, t.STATE),
+            (self._events, t.EVENT),
+            (self._descriptions, t.DESCRIPTION),
+        ):
+            for payload in inbox.take():
+                self._take(topic, payload)
+        self.session.poll()
+        self.pilot.run(time.monotonic())
+
     def wait_state(self, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
-        """Return the first state that comes. Raises `OperatorError` when none does."""
+        """Return the newest state, waiting for the first. Raises `OperatorError` if none comes."""
         if not self.spin(timeout_s, lambda: self.state is not None) or self.state is None:
             raise OperatorError("no_daemon", f"no telemetry of cell {self.cell}")
         return self.state
+
+    def wait_mode(self, mode: str, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
+        """Return the first state in a mode. Raises `OperatorError` if it is not reached."""
+        self.spin(timeout_s, lambda: self.state is not None and self.state.mode == mode)
+        state = self.wait_state()
+        if state.mode != mode:
+            raise OperatorError("not_now", f"mode is {state.mode}, not {mode}")
+        return state
 
     # --- asking ------------------------------------------------------------------------------
 
@@ -122,14 +139,14 @@ class Operator:
         self._wait(self.pilot.acquire)
 
     def release(self) -> None:
-        """Give the lease back; a moving arm stops."""
+        """Give the lease back; a moving arm stops. Raises `OperatorError` if it was lost."""
         self._wait(self.pilot.release)
 
     def enable(self) -> None:
         """Switch the drives on, or go on after HOLD; returns once the arm may be moved."""
         self.wait_state()
         self.request(t.MODE, action="enable")
-        self.spin(REPLY_TIMEOUT_S, lambda: self.state is not None and self.state.mode == "enabled")
+        self.wait_mode("enabled")
 
     def hold(self) -> None:
         """Stop and stand."""
@@ -164,7 +181,12 @@ class Operator:
         expressed_in: str = "crf",
         relative_to: str = "crf",
     ) -> None:
-        """Stream a stick twist [m/s, rad/s] for a while; with `seconds` 0, until told otherwise."""
+        """Stream a stick twist (6,) [m/s, rad/s] for a while; with `seconds` 0, until told
+        otherwise (and only while `spin` is called).
+
+        Raises `OperatorError` without the lease, or when it is lost meanwhile.
+        """
+        self._need_lease()
         self.pilot.stream(
             t.JOYSTICK,
             twist=tuple(twist),
@@ -174,34 +196,50 @@ class Operator:
         if seconds > 0.0:
             self.spin(seconds)
             self.pilot.end_stream(t.JOYSTICK)
+            self._need_lease()
 
     def move_to(
         self, xyz: Sequence[float], rpy: Sequence[float], relative_to: str = "crf", **more: Any
     ) -> None:
         """Set a target pose of the MRF [m, rad]; returns at once."""
-        self.pilot.command(
+        self.command(
             t.POSITION, xyz=tuple(xyz), rpy=tuple(rpy), relative_to=m.Frame(relative_to), **more
         )
 
     def posture(self, posture: str | Sequence[float]) -> None:
-        """Move to a joint posture, by name or angles [rad]; returns at once."""
+        """Move to a joint posture, by name or angles [rad]; returns at once.
+
+        The posture stays in force, and stick and target are not heard, until `cancel`, a jog or
+        a new target.
+        """
         if isinstance(posture, str):
-            self.pilot.command(t.POSTURE, posture=posture)
+            self.command(t.POSTURE, posture=posture)
         else:
-            self.pilot.command(t.POSTURE, q=tuple(posture))
+            self.command(t.POSTURE, q=tuple(posture))
+
+    def cancel(self) -> None:
+        """Drop target, posture and desired wrench."""
+        self.command(t.CANCEL)
 
     def wait_goal(self, timeout_s: float) -> bool:
-        """Wait until the goal is reached; return whether it was."""
-        self.spin(0.1)
-        return self.spin(timeout_s, lambda: self.state is not None and self.state.at_goal)
+        """Wait until the goal that was set last is reached; return whether it was."""
+        seq = self.pilot.seq
+
+        def reached() -> bool:
+            state = self.state
+            heard = state is not None and max(state.last_seq.values(), default=0) >= seq
+            return heard and state is not None and state.at_goal
+
+        return self.spin(timeout_s, reached)
 
     def command(self, topic: t.Topic, **fields: Any) -> None:
-        """Send any command."""
+        """Send any command. Raises `OperatorError` without the lease."""
+        self._need_lease()
         self.pilot.command(topic, **fields)
 
     def inject(self, fault: m.RigFault) -> None:
         """Inject a fault into the virtual hardware."""
-        self._put(t.RIG_FAULT, encode(fault))
+        self.session.put(t.RIG_FAULT, encode(fault))
 
     def close(self) -> None:
         """Release the lease, if held, and end the session."""
@@ -210,18 +248,9 @@ class Operator:
                 self.release()
             except OperatorError:
                 self.pilot.token = None  # it has run out already: there is nothing to release
-        self._session.close()  # type: ignore[no-untyped-call]
+        self.session.close()
 
-    # --- network -----------------------------------------------------------------------------
-
-    def _turn(self) -> None:
-        while (sample := self._states.try_recv()) is not None:
-            self._take(t.STATE, sample.payload.to_bytes())
-        while (sample := self._events.try_recv()) is not None:
-            self._take(t.EVENT, sample.payload.to_bytes())
-        for waiting in tuple(self._replies):
-            self._poll_reply(*waiting, waiting)
-        self.pilot.run(time.monotonic())
+    # --- what comes in -----------------------------------------------------------------------
 
     def _take(self, topic: t.Topic, payload: bytes) -> None:
         try:
@@ -229,37 +258,45 @@ class Operator:
         except CodecError:
             return  # another version's telemetry; commands would be refused by name
         if isinstance(message, m.State):
-            self.pilot.on_state(message)
-            if self.on_state is not None:
-                self.on_state(message)
+            self._take_state(message, time.monotonic())
         elif isinstance(message, m.Event):
             self.pilot.on_event(message)
             if self.on_event is not None:
                 self.on_event(message)
+        elif isinstance(message, m.Description):
+            self.description = message
 
-    def _poll_reply(
-        self,
-        replies: Any,
-        answer: Callable[[bytes], None],
-        deadline_s: float,
-        waiting: tuple[Any, Callable[[bytes], None], float],
-    ) -> None:
-        try:
-            reply = replies.try_recv()
-        except zenoh.ZError:
-            reply = None  # the channel closed without a reply
-            deadline_s = 0.0
-        if reply is not None and reply.ok is not None:
-            self._replies.remove(waiting)
-            answer(reply.ok.payload.to_bytes())
-        elif time.monotonic() > deadline_s:
-            self._replies.remove(waiting)
-            nobody = m.Reply(ok=False, reason="no_answer", detail="the daemon did not answer")
-            answer(encode(nobody))
+    def _take_state(self, state: m.State, now_s: float) -> None:
+        self.pilot.on_state(state)
+        self.state_since_s = now_s
+        if self.holds_lease:
+            self._watch_lease(state)
+        if self.holds_lease:
+            self.round_trip.echoed(state.last_seq, now_s)
+        if self.on_state is not None:
+            self.on_state(state)
 
-    def _wait(self, send: Callable[[Callable[[m.Reply], None]], None]) -> m.Reply:
+    def _watch_lease(self, state: m.State) -> None:
+        """Let go of a lease that telemetry shows to be lost; states from before it don't count."""
+        pilot = self.pilot
+        if state.lease_epoch == pilot.epoch and state.lease_holder == pilot.name:
+            self._lease_seen = True
+        elif self._lease_seen or state.lease_epoch >= pilot.epoch:
+            self._lease_seen = False
+            pilot.drop_lease()
+
+    # --- what goes out -----------------------------------------------------------------------
+
+    def _need_lease(self) -> None:
+        if not self.holds_lease:
+            raise OperatorError("no_lease", f"{self.pilot.name} does not hold the lease")
+
+    def _wait(self, send: Callable[[OnReply], None]) -> m.Reply:
         replies: list[m.Reply] = []
-        send(replies.append)
+        try:
+            send(replies.append)
+        except PilotError as error:
+            raise OperatorError("no_lease", str(error)) from None
         self.spin(REPLY_TIMEOUT_S + 1.0, lambda: bool(replies))
         if not replies:
             raise OperatorError("no_answer", "the daemon did not answer")
@@ -268,26 +305,5 @@ class Operator:
         return replies[0]
 
     def _put(self, topic: t.Topic, payload: bytes) -> None:
-        publisher = self._publishers.get(topic.key)
-        if publisher is None:
-            publisher = self._session.declare_publisher(
-                topic.full_key(self.cell),
-                priority=zenoh.Priority.REAL_TIME,
-                congestion_control=zenoh.CongestionControl.DROP,
-            )
-            self._publishers[topic.key] = publisher
-        publisher.put(payload)
-
-    def _ask(self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
-        replies = self._session.get(
-            topic.full_key(self.cell),
-            zenoh.handlers.FifoChannel(2),
-            payload=payload,
-            timeout=REPLY_TIMEOUT_S,
-        )
-        self._replies.append((replies, answer, time.monotonic() + REPLY_TIMEOUT_S))
-
-    def _subscribe(self, topic: t.Topic, depth: int) -> Any:
-        return self._session.declare_subscriber(
-            topic.full_key(self.cell), zenoh.handlers.RingChannel(depth)
-        )
+        self.round_trip.sent(topic.key, self.pilot.seq, time.monotonic())
+        self.session.put(topic, payload)

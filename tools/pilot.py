@@ -40,7 +40,8 @@ class Pilot:
     events: list[m.Event] = field(default_factory=list)
     mute: bool = False
     """True cuts the pilot off: nothing is sent any more."""
-    _seq: int = 0
+    seq: int = 0
+    """Number of the newest message that was sent."""
     _keepalive_due_s: float = 0.0
     _stream_due_s: float = 0.0
     _streams: dict[t.Topic, Mapping[str, Any]] = field(default_factory=dict)
@@ -110,16 +111,20 @@ class Pilot:
     def release(self, on_reply: OnReply) -> None:
         """Give the lease back."""
         self.request(t.RELEASE, on_reply)
+        self.drop_lease()
+
+    def drop_lease(self) -> None:
+        """Forget the lease, and fall silent."""
         self.token = None
         self._streams.clear()
 
     def _envelope(self) -> dict[str, Any]:
         if self.token is None:
             raise PilotError(f"{self.name} holds no lease")
-        self._seq += 1
+        self.seq += 1
         return {
             "token": self.token,
             "epoch": self.epoch,
-            "seq": self._seq,
+            "seq": self.seq,
             "seen_tick": self.seen_tick,
         }

@@ -1,0 +1,121 @@
+"""An operator's Zenoh session: puts, asks and listens. Polled: nothing runs in the background."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import zenoh
+
+from ..protocols import messages as m
+from ..protocols import topics as t
+from ..protocols.codec import encode
+
+REPLY_TIMEOUT_S = 5.0
+"""A request that is not answered by then will not be [s]."""
+
+LINK_LEASE_MS = 1000
+"""Zenoh takes a peer that is silent for this long for dead [ms]."""
+
+
+def client_config(endpoint: str) -> "zenoh.Config":
+    """Return a Zenoh client's configuration: it talks to the daemon and to nobody else."""
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/lease": LINK_LEASE_MS,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class Inbox:
+    """What came in on one topic since the last look; older news gives way to newer."""
+
+    def __init__(
+        self, subscriber: "zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]"
+    ) -> None:
+        self._subscriber = subscriber
+
+    def take(self) -> Iterator[bytes]:
+        """Yield the payloads that wait, oldest first."""
+        while (sample := self._subscriber.try_recv()) is not None:
+            yield sample.payload.to_bytes()
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """A request that was sent and is not answered yet."""
+
+    replies: "zenoh.handlers.Handler[zenoh.Reply]"
+    answer: Callable[[bytes], None]
+    deadline_s: float
+
+
+class Session:
+    """A client session with one cell's daemon. Raises `ConnectionError` if nobody answers."""
+
+    def __init__(self, cell: str, endpoint: str) -> None:
+        self.cell = cell
+        try:
+            self._session = zenoh.open(client_config(endpoint))
+        except zenoh.ZError as error:
+            reason = str(error).split(" at ")[0]
+            raise ConnectionError(f"nobody answers at {endpoint}: {reason}") from None
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._waiting: list[_Waiting] = []
+
+    def subscribe(self, topic: t.Topic, depth: int) -> Inbox:
+        """Listen to a topic, keeping the newest `depth` payloads between two looks."""
+        ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
+        return Inbox(self._session.declare_subscriber(topic.full_key(self.cell), ring))
+
+    def put(self, topic: t.Topic, payload: bytes) -> None:
+        """Send a command; a congested link drops it."""
+        publisher = self._publishers.get(topic.key)
+        if publisher is None:
+            publisher = self._session.declare_publisher(
+                topic.full_key(self.cell),
+                priority=zenoh.Priority.REAL_TIME,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            self._publishers[topic.key] = publisher
+        publisher.put(payload)
+
+    def ask(self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
+        """Send a request; `poll` hands its reply, or one that says nobody answered, to `answer`."""
+        channel: zenoh.handlers.FifoChannel[zenoh.Reply] = zenoh.handlers.FifoChannel(2)
+        replies = self._session.get(
+            topic.full_key(self.cell), channel, payload=payload, timeout=REPLY_TIMEOUT_S
+        )
+        self._waiting.append(_Waiting(replies, answer, time.monotonic() + REPLY_TIMEOUT_S))
+
+    def poll(self) -> None:
+        """Hand over the replies that have come."""
+        for waiting in tuple(self._waiting):
+            payload = _reply(waiting)
+            if payload is not None:
+                self._waiting.remove(waiting)
+                waiting.answer(payload)
+
+    def close(self) -> None:
+        """Close the session."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _reply(waiting: _Waiting) -> bytes | None:
+    """Return the reply that came, that none will come, or None while it may still come."""
+    closed = False
+    try:
+        reply = waiting.replies.try_recv()
+    except zenoh.ZError:
+        reply, closed = None, True
+    if reply is not None and reply.ok is not None:
+        return reply.ok.payload.to_bytes()
+    if closed or reply is not None or time.monotonic() > waiting.deadline_s:
+        return encode(m.Reply(ok=False, reason="no_answer", detail="the daemon did not answer"))
+    return None
