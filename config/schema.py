@@ -250,11 +250,11 @@ class Resolve(Section):
         0.3, gt=0, le=5, description="weighs radians against metres [m]"
     )
     singular_region: float = Field(
-        0.08, gt=0, le=2, description="σ0: damping begins below this singular value [m]"
+        0.05, gt=0, le=2, description="σ0: damping begins below this singular value [m]"
     )
-    damping: float = Field(0.05, gt=0, le=2, description="λm: damping at σ = 0 [m]")
+    damping: float = Field(0.02, gt=0, le=2, description="λm: damping at σ = 0 [m]")
     floor: float = Field(
-        0.02, gt=0, le=1, description="singular value below which motion into it is held off [m]"
+        0.01, gt=0, le=1, description="singular value below which motion into it is held off [m]"
     )
 
 

@@ -339,6 +339,9 @@ class Cycle:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
         self.plant.write(self.output.q)
+        if self.output.at_goal and orders.posture is not None:
+            orders.finish_posture()
+            self._events.info("posture_reached")
 
     def _tell(self, now_s: float, reading: PlantReading, q: Array) -> None:
         if self.output is None:

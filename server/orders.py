@@ -6,6 +6,7 @@ Nothing is queued: the newest order of a kind is the only one.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -16,12 +17,14 @@ from .control.frames import Array, Pose, rotation_rpy
 from .control.sources.position import PathGoal
 from .control.state import Settings, StickCommand
 
+StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
+
 
 @dataclass(frozen=True)
-class _Stream:
+class _Stream(Generic[StreamT]):
     """The newest message of a stream, and when it came."""
 
-    message: m.JoystickTwist | m.JointJog
+    message: StreamT
     since_s: float
 
 
@@ -58,11 +61,12 @@ class Orders:
         sensor = config.mechanism.force_torque
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self.speed_factor = config.limits.speed_factor
-        self._stick: _Stream | None = None
-        self._jog: _Stream | None = None
+        self._stick: _Stream[m.JoystickTwist] | None = None
+        self._jog: _Stream[m.JointJog] | None = None
         self._serial = 0
         self.goal: PathGoal | None = None
         self.posture: Array | None = None
+        self.posture_reached = False
         self.wrench_desired = np.zeros(6)
         self._take: dict[type[m.Message], Callable[..., None]] = {
             m.JoystickTwist: self._take_stick,
@@ -82,11 +86,24 @@ class Orders:
     def clear(self) -> None:
         """Drop every stream and goal: what was ordered before is dead."""
         self._stick = self._jog = None
-        self.goal = self.posture = None
+        self._drop_goals()
         self.wrench_desired = np.zeros(6)
+
+    def finish_posture(self) -> None:
+        """The posture is reached: the other sources may act again."""
+        self.posture = None
+        self.posture_reached = True
+
+    def _drop_goals(self) -> None:
+        self.goal = self.posture = None
+        self.posture_reached = False
 
     def _take_stick(self, message: m.JoystickTwist, now_s: float, _T: Pose) -> None:
         self._stick = _Stream(message, now_s)
+        if any(message.twist):
+            # Whoever moves the stick wants to steer, not to watch a posture being taken.
+            self.posture = None
+            self.posture_reached = False
 
     def _take_jog(self, message: m.JointJog, now_s: float, _T: Pose) -> None:
         rates = self._joint_vector(message.rates, "rates")
@@ -98,16 +115,16 @@ class Orders:
                 f"rates: {self._joints[j]} {rates[j]:g} rad/s, at most {self._velocity[j]:g}",
             )
         self._jog = _Stream(message, now_s)
-        self.goal = self.posture = None
+        self._drop_goals()
 
     def _take_target(self, message: m.PositionTarget, _now_s: float, T_world_mrf: Pose) -> None:
         axes = self._frame(message.expressed_in or message.relative_to, T_world_mrf)
         origin = self._frame(message.relative_to, T_world_mrf)
         turn = axes.R @ rotation_rpy(*message.rpy) @ axes.R.T
         target = Pose(turn @ origin.R, origin.p + axes.R @ np.array(message.xyz))
+        self._drop_goals()
         self._serial += 1
         self.goal = PathGoal(target, self._serial, message.speed)
-        self.posture = None
 
     def _take_posture(self, message: m.PostureMove, _now_s: float, _T: Pose) -> None:
         if message.posture is not None:
@@ -127,14 +144,14 @@ class Orders:
                     f"q: {self._joints[j]} {q[j]:g} rad, between "
                     f"{self._lower[j]:.4f} and {self._upper[j]:.4f}",
                 )
+        self._drop_goals()
         self.posture = q
-        self.goal = None
 
     def _take_wrench(self, message: m.DesiredWrench, _now_s: float, _T: Pose) -> None:
         self.wrench_desired = np.array(message.wrench)
 
     def _take_cancel(self, _message: m.CancelGoals, _now_s: float, _T: Pose) -> None:
-        self.goal = self.posture = None
+        self._drop_goals()
         self.wrench_desired = np.zeros(6)
 
     def _joint_vector(self, values: tuple[float, ...], field: str) -> Array:
@@ -169,7 +186,7 @@ class Orders:
     def stick(self, now_s: float, T_world_mrf: Pose) -> StickCommand | None:
         """Return the stick's twist, or None once its news is too old."""
         stream = self._fresh(self._stick, now_s)
-        if stream is None or not isinstance(stream.message, m.JoystickTwist):
+        if stream is None:
             return None
         axes = self._frame(stream.message.expressed_in, T_world_mrf).R
         return StickCommand(np.array(stream.message.twist), axes)
@@ -177,18 +194,18 @@ class Orders:
     def jog(self, now_s: float) -> Array | None:
         """Return the joint rates (n,) to jog at, or None once their news is too old."""
         stream = self._fresh(self._jog, now_s)
-        if stream is None or not isinstance(stream.message, m.JointJog):
+        if stream is None:
             return None
         return np.array(stream.message.rates)
 
     def expired(self, now_s: float) -> list[str]:
-        """Return the streams that have just fallen silent, and forget them."""
+        """Return the streams that fell silent while they asked for motion, and forget them."""
         names = []
         if self._stick is not None and self._fresh(self._stick, now_s) is None:
-            names.append("joystick")
+            names += ["joystick"] if any(self._stick.message.twist) else []
             self._stick = None
         if self._jog is not None and self._fresh(self._jog, now_s) is None:
-            names.append("jog")
+            names += ["jog"] if any(self._jog.message.rates) else []
             self._jog = None
         return names
 
@@ -198,7 +215,7 @@ class Orders:
             self._serial += 1
             self.goal = replace(self.goal, serial=self._serial)
 
-    def _fresh(self, stream: _Stream | None, now_s: float) -> _Stream | None:
+    def _fresh(self, stream: _Stream[StreamT] | None, now_s: float) -> _Stream[StreamT] | None:
         if stream is None or now_s - stream.since_s > self._stream_timeout_s:
             return None
         return stream

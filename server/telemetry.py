@@ -75,7 +75,7 @@ def report(
         scale=output.scale,
         limits=output.limits,
         sigma_min=output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
-        at_goal=output.at_goal,
+        at_goal=output.at_goal or orders.posture_reached,
         speed_factor=orders.speed_factor,
         drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
         protective_stop=protective_stop,

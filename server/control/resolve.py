@@ -8,8 +8,8 @@ as the stretched elbow, and then hold it there: at σ = 0 the joints hear nothin
 come back. So the direction that a small singular value belongs to is looked at one derivative
 further. With u the tool direction that fades, v the joint motion that fades with it, and
 κ = uᵀ (∂J/∂q · v) v the curvature of the boundary: a command along u against κ leads out of the
-workspace and is faded out above σ = 0; one along κ leads home, and is answered with the full
-damped gain however small σ is.
+workspace, and the motion v that answers it is braked so as to end above σ = 0; one along κ leads
+home, and is answered with the full damped gain however small σ is.
 """
 
 import math
@@ -23,6 +23,9 @@ from .frames import Array
 
 _CURVED = 0.05
 """Curvature from which a singularity counts as a boundary of the workspace [m/rad²]."""
+
+_BRAKING = 3.0
+"""Deceleration with which joints approach a boundary of the workspace [rad/s²]."""
 
 _STEP = 1e-4
 """Joint step of the finite difference for the curvature [rad]."""
@@ -55,17 +58,18 @@ def resolve(J: Array, twist: Array, jacobian_at: Callable[[Array], Array], p: Re
     singular = False
     for i in range(rank_rows):
         sigma = float(s[i])
-        if sigma >= p.singular_region:
-            gains[i] = 1.0 / sigma
-            continue
-        natural = _damped_gain(sigma, p)
         d = float(along[i])
-        if abs(d) > 1e-9:
-            singular = True
+        gains[i] = _damped_gain(sigma, p)
+        if sigma < 2.0 * p.singular_region and abs(d) > 1e-9:
             stepped = jacobian_at(_STEP * Vt[i])
             curvature = float(U[:, i] @ (weight * ((stepped - J) @ Vt[i]))) / _STEP
-            natural = _directed_gain(natural, sigma, math.copysign(curvature, curvature * d), p)
-        gains[i] = natural
+            if curvature * d > 0.0:
+                gains[i] = _homeward_gain(gains[i], sigma, abs(curvature), p)
+            else:
+                room = max(0.0, sigma - p.floor)
+                fastest = math.sqrt(2.0 * _BRAKING * room / max(abs(curvature), 1e-9))
+                gains[i] = min(gains[i], fastest / abs(d))
+            singular = singular or gains[i] < 0.999 / sigma
     V = Vt[:rank_rows]
     dq = V.T @ (gains * along)
     # Rows of V belong to real task directions even where σ is small: motion in the null space
@@ -75,16 +79,15 @@ def resolve(J: Array, twist: Array, jacobian_at: Callable[[Array], Array], p: Re
 
 
 def _damped_gain(sigma: float, p: Resolve) -> float:
+    if sigma >= p.singular_region:
+        return 1.0 / sigma
     damping2 = p.damping**2 * (1.0 - (sigma / p.singular_region) ** 2)
     return sigma / (sigma**2 + damping2)
 
 
-def _directed_gain(natural: float, sigma: float, inward: float, p: Resolve) -> float:
-    """Return the gain for a command along u; `inward` is κ, positive where it leads home."""
-    share = max(-1.0, min(1.0, inward / _CURVED))
-    if share > 0.0:
-        # λm is where σ/(σ² + λm²) is greatest: below it, the answer does not get any weaker.
-        full = _damped_gain(max(sigma, min(p.damping, p.singular_region)), p)
-        return (1.0 - share) * natural + share * max(natural, full)
-    room = max(0.0, min(1.0, (sigma - p.floor) / p.floor))
-    return natural * (1.0 + share * (1.0 - room))
+def _homeward_gain(natural: float, sigma: float, curvature: float, p: Resolve) -> float:
+    """Return the gain for a command that leads away from the boundary of the workspace."""
+    share = min(1.0, curvature / _CURVED)
+    # λm is about where the damped gain is greatest: below it, the answer gets no weaker.
+    full = _damped_gain(max(sigma, min(p.damping, p.singular_region)), p)
+    return (1.0 - share) * natural + share * max(natural, full)
