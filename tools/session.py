@@ -62,10 +62,15 @@ class Session:
     def __init__(self, cell: str, endpoint: str) -> None:
         self.cell = cell
         try:
-            self._session = zenoh.open(client_config(endpoint))
-        except zenoh.ZError as error:
-            reason = str(error).split(" at ")[0]
-            raise ConnectionError(f"nobody answers at {endpoint}: {reason}") from None
+            config = client_config(endpoint)
+        except zenoh.ZError:
+            raise ConnectionError(
+                f"{endpoint} is no Zenoh endpoint, such as tcp/127.0.0.1:7447"
+            ) from None
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError:
+            raise ConnectionError(f"nobody answers at {endpoint}") from None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._waiting: list[_Waiting] = []
 

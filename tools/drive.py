@@ -1,0 +1,75 @@
+"""`telerobot drive CELL [SCRIPT]`: a remote operator in the terminal, or a script's operators."""
+
+import argparse
+import os
+import sys
+import time
+from functools import partial
+
+from ..protocols import messages as m
+from .address import add_cell_arguments, cell_from
+from .cockpit import Cockpit, event_line
+from .console import Console, is_terminal
+from .keyboard import Decoder
+from .operator import Operator, OperatorError
+from .performance import Performance
+from .script import load_script
+
+POLL_S = 0.004
+REDRAW_S = 0.1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser, bus=False)
+    parser.add_argument(
+        "script", metavar="SCRIPT", nargs="?", help="play this instead of reading the keyboard"
+    )
+    parser.add_argument(
+        "--name",
+        default=os.environ.get("USER") or "operator",
+        help="the operator's name, as others see it (default: %(default)s)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Drive a cell whose daemon runs. Raises `ConfigError`."""
+    cell = cell_from(args)
+    script = None if args.script is None else load_script(args.script)
+    if script is None and not is_terminal():
+        print("telerobot: drive needs a terminal, or a SCRIPT to play", file=sys.stderr)
+        return 2
+    try:
+        with Operator(cell, name=args.name) as operator:
+            if script is not None:
+                return Performance(operator, script, partial(print, flush=True)).run()
+            drive(operator)
+    except OperatorError as error:
+        print(f"telerobot: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def drive(operator: Operator) -> None:
+    """Let a person at the keyboard drive, until they leave."""
+    with Console() as console:
+        cockpit, decoder = Cockpit(operator, console.say), Decoder()
+        operator.on_event = lambda event: _tell(console, event)
+        cockpit.help()
+        cockpit.acquire()
+        redraw_s = 0.0
+        while not (cockpit.quit or console.ended):
+            for key in decoder.keys(console.read(POLL_S)):
+                cockpit.press("q" if key == "ctrl-c" else key, time.monotonic())
+            cockpit.run(time.monotonic())
+            operator.turn()
+            now_s = time.monotonic()
+            if now_s >= redraw_s:
+                redraw_s = now_s + REDRAW_S
+                console.show(*cockpit.lines(now_s))
+        operator.on_event = None
+
+
+def _tell(console: Console, event: m.Event) -> None:
+    if event.name != "request_refused":  # the one who asked has the reply
+        console.say(event_line(event))
