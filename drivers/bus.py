@@ -154,6 +154,11 @@ class Hub:
         if member in self._members:
             self._members.remove(member)
 
+    def close(self) -> None:
+        """Let every member leave."""
+        for member in tuple(self._members):
+            member.shutdown()
+
     def deliver(self, sender: "InProcessBus", message: can.Message) -> None:
         """Hand a frame to every other member, in the order of joining.
 

@@ -8,8 +8,11 @@ from ..protocols.messages import Event
 Severity = Literal["info", "warning", "error"]
 Value = str | int | float | bool | None
 
-PER_SECOND = 3
-"""Events of one name that are sent within a second; more are counted and told later."""
+PER_SECOND: dict[Severity, int] = {"info": 20, "warning": 3}
+"""Events of one name that are sent within a second; more are counted and told later.
+
+Errors are never held back.
+"""
 
 
 class Events:
@@ -49,7 +52,7 @@ class Events:
         recent = self._recent.setdefault(name, deque())
         while recent and recent[0] <= self.time_s - 1.0:
             recent.popleft()
-        if severity != "error" and len(recent) >= PER_SECOND:
+        if len(recent) >= PER_SECOND.get(severity, len(recent) + 1):
             self._suppressed[name] = self._suppressed.get(name, 0) + 1
             return
         recent.append(self.time_s)

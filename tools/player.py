@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from enum import Enum, auto
+from functools import partial
 
 from ..protocols import messages as m
 from ..protocols import topics as t
@@ -51,7 +52,7 @@ class Player:
     def on_state(self, state: m.State) -> None:
         """Take in a state."""
         for pilot in self._pilots.values():
-            self._links[pilot.name].hear(lambda p=pilot: p.on_state(state), self._now_s)
+            self._links[pilot.name].carry(partial(pilot.on_state, state), self._now_s)
 
     def run(self, now_s: float) -> None:
         """Do what is due at `now_s`."""
@@ -105,10 +106,10 @@ class Player:
             self._links[name] = line
 
             def put(topic: t.Topic, payload: bytes) -> None:
-                line.send(lambda: self._put(topic, payload), self._now_s)
+                line.carry(lambda: self._put(topic, payload), self._now_s)
 
             def ask(topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
-                line.send(lambda: self._ask(topic, payload, answer), self._now_s)
+                line.carry(lambda: self._ask(topic, payload, answer), self._now_s)
 
             pilot = self._pilots[name] = Pilot(name, put, ask)
         return pilot
@@ -197,7 +198,7 @@ class _DelayLine:
         """Cut the line, or let everything arrive `delay_s` late in each direction."""
         self._cut, self._delay_s = cut, delay_s
 
-    def send(self, deliver: Callable[[], None], now_s: float) -> None:
+    def carry(self, deliver: Callable[[], None], now_s: float) -> None:
         """Carry something."""
         if self._cut:
             return
@@ -205,8 +206,6 @@ class _DelayLine:
             deliver()
         else:
             self._underway.append((now_s + self._delay_s, deliver))
-
-    hear = send
 
     def run(self, now_s: float) -> None:
         """Deliver what has arrived by now."""

@@ -66,7 +66,7 @@ class Recorder:
 
     def close(self) -> None:
         """Finish the file."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
     def _write(self, topic: str, schema: dict[str, Any], time_s: float, row: Any) -> None:

@@ -13,11 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import can
 import numpy as np
 
 from ..config.load import Cell, load_cell
-from ..drivers.bus import Hub, InProcessBus
+from ..drivers.bus import CanMessage, Hub, InProcessBus
+from ..drivers.fieldbus import Fieldbus
 from ..drivers.rig.rig import Rig
 from ..protocols import messages as m
 from ..protocols import topics as t
@@ -36,6 +36,9 @@ JUDGED_S = 0.5
 
 CONTACT_S = 1.0
 """The contact force is the mean over this long before the end [s]."""
+
+PUMP_STEPS = 500
+"""A device that is silent for this many physics steps does not answer [1]."""
 
 ENABLE_WITHIN_S = 10.0
 """A script whose arm is not enabled by then has failed [s]."""
@@ -65,11 +68,13 @@ class Simulation:
         self.clock = VirtualClock()
         bus = InProcessBus(self.hub)
         self.rig = Rig(cell, InProcessBus(self.hub))
-        self.hub.pump = self.rig.poll
+        self.hub.pump = self._pump
         InProcessBus(self.hub, self._on_frame)
         self.link = MemoryLink()
         tokens = (f"simulated-{n}" for n in itertools.count(1))
-        self.cycle = build(cell, bus, self.link, self.clock, lambda: next(tokens))
+        self.cycle = build(
+            cell, Fieldbus(bus, self.clock.now), self.link, self.clock, lambda: next(tokens)
+        )
         self.player = Player(script, self.link.put, self.link.ask, self.rig.inject)
         self.observer = Observer(cell)
         self.events: list[m.Event] = []
@@ -79,7 +84,7 @@ class Simulation:
         """Called after every tick, for a judge that looks deeper."""
         self._recorder = None if record is None else Recorder(record)
         self._hash = hashlib.sha256()
-        self._from_daemon = {bus}
+        self._bus = bus
         self._errors: deque[tuple[float, float] | None] = deque(
             maxlen=round(JUDGED_S / cell.config.timing.period_s)
         )
@@ -99,6 +104,7 @@ class Simulation:
             return self._result()
         finally:
             self.cycle.close()
+            self.hub.close()
             if self._recorder is not None:
                 self._recorder.close()
 
@@ -116,9 +122,19 @@ class Simulation:
         if self.on_tick is not None:
             self.on_tick(self)
 
+    def _pump(self) -> None:
+        """Let virtual time pass while the daemon waits, as it may in BOOT, until it hears."""
+        for _ in range(PUMP_STEPS):
+            if self._bus.waiting:
+                return
+            self.rig.poll()
+            if not self._bus.waiting:
+                self.rig.step()
+            self.clock.time_s = self.hub.time_s = self.rig.time_s
+
     # --- listening ---------------------------------------------------------------------------
 
-    def _on_frame(self, message: can.Message) -> None:
+    def _on_frame(self, message: CanMessage) -> None:
         """Every frame on the bus, whoever sent it."""
         data = bytes(message.data)
         self.observer.frame(self.hub.time_s, message.arbitration_id, data)

@@ -1,0 +1,217 @@
+"""What is malformed, late, unauthorised or out of range is refused by name; the arm goes on."""
+
+import math
+
+import msgpack
+import pytest
+from telerobot.protocols.codec import encode
+from telerobot.protocols.messages import VERSION, JointJog, JoystickTwist, PositionTarget
+
+from .conftest import REST, STICK
+
+TOKEN = "simulated-1"
+TWIST = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def raw(at_s, payload, topic="cmd/joystick"):
+    return {"at_s": at_s, "raw": {"topic": topic, "hex": payload.hex()}}
+
+
+def stick_map(**changes):
+    fields = {
+        "v": VERSION, "token": TOKEN, "epoch": 1, "seq": 10**6, "seen_tick": 10**6,
+        "twist": TWIST, "relative_to": "crf", "expressed_in": "crf",
+    }  # fmt: skip
+    return msgpack.packb(fields | changes)
+
+
+BAD_BYTES = {
+    "not_messagepack": b"\xc1",
+    "not_a_map": msgpack.packb([1, 2]),
+    "too_large": b"\x00" * 5000,
+    "wrong_version": stick_map(v=VERSION + 1),
+    "wrong_type": stick_map(twist="fast"),
+    "unknown_field": stick_map(colour=1),
+    "non_finite": stick_map(twist=[math.nan, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    "out_of_range": stick_map(twist=[99.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    "wrong_token": stick_map(token="guessed"),
+    "old_epoch": stick_map(epoch=0),
+    "out_of_order": stick_map(seq=0),
+    "old_picture": stick_map(seen_tick=1),
+    "future_picture": stick_map(seen_tick=10**7),
+}
+
+
+@pytest.mark.parametrize("reason", BAD_BYTES)
+def test_a_bad_command_is_refused_by_name_and_changes_nothing(play, reason):
+    stick = {"at_s": 0.3, "joystick": STICK}
+    undisturbed = play(stick, seconds=1.6)
+    disturbed = play(stick, raw(1.2, BAD_BYTES[reason]), seconds=1.6)
+    refusals = disturbed.events("command_refused")
+    assert [e.values["reason"] for e in refusals] == [reason]
+    assert TOKEN not in refusals[0].detail
+    assert disturbed.summary["command_hash"] == undisturbed.summary["command_hash"]
+
+
+def test_a_flood_of_bad_commands_is_told_a_few_times_a_second(play):
+    flood = [raw(0.5 + 0.01 * i, b"\xc1") for i in range(100)]
+    run = play({"at_s": 0.3, "joystick": STICK}, *flood, seconds=2.0)
+    refusals = run.events("command_refused")
+    assert 1 <= len(refusals) <= 8
+    assert run.summary["limit_violations"] == 0
+    assert run.summary["mode"] == "enabled"
+
+
+def test_a_target_of_too_many_joints_or_beyond_a_limit_is_refused_with_value_and_bound(play):
+    run = play(
+        {"at_s": 0.3, "posture": [0.0, 9.0, 0.0, 0.0, 0.0, 0.0, 0.0]},
+        {"at_s": 0.8, "posture": [0.0, 0.1]},
+        {"at_s": 1.3, "posture": "sofa"},
+        {"at_s": 1.8, "jog": {"rates": [5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}},
+        {"at_s": 1.85, "jog": {}},
+        seconds=2.2,
+    )
+    refusals = run.events("command_refused")
+    assert [e.values["reason"] for e in refusals[:4]] == [
+        "out_of_range", "wrong_joints", "unknown_posture", "out_of_range",
+    ]  # fmt: skip
+    assert "s2 9" in refusals[0].detail
+    assert "1.57" in refusals[0].detail
+    assert run.summary["command_hash"] == play(seconds=2.2).summary["command_hash"]
+
+
+def test_nothing_sent_before_an_enable_is_ever_executed(play):
+    """A target that was on its way when the arm was held arrives after the resume: it is dead."""
+    run = play(
+        {"at_s": 0.3, "mode": "hold"},
+        {"at_s": 0.8, "mode": "resume"},
+        seconds=1.5,
+    )
+    resumed = next(e for e in run.events("mode") if e.values["before"] == "hold")
+    late = encode(
+        PositionTarget(
+            token=TOKEN, epoch=1, seq=10**6, seen_tick=resumed.tick - 1,
+            xyz=(0.1, 0.0, 0.0), rpy=(0.0, 0.0, 0.0), relative_to="mrf",
+        )
+    )  # fmt: skip
+    again = play(
+        {"at_s": 0.3, "mode": "hold"},
+        {"at_s": 0.8, "mode": "resume"},
+        raw(0.9, late, "cmd/position"),
+        seconds=1.5,
+    )
+    assert [e.values["reason"] for e in again.events("command_refused")] == ["before_enable"]
+    assert again.summary["command_hash"] == run.summary["command_hash"]
+
+
+def test_commands_are_refused_while_the_arm_is_not_enabled(play):
+    jog = encode(JointJog(token=TOKEN, epoch=1, seq=10**6, seen_tick=10, rates=(0.1,) + (0.0,) * 6))
+    run = play(
+        {"at_s": 0.2, "lease": "acquire"},
+        raw(0.3, jog, "cmd/jog"),
+        seconds=1.0,
+        auto_enable=False,
+    )
+    assert [e.values["reason"] for e in run.events("command_refused")] == ["not_enabled"]
+    assert run.summary["mode"] == "ready"
+
+
+def test_an_operator_that_is_cut_off_fades_and_then_the_arm_holds(play):
+    run = play(
+        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 1.5, "link": {"cut": True}},
+        seconds=4.0,
+    )
+    assert max(map(abs, run.at(1.45).dq_command)) > 0.01
+    assert max(map(abs, run.at(2.0).dq_command)) < 0.3 * max(map(abs, run.at(1.45).dq_command))
+    assert [e.detail for e in run.events("stream_expired")] == ["joystick"]
+    assert run.events("lease_expired")
+    assert run.summary["mode"] == "hold"
+    assert run.summary["limit_violations"] == 0
+    stopped = next(e for e in run.events("mode") if e.values["mode"] == "hold")
+    assert stopped.time_s - run.simulation.player.start_s < 1.5 + 0.1 + 0.5 + 0.4
+
+
+def test_an_operator_whose_link_delivers_everything_three_seconds_late_loses_the_arm(play):
+    run = play(
+        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 1.0, "link": {"delay_s": 3.0}},
+        seconds=8.0,
+    )
+    assert run.events("lease_expired")
+    assert run.summary["mode"] == "hold"
+    held = next(e for e in run.events("mode") if e.values["mode"] == "hold")
+    after = [s.q_command for s in run.states if s.tick > held.tick]
+    assert all(q == after[0] for q in after)
+    assert {e.values["reason"] for e in run.events("command_refused")} <= {"no_lease"}
+
+
+def test_in_order_delay_beyond_the_limit_is_noticed_while_the_lease_still_lives(play):
+    run = play(
+        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 1.0, "link": {"delay_s": 0.3}},
+        seconds=5.0,
+    )
+    assert "old_picture" in {e.values["reason"] for e in run.events("command_refused")}
+    assert run.summary["mode"] == "hold"
+
+
+def test_a_second_operator_is_refused_while_the_lease_lives_and_takes_over_after_release(play):
+    run = play(
+        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 1.0, "operator": "second", "lease": "acquire"},
+        {"at_s": 1.5, "lease": "release"},
+        {"at_s": 1.55, "operator": "second", "lease": "acquire"},
+        {"at_s": 2.5, "operator": "second", "mode": "resume"},
+        {"at_s": 2.7, "operator": "second", "joystick": {"twist": [0, -0.05, 0, 0, 0, 0]}},
+        seconds=4.0,
+    )
+    assert [r for r in run.summary["refused"] if "lease_taken" in r]
+    assert len(run.summary["refused"]) == 1
+    assert run.at(2.4).mode == "hold"
+    assert run.states[-1].lease_holder == "second"
+    assert run.states[-1].lease_epoch == 2
+    assert run.states[-1].twist[1] < 0.0
+    assert run.summary["limit_violations"] == 0
+
+
+def test_a_second_operator_takes_over_once_the_first_has_vanished(play):
+    run = play(
+        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 1.0, "link": {"cut": True}},
+        {"at_s": 2.5, "operator": "second", "lease": "acquire"},
+        {"at_s": 2.6, "operator": "second", "mode": "resume"},
+        {"at_s": 2.8, "operator": "second", "joystick": STICK},
+        seconds=4.0,
+    )
+    assert run.summary["refused"] == []
+    assert run.states[-1].lease_holder == "second"
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+
+
+def test_a_protective_stop_needs_no_lease_is_latched_and_not_cleared_by_a_stranger(play):
+    run = play(
+        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 1.0, "operator": "passer_by", "protective_stop": True},
+        {"at_s": 1.6, "mode": "resume"},
+        {"at_s": 1.8, "operator": "stranger", "protective_stop": False},
+        {"at_s": 2.0, "operator": "passer_by", "protective_stop": False},
+        {"at_s": 2.1, "mode": "resume"},
+        {"at_s": 2.3, "joystick": REST},
+        seconds=2.6,
+    )
+    assert run.at(1.5).mode == "hold"
+    assert run.at(1.95).protective_stop
+    assert ["protective_stop" in r or "not_yours" in r for r in run.summary["refused"]] == [
+        True,
+        True,
+    ]
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+
+
+def test_a_stick_message_of_the_newest_kind_is_what_the_tests_send():
+    """The hand-made maps above are what the codec itself would send."""
+    made = JoystickTwist(token=TOKEN, epoch=1, seq=10**6, seen_tick=10**6, twist=tuple(TWIST))
+    assert msgpack.unpackb(encode(made)) == msgpack.unpackb(stick_map())

@@ -1,0 +1,255 @@
+"""Faults of the hardware, of the loop and of the surroundings: which stop follows, and what is told.
+
+Judged by the physics' own time and truth.
+"""
+
+import numpy as np
+import pytest
+from telerobot.tools.script import Script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import REST, STICK
+
+MOVING = {"at_s": 0.3, "joystick": STICK}
+
+
+def assert_quick_stopped(run, joint, node):
+    """Every drive is off or stopping, and one error names joint and node."""
+    errors = [e for e in run.simulation.events if e.severity == "error"]
+    assert len(errors) == 1
+    assert errors[0].name == "fault"
+    assert errors[0].values["device"] == joint
+    assert errors[0].values["node"] == node
+    assert run.summary["mode"] == "fault"
+    return errors[0]
+
+
+@pytest.mark.parametrize(
+    ("fault", "causes"),
+    [
+        ({"silence": "e1"}, {"pdo_lost", "heartbeat_lost"}),
+        ({"fault": "e1"}, {"drive_fault", "emergency"}),
+        ({"emcy": "e1"}, {"emergency", "drive_fault"}),
+    ],
+)
+def test_one_bad_drive_in_motion_quick_stops_them_all(play, fault, causes):
+    run = play(MOVING, {"at_s": 1.2, "fault": fault}, seconds=2.5)
+    error = assert_quick_stopped(run, "e1", 4)
+    assert error.values["cause"] in causes
+    assert np.abs(run.speeds(1.1, 1.2)).max() > 0.02
+    assert np.abs(run.speeds(2.0, 2.5)).max() < 1e-3
+    states = run.states[-1].drives
+    assert all(s != "operation_enabled" for i, s in enumerate(states) if i != 3)
+
+
+def test_reset_works_only_after_the_cause_is_gone(play):
+    run = play(
+        MOVING,
+        {"at_s": 1.0, "fault": {"fault": "e1"}},
+        {"at_s": 2.0, "mode": "reset"},
+        {"at_s": 6.0, "fault": {"fault": "e1", "on": False}},
+        {"at_s": 6.2, "mode": "reset"},
+        {"at_s": 7.0, "mode": "enable"},
+        seconds=9.0,
+    )
+    assert run.at(5.9).mode == "fault"
+    assert [r for r in run.summary["refused"] if "still_wrong" in r]
+    assert len(run.summary["refused"]) == 1
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+
+
+def test_a_silent_drive_can_be_reset_once_it_speaks_again(play):
+    run = play(
+        MOVING,
+        {"at_s": 1.0, "fault": {"silence": "w1"}},
+        {"at_s": 2.0, "mode": "reset"},
+        {"at_s": 5.5, "fault": {"silence": "w1", "on": False}},
+        {"at_s": 6.0, "mode": "reset"},
+        {"at_s": 8.0, "mode": "enable"},
+        seconds=9.5,
+    )
+    assert run.at(5.4).mode == "fault"
+    assert len([r for r in run.summary["refused"] if "still_wrong" in r]) == 1
+    assert run.summary["mode"] == "enabled"
+
+
+def test_a_joint_pushed_out_of_its_following_window_quick_stops_the_arm(play):
+    run = play(
+        MOVING,
+        {"at_s": 1.0, "fault": {"push": "e1", "vector": [0.0, 0.0, -4000.0]}},
+        seconds=1.6,
+    )
+    errors = [e for e in run.simulation.events if e.severity == "error"]
+    assert errors[0].values["cause"] in ("following_error", "drive_fault", "emergency")
+    assert errors[0].values["node"] in range(1, 8)
+    assert run.summary["mode"] == "fault"
+
+
+def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10):
+    leash = pa10.config.mechanism.drives[3].leash
+    run = play(
+        {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
+        {"at_s": 1.0, "fault": {"block": "e1"}},
+        {"at_s": 3.0, "fault": {"block": "e1", "on": False}},
+        {"at_s": 3.5, "jog": {}},
+        seconds=5.0,
+    )
+    blocked = run.at(2.9)
+    assert run.events("fault") == []
+    assert "leash:e1" in blocked.limits
+    assert 0.4 * leash < abs(blocked.following_error[3]) <= leash
+    assert abs(blocked.dq_command[3]) < 0.01
+    # On release the joint comes back to its command and no further, at no more than its speed.
+    after = run.speeds(3.0, 5.0)[:, 3]
+    assert np.abs(after).max() <= 1.2 * pa10.config.mechanism.drives[3].max_velocity
+    assert abs(run.states[-1].following_error[3]) < 1e-3
+    assert run.states[-1].q_command[3] - blocked.q_command[3] < 0.1 * 0.5 + 0.02
+    assert run.summary["limit_violations"] == 0
+
+
+def test_motion_away_from_a_blocked_direction_is_free(play):
+    run = play(
+        {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
+        {"at_s": 1.0, "fault": {"block": "e1"}},
+        {"at_s": 2.0, "jog": {"rates": [0, 0, 0, -0.1, 0, 0, 0]}},
+        seconds=2.25,
+    )
+    assert run.at(2.2).dq_command[3] == pytest.approx(-0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("way", ["killed", "hung"])
+def test_a_dead_daemon_leaves_drives_that_stop_by_themselves(pa10, way):
+    """Killed: nothing comes any more. Hung: the same, for a tick makes the heartbeat too."""
+    del way
+    script = Script.model_validate({"duration_s": 1.0, "step": [MOVING]})
+    simulation = Simulation(pa10, script)
+    simulation.cycle.boot()
+    while not simulation.player.over:
+        simulation.step()
+    last_setpoint_s = simulation.rig.time_s
+    assert np.abs(simulation.rig.truth().dq).max() > 0.02
+    timing = pa10.config.timing
+    ramp_s = max(d.max_velocity / d.quick_stop_deceleration for d in pa10.config.mechanism.drives)
+    simulation.rig.advance(timing.setpoint_timeout_s + timing.period_s + ramp_s)
+    assert np.abs(simulation.rig.truth().dq).max() < 2e-3
+    assert simulation.rig.time_s - last_setpoint_s < 0.4
+    simulation.rig.advance(0.5)
+    assert all(s != "operation_enabled" for s in simulation.rig.truth().drives)
+    simulation.cycle.close()
+    simulation.hub.close()
+
+
+def test_a_stale_sensor_silences_the_force_source_and_says_so(play):
+    run = play(
+        {"at_s": 0.5, "fault": {"silence": "force_torque"}},
+        {"at_s": 1.5, "fault": {"silence": "force_torque", "on": False}},
+        seconds=2.5,
+    )
+    assert run.at(1.4).wrench_mrf is None
+    assert run.at(1.4).sources["force"] == (0.0,) * 6
+    assert run.at(2.4).wrench_mrf is not None
+    assert len(run.events("sensor_stale")) == 1
+    assert len(run.events("sensor_fresh")) >= 1
+    assert run.summary["mode"] == "enabled"
+
+
+def test_an_essential_sensor_that_falls_silent_stops_the_arm_until_it_is_back(play, pa10):
+    import dataclasses
+
+    mechanism = pa10.config.mechanism
+    sensor = mechanism.force_torque.model_copy(update={"essential": True})
+    mechanism = mechanism.model_copy(update={"force_torque": sensor})
+    config = pa10.config.model_copy(update={"mechanism": mechanism})
+    run = play(
+        MOVING,
+        {"at_s": 1.0, "fault": {"silence": "force_torque"}},
+        {"at_s": 2.0, "mode": "resume"},
+        {"at_s": 2.5, "fault": {"silence": "force_torque", "on": False}},
+        {"at_s": 3.0, "mode": "resume"},
+        seconds=3.5,
+        cell=dataclasses.replace(pa10, config=config),
+    )
+    assert run.at(1.9).mode == "hold"
+    assert [r for r in run.summary["refused"] if "sensor_stale" in r]
+    assert run.summary["mode"] == "enabled"
+
+
+def test_late_ticks_in_a_row_stop_the_arm(pa10):
+    script = Script.model_validate({"duration_s": 2.0, "step": [MOVING]})
+    simulation = Simulation(pa10, script)
+    tolerated = pa10.config.timing.tolerated_overruns
+
+    def stall(s):
+        if s.cycle.tick == 120:
+            s.cycle.missed(tolerated + 1)
+
+    simulation.on_tick = stall
+    simulation.run()
+    stopping = [e for e in simulation.events if e.name == "stopping"]
+    assert [e.values["reason"] for e in stopping] == ["overruns"]
+    assert simulation.cycle.mode == "hold"
+
+
+def test_an_exception_in_the_tick_ends_in_a_quick_stop(pa10):
+    script = Script.model_validate({"duration_s": 2.0, "step": [MOVING]})
+    simulation = Simulation(pa10, script)
+
+    def poison(s):
+        if s.cycle.tick == 120:
+            s.cycle._orders.speed_factor = None
+
+    simulation.on_tick = poison
+    result = simulation.run()
+    assert result.summary["mode"] == "fault"
+    errors = [e for e in simulation.events if e.severity == "error"]
+    assert errors[0].name == "tick_raised"
+    assert "TypeError" in errors[0].detail
+    assert all(s != "operation_enabled" for s in result.states[-1].drives)
+
+
+def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
+    from telerobot.drivers.bus import CanMessage, InProcessBus
+
+    script = Script.model_validate({"duration_s": 2.0, "step": [MOVING]})
+    simulation = Simulation(pa10, script)
+    intruder = InProcessBus(simulation.hub)
+
+    def intrude(s):
+        if s.cycle.tick == 120:
+            intruder.send(CanMessage(arbitration_id=0x80, is_extended_id=False))
+
+    simulation.on_tick = intrude
+    result = simulation.run()
+    assert result.summary["mode"] == "fault"
+    errors = [e for e in simulation.events if e.severity == "error"]
+    assert errors[0].values["cause"] == "second_master"
+
+
+def test_enabling_does_not_move_a_joint_that_sagged(play, pa10):
+    """The brake opens before the torque stands: joints sag, and are held where they have sagged."""
+    run = play({"at_s": 0.0, "switch": {"source": "force", "on": False}}, seconds=1.5)
+    start = np.array(pa10.config.mechanism.postures["start"])
+    enabled = run.at(0.0)
+    assert np.abs(np.array(enabled.q) - start).max() > 1e-5
+    commands = np.array([s.q_command for s in run.states if s.mode == "enabled"])
+    assert np.abs(commands[0] - np.array(enabled.q)).max() < 2e-3
+    assert np.abs(np.diff(commands, axis=0)).max() / 0.01 < 0.05
+
+
+def test_contact_beyond_the_threshold_in_hold_is_bled_off(play, pa10):
+    """The wall is pushed with 45 N, then HOLD: force control alone goes on until little is left."""
+    threshold = pa10.config.sources.force.hold_threshold
+    run = play(
+        {"at_s": 0.2, "posture": "ready"},
+        {"at_s": 3.5, "joystick": {"twist": [0.034, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 9.0, "mode": "hold"},
+        {"at_s": 9.0, "joystick": REST},
+        seconds=12.0,
+    )
+    pressed = np.linalg.norm(run.at(8.9).wrench_mrf[:3])
+    assert pressed > threshold
+    assert run.summary["mode"] == "hold"
+    assert np.linalg.norm(run.states[-1].wrench_mrf[:3]) < 0.5 * threshold
+    moved = np.array(run.states[-1].pose_mrf[:3]) - run.at(9.5).pose_mrf[:3]
+    assert np.linalg.norm(moved) <= pa10.config.sources.force.hold_leash + 1e-3

@@ -1,0 +1,79 @@
+"""Every shipped script keeps what it was written to show."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from telerobot.config.load import shipped
+from telerobot.tools.script import load_script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import Run
+
+CELL_OF = {"ur5e_tour": "ur5e"}
+
+
+def run_shipped(name, cell):
+    simulation = Simulation(cell, load_script(name))
+    return Run(simulation, simulation.run())
+
+
+@pytest.mark.parametrize("name", shipped("scripts"))
+def test_every_shipped_script_plays_without_refusal_fault_or_violation(name, pa10, ur5e):
+    run = run_shipped(name, ur5e if CELL_OF.get(name) == "ur5e" else pa10)
+    assert run.summary["failure"] is None
+    assert run.summary["refused"] == []
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+    assert [e for e in run.simulation.events if e.severity == "error"] == []
+
+
+def test_a_pose_move_is_within_a_millimetre_right_after_the_paths_end(pa10):
+    run = run_shipped("pose_move", pa10)
+    first, last = run.at(0.49), run.at(0.6)
+    moved = np.array(last.target_mrf[:3]) - first.pose_mrf[:3]
+    assert np.linalg.norm(moved) == pytest.approx(0.2, abs=1e-3)
+    assert run.summary["tool_error_m"] < 1e-3
+    assert run.summary["tool_error_rad"] < 2e-3
+
+
+@pytest.mark.parametrize("stiffness", [2_000.0, 20_000.0])
+def test_pushing_the_wall_settles_at_rate_over_gain_whatever_its_stiffness(pa10, stiffness):
+    wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
+    rig = pa10.config.rig.model_copy(update={"wall": wall})
+    cell = dataclasses.replace(pa10, config=pa10.config.model_copy(update={"rig": rig}))
+    run = run_shipped("wall_push", cell)
+    expected = 0.0075 / pa10.config.sources.force.gain[0]
+    assert run.summary["contact_force_n"] == pytest.approx(expected, abs=max(0.05 * expected, 0.3))
+    # The wrench that operators see is the force that the arm exerts: along +x of the World.
+    assert run.states[-1].wrench_mrf[2] == pytest.approx(expected, abs=1.0)
+    assert run.truths[-1].contact_force[0] > 0.0
+
+
+def test_full_stretch_is_entered_and_left_at_once(pa10):
+    run = run_shipped("stretch", pa10)
+    out, held, back = run.at(4.0), run.at(11.9), run.at(13.0)
+    assert held.pose_mrf[2] > out.pose_mrf[2]
+    assert held.sigma_min < 0.5 * pa10.config.resolve.singular_region
+    # Half of the commanded retreat is made within the first second, the start-up included.
+    assert held.pose_mrf[2] - back.pose_mrf[2] > 0.5 * 0.1 * 1.0
+    assert np.abs(run.at(11.9).dq_command).max() < 0.5
+
+
+def test_a_joint_limit_is_met_and_left(pa10):
+    run = run_shipped("joint_limit", pa10)
+    met, left = run.at(7.9), run.at(9.9)
+    limit = pa10.robot.joints[1].upper
+    assert 0.0 < limit - met.q_command[1] < 0.03
+    assert "joint_limit:s2" in met.limits
+    assert met.q_command[1] - left.q_command[1] > 0.4
+
+
+def test_a_stick_pushed_during_a_pose_move_and_released_still_reaches_the_target(pa10):
+    run = run_shipped("nudge", pa10)
+    pushed = run.at(2.4)
+    aside = np.array(pushed.pose_mrf[:3]) - pushed.target_mrf[:3]
+    assert np.linalg.norm(aside) > 0.02
+    assert run.summary["tool_error_m"] < 1e-3
+    assert run.summary["tool_error_rad"] < 2e-3
+    assert run.states[-1].at_goal
