@@ -66,9 +66,7 @@ def resolve(J: Array, twist: Array, jacobian_at: Callable[[Array], Array], p: Re
             if curvature * d > 0.0:
                 gains[i] = _homeward_gain(gains[i], sigma, abs(curvature), p)
             else:
-                room = max(0.0, sigma - p.floor)
-                fastest = math.sqrt(2.0 * _BRAKING * room / max(abs(curvature), 1e-9))
-                gains[i] = min(gains[i], fastest / abs(d))
+                gains[i] = _outward_gain(gains[i], sigma, abs(curvature), abs(d), p)
             singular = singular or gains[i] < 0.999 / sigma
     V = Vt[:rank_rows]
     dq = V.T @ (gains * along)
@@ -91,3 +89,12 @@ def _homeward_gain(natural: float, sigma: float, curvature: float, p: Resolve) -
     # λm is about where the damped gain is greatest: below it, the answer gets no weaker.
     full = _damped_gain(max(sigma, min(p.damping, p.singular_region)), p)
     return (1.0 - share) * natural + share * max(natural, full)
+
+
+def _outward_gain(natural: float, sigma: float, curvature: float, d: float, p: Resolve) -> float:
+    """Return the gain for a command of size d that leads out of the workspace."""
+    # A singularity without curvature, as a wrist's, is no boundary: nothing is held off there.
+    share = min(1.0, curvature / _CURVED)
+    room = max(0.0, sigma - p.floor)
+    fastest = math.sqrt(2.0 * _BRAKING * room / max(curvature, 1e-9))
+    return (1.0 - share) * natural + share * min(natural, fastest / d)
