@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from telerobot.server.control.avoidance.nearest import nearest
+
+L = 0.3
+W = np.diag([1.0] * 3 + [L] * 3)
+
+
+def jacobian(arm, q):
+    return arm.mechanism.kinematics(q, arm.settings.T_wrist_mrf).J
+
+
+def rates_for(J, twist):
+    return np.linalg.pinv(J) @ twist
+
+
+def turned(J, found, asked):
+    """Angle between the weighted tool motion asked for and the one found [rad]."""
+    a, b = W @ J @ asked, W @ J @ found
+    return np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))
+
+
+def test_rates_inside_all_bounds_stay_what_they_are(arm, rng):
+    V = arm.p.velocity
+    for _ in range(50):
+        dq = rng.uniform(-V, V)
+        found = nearest(dq, jacobian(arm, arm.random_posture(rng)), -V, V, V, L)
+        np.testing.assert_allclose(found.dq, dq, atol=1e-6)
+        assert found.share == pytest.approx(1.0, abs=1e-6)
+
+
+def test_every_answer_is_inside_the_box(arm, rng):
+    V = arm.p.velocity
+    for _ in range(200):
+        low = -V * rng.uniform(-0.1, 1.0, arm.p.n)
+        high = np.maximum(low, V * rng.uniform(-0.1, 1.0, arm.p.n))
+        found = nearest(rng.uniform(-V, V), jacobian(arm, arm.random_posture(rng)), low, high, V, L)
+        assert (found.dq >= low).all()
+        assert (found.dq <= high).all()
+        assert -1e-9 <= found.share <= 1.0 + 1e-9
+
+
+def test_nothing_but_zero_is_left_where_nothing_is_allowed(arm, rng):
+    none = np.zeros(arm.p.n)
+    J = jacobian(arm, arm.posture("ready"))
+    assert not nearest(rng.normal(size=arm.p.n), J, none, none, arm.p.velocity, L).dq.any()
+
+
+def test_seven_joints_keep_the_tool_on_its_way_when_one_of_them_is_blocked(pa10, rng):
+    """Self-motion is spent first, where the other six can do it: here all but s2, e1, e2, w1."""
+    V, J = pa10.p.velocity, jacobian(pa10, pa10.posture("ready") + 0.2)
+    for _ in range(20):
+        twist = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.1, 0.1, 0.1]
+        dq = rates_for(J, twist)
+        for joint in (0, 2, 6):
+            low, high = -10 * V, 10 * V
+            low[joint] = high[joint] = 0.0
+            found = nearest(dq, J, low, high, V, L)
+            assert found.dq[joint] == 0.0
+            assert found.share > 0.9
+            assert turned(J, found.dq, dq) < np.deg2rad(1)
+
+
+def test_six_joints_slow_down_before_they_leave_the_way(ur5e, rng):
+    """One joint may do only half of what is asked: slower, and still in the same direction."""
+    V = ur5e.p.velocity
+    for _ in range(50):
+        q = ur5e.posture("ready") + rng.uniform(-0.2, 0.2, 6)
+        J = jacobian(ur5e, q)
+        dq = rates_for(J, rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15])
+        joint = int(np.argmax(np.abs(dq) / V))
+        low, high = -V, V.copy()
+        (low if dq[joint] < 0 else high)[joint] = 0.5 * dq[joint]
+        found = nearest(dq, J, low, high, V, L)
+        assert 0.45 < found.share < 0.9
+        assert turned(J, found.dq, dq) < np.deg2rad(5)
+
+
+def test_a_joint_that_leads_away_from_its_bound_is_not_held(arm, rng):
+    """Another joint's bound may slow the way, it never turns a joint round."""
+    V, J = arm.p.velocity, jacobian(arm, arm.posture("ready"))
+    for _ in range(50):
+        dq = rng.uniform(-0.5, 0.5, arm.p.n) * V
+        # Every joint is at the bound that it leads away from.
+        found = nearest(dq, J, np.where(dq > 0, 0.0, -V), np.where(dq > 0, V, 0.0), V, L)
+        np.testing.assert_allclose(found.dq, dq, atol=1e-6)

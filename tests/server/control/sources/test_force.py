@@ -1,0 +1,86 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from telerobot.server.control.frames import Pose
+from telerobot.server.control.sources.force import Force, ForceState
+
+MASS, COM = 1.3, np.array([0.01, -0.02, 0.06])
+GAIN = np.array([7e-4] * 3 + [0.03] * 3)
+NONE = np.zeros(6)
+
+
+@pytest.fixture
+def force(random_pose):
+    return Force(random_pose(0.1), MASS, COM, 1.0)
+
+
+def weight(R_world_sensor):
+    """What holds the payload up against gravity, by Pinocchio's spatial algebra."""
+    held = pin.Inertia(MASS, COM, np.zeros((3, 3)))
+    up = pin.Motion(R_world_sensor.T @ np.array([0, 0, 9.81]), np.zeros(3))
+    return (held * up).vector
+
+
+def test_in_every_attitude_the_payloads_weight_is_taken_off(force, random_pose):
+    for _ in range(50):
+        T_world_wrist = random_pose()
+        R = T_world_wrist.R @ force.T_wrist_sensor.R
+        np.testing.assert_allclose(force.weight(R), weight(R), atol=1e-12)
+        state = force.measure(ForceState(), weight(R), NONE, T_world_wrist)
+        np.testing.assert_allclose(state.wrench, 0.0, atol=1e-12)
+
+
+def test_bias_is_taken_off_in_the_sensors_axes(force, rng, random_pose):
+    bias, contact, T_world_wrist = rng.normal(size=6), rng.normal(size=6), random_pose()
+    reading = contact + bias + weight(T_world_wrist.R @ force.T_wrist_sensor.R)
+    state = force.measure(ForceState(), reading, bias, T_world_wrist)
+    np.testing.assert_allclose(state.wrench, contact, atol=1e-12)
+
+
+def test_the_wrench_at_the_mrf_is_pinocchios(force, rng, random_pose):
+    for _ in range(20):
+        T_wrist_mrf, wrench = random_pose(0.3), rng.normal(size=6)
+        M = pin.SE3(T_wrist_mrf.R, T_wrist_mrf.p).inverse() * pin.SE3(
+            force.T_wrist_sensor.R, force.T_wrist_sensor.p
+        )
+        expected = M.act(pin.Force(wrench)).vector
+        found = force.wrench_mrf(ForceState(wrench), T_wrist_mrf)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_pressing_a_wall_at_plus_x_with_20_newtons_backs_off_to_minus_x():
+    pressed = np.array([20.0, 0, 0, 0, 0, 0])
+    force = Force(Pose.identity(), 0.0, np.zeros(3), 1.0)
+    state = force.measure(ForceState(), pressed, NONE, Pose.identity())
+    wrench = force.wrench_mrf(state, Pose.identity())
+    twist = force.rate(wrench, NONE, GAIN, np.eye(3))
+    np.testing.assert_allclose(twist, [-0.014, 0, 0, 0, 0, 0], atol=1e-15)
+
+
+def test_the_twist_comes_in_world_axes_from_gains_in_the_mrfs(force, rng, random_pose):
+    R, wrench, desired = random_pose().R, rng.normal(size=6), rng.normal(size=6)
+    gain = GAIN * rng.uniform(0, 1, 6)
+    twist = force.rate(wrench, desired, gain, R)
+    np.testing.assert_allclose(R.T @ twist[:3], gain[:3] * (desired - wrench)[:3], atol=1e-15)
+    np.testing.assert_allclose(R.T @ twist[3:], gain[3:] * (desired - wrench)[3:], atol=1e-15)
+
+
+def test_a_wrench_that_is_as_desired_asks_for_nothing(force, rng):
+    wrench = rng.normal(size=6)
+    assert not force.rate(wrench, wrench, GAIN, np.eye(3)).any()
+
+
+def test_a_stale_sensor_asks_for_nothing_even_when_a_wrench_is_desired(force):
+    state = force.measure(ForceState(np.ones(6)), None, NONE, Pose.identity())
+    assert state.wrench is None
+    assert force.wrench_mrf(state, Pose.identity()) is None
+    assert not force.rate(None, 10 * np.ones(6), GAIN, np.eye(3)).any()
+
+
+def test_the_filter_starts_at_the_first_sample_and_then_smooths():
+    force = Force(Pose.identity(), 0.0, np.zeros(3), 0.25)
+    state, found = ForceState(), []
+    for value in (8.0, 0.0, 0.0):
+        state = force.measure(state, np.full(6, value), NONE, Pose.identity())
+        found.append(state.wrench[0])
+    assert found == pytest.approx([8.0, 6.0, 4.5])

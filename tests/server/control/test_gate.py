@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+from telerobot.server.control.gate import Gate
+
+T = 0.01
+BOUNDS = {"speed": 1.0, "acceleration": 50.0, "jerk": 20_000.0}
+TIMES = T * np.arange(4)[::-1]
+
+
+def gate(**bounds):
+    V, A, J = ([b, 1e9] for b in {**dict.fromkeys(BOUNDS, 1e12), **bounds}.values())
+    return Gate(
+        ("wrist", "elbow"), np.array([-2.0, -2.0]), np.array([2.0, 2.0]),
+        np.array(V), np.array(A), np.array(J), T,
+    )  # fmt: skip
+
+
+def posture(wrist, elbow=0.0):
+    return np.array([wrist, elbow])
+
+
+def motion(name, value):
+    """The last four postures, newest first, of a motion that is `value` in one derivative."""
+    order = {"speed": 1, "acceleration": 2, "jerk": 3}[name]
+    factor = {1: 1.0, 2: 0.5, 3: 1 / 6}[order]
+    if order == 3:  # differences of t³/6 are exact about the middle of the four
+        return [posture(value * factor * t**3) for t in TIMES - 1.5 * T]
+    return [posture(value * factor * t**order) for t in TIMES]
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize(("name", "bound"), BOUNDS.items())
+def test_a_step_just_beyond_a_bound_is_refused_by_name_and_one_just_inside_is_not(
+    name, bound, sign
+):
+    newest, *sent = motion(name, 0.999 * sign * bound)
+    assert gate(**{name: bound}).refusal(newest, tuple(sent)) is None
+    newest, *sent = motion(name, 1.002 * sign * bound)
+    refusal = gate(**{name: bound}).refusal(newest, tuple(sent))
+    assert refusal is not None
+    assert refusal.startswith(f"wrist: {name}")
+
+
+def test_what_one_bound_refuses_the_others_do_not_mind():
+    for name, bound in BOUNDS.items():
+        newest, *sent = motion(name, 2 * bound)
+        assert gate().refusal(newest, tuple(sent)) is None
+
+
+@pytest.mark.parametrize("q", [-2.0, 2.0])
+def test_a_bound_may_be_reached_and_not_passed(q):
+    at = posture(0.0, q)
+    assert gate().refusal(at, (at, at, at)) is None
+    beyond = at + [0.0, np.copysign(1e-9, q)]
+    refusal = gate().refusal(beyond, (at, at, at))
+    assert refusal is not None
+    assert refusal.startswith("elbow: position")
+
+
+def test_from_beyond_a_bound_the_way_back_is_open_and_the_way_out_is_not():
+    at = posture(2.1)
+    assert gate().refusal(at, (at, at, at)) is None
+    assert gate().refusal(posture(2.0999), (at, at, at)) is None
+    assert gate().refusal(posture(2.1001), (at, at, at)) is not None
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_not_a_number_is_refused_and_its_joint_named(value):
+    rest = posture(0.0)
+    refusal = gate(**BOUNDS).refusal(posture(0.0, value), (rest, rest, rest))
+    assert refusal == f"elbow: command is {value}"
+
+
+def test_the_joint_that_is_furthest_out_is_the_one_named():
+    rest = posture(0.0)
+    both = Gate(("a", "b"), -rest - 2, rest + 2, *([np.array([1.0, 1.0])] * 3), T)
+    assert both.refusal(posture(0.02, -0.03), (rest, rest, rest)).startswith("b: speed -3 ")
