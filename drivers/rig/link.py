@@ -1,0 +1,81 @@
+"""A simulated node's connection to the bus, and what can go wrong with it."""
+
+from collections.abc import Callable
+
+import can
+import numpy as np
+
+Frame = tuple[int, bytes]
+"""Identifier, data."""
+
+
+class NodeLink:
+    """What one node sends and hears passes through here, faults included.
+
+    `silent`: neither sends nor hears. `drop`, `corrupt`: probability per frame, each direction;
+    a corrupted frame has one bit turned. `delay_s`: frames are late by so much physics time.
+    Random draws come from `rng` only while a fault asks for them.
+    """
+
+    def __init__(
+        self, bus: can.BusABC, clock: Callable[[], float], rng: np.random.Generator
+    ) -> None:
+        self._bus = bus
+        self._clock = clock
+        self._rng = rng
+        self._late: list[tuple[float, bool, Frame]] = []
+        self.on_frame: Callable[[int, bytes], None] = _ignore
+        self.silent = False
+        self.drop = 0.0
+        self.corrupt = 0.0
+        self.delay_s = 0.0
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a frame, if the faults let it through."""
+        self._pass(can_id, data, outward=True)
+
+    def deliver(self, can_id: int, data: bytes) -> None:
+        """Hand the node a frame from the bus, if the faults let it through."""
+        self._pass(can_id, data, outward=False)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether late frames are under way."""
+        return bool(self._late)
+
+    def flush(self) -> None:
+        """Let go of the late frames whose time has come, in order."""
+        now = self._clock() + 1e-9
+        while self._late and self._late[0][0] <= now:
+            _, outward, frame = self._late.pop(0)
+            if not self.silent:
+                self._hand_on(frame, outward)
+
+    def _pass(self, can_id: int, data: bytes, *, outward: bool) -> None:
+        if self.silent:
+            return
+        if self.drop > 0 and self._rng.random() < self.drop:
+            return
+        if self.corrupt > 0 and data and self._rng.random() < self.corrupt:
+            data = self._flip(data)
+        if self.delay_s > 0 or self._late:
+            self._late.append((self._clock() + self.delay_s, outward, (can_id, data)))
+        else:
+            self._hand_on((can_id, data), outward)
+
+    def _flip(self, data: bytes) -> bytes:
+        bit = int(self._rng.integers(8 * len(data)))
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << bit % 8
+        return bytes(changed)
+
+    def _hand_on(self, frame: Frame, outward: bool) -> None:
+        can_id, data = frame
+        if outward:
+            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        else:
+            self.on_frame(can_id, data)
+
+
+def _ignore(_can_id: int, _data: bytes) -> None:
+    """Stand in until the node has taken its place."""

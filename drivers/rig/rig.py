@@ -1,0 +1,187 @@
+"""The virtual hardware of one cell: drives and sensor on a CAN bus, and the physics they move.
+
+It meets the daemon on the bus and nowhere else. Time is the physics' own: `step` makes it pass.
+"""
+
+import math
+from collections import deque
+
+import can
+import numpy as np
+
+from ...config.load import Cell
+from ...protocols import can301
+from ...protocols.messages import RigFault, RigTruth
+from .can_node import CanNode
+from .faults import Faults
+from .force_torque_node import SimulatedForceTorque
+from .link import NodeLink
+from .position_loop import PositionLoop
+from .servo_node import SimulatedDrive
+from .world import World
+
+SYNC_STAMPS = 1 << 16
+"""So many of the newest SYNC stamps are kept [1]."""
+
+
+class RigError(Exception):
+    """The bus is not the rig's alone: names what was heard."""
+
+
+class Rig:
+    """All simulated nodes of a cell on `bus`, booted, brakes closed, at the posture `start`.
+
+    Runs are equal to the last bit when cell, frames and faults are. Raises `ValueError` for a cell
+    without `[rig]` or with two nodes of one id.
+    """
+
+    def __init__(self, cell: Cell, bus: can.BusABC) -> None:
+        config = cell.config
+        self.world = World(cell)
+        rig, mechanism = config.rig, config.mechanism
+        if rig is None:
+            raise ValueError(f"cell {config.name} has no [rig]: nothing to simulate")
+        self.period_s = config.timing.period_s
+        self.dt = rig.physics_step_s
+        self.sync_count = 0
+        self.sync_stamps: deque[float] = deque(maxlen=SYNC_STAMPS)
+        """Physics time of the newest SYNCs [s]."""
+        self._bus = bus
+        self._steps = 0
+        self._time_s = 0.0
+        self._loop = PositionLoop(mechanism.drives, rig.drive, self.dt)
+        generators = (
+            np.random.default_rng(s)
+            for s in np.random.SeedSequence(rig.seed).spawn(len(mechanism.drives) + 2)
+        )
+        nodes = [d.node for d in mechanism.drives]
+        if len(set(nodes)) < len(nodes):
+            raise ValueError(f"cell {config.name}: two drives have the same node id: {nodes}")
+        self.drives = {
+            drive.joint: SimulatedDrive(
+                drive,
+                joint,
+                NodeLink(bus, self.now, next(generators)),
+                self._loop,
+                self.world,
+                rig.drive.torque_delay_s,
+                self.now,
+            )
+            for joint, drive in enumerate(mechanism.drives)
+        }
+        sensor = mechanism.force_torque
+        self.force_torque: SimulatedForceTorque | None = None
+        if sensor is not None:
+            self.force_torque = SimulatedForceTorque(
+                sensor,
+                rig.force_torque,
+                NodeLink(bus, self.now, next(generators)),
+                self.world.sensor_wrench,
+                next(generators),
+                self.now,
+            )
+        self._faults = Faults(self.world, self.drives, self.force_torque)
+        self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
+        self._links = [node.link for node in self._nodes]
+        if self.force_torque is not None:
+            self._links.append(self.force_torque.link)
+        self._own_beats = {can301.heartbeat_id(node.node) for node in self._nodes}
+        self._routes = self._make_routes()
+        for node in self._nodes:
+            node.boot()
+
+    def _make_routes(self) -> dict[int, tuple[NodeLink, ...]]:
+        everyone = tuple(node.link for node in self._nodes)
+        routes = {can301.NMT_ID: everyone, can301.SYNC_ID: everyone}
+        for node in self._nodes:
+            routes[can301.sdo_request_id(node.node)] = (node.link,)
+            for number in range(can301.DEFAULT_PDOS):
+                routes[can301.rpdo1_id(node.node) + 0x100 * number] = (node.link,)
+        if self.force_torque is not None:
+            command = self.force_torque.command_id
+            routes[command] = (*routes.get(command, ()), self.force_torque.link)
+        return routes
+
+    @property
+    def time_s(self) -> float:
+        """Physics time since the start [s]."""
+        return self._time_s
+
+    def now(self) -> float:
+        """Return `time_s`."""
+        return self._time_s
+
+    def poll(self) -> None:
+        """Handle every frame that waits on the bus. Raises `RigError` for a second rig on it."""
+        while (message := self.receive()) is not None:
+            self.handle(message)
+
+    def receive(self) -> can.Message | None:
+        """Return the next data frame that waits on the bus, None when there is none."""
+        while (message := self._bus.recv(0)) is not None:
+            if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
+                return message
+        return None
+
+    def handle(self, message: can.Message) -> None:
+        """Handle one frame. Raises `RigError` for one that only a node of the same id sends."""
+        can_id, data = message.arbitration_id, bytes(message.data)
+        if can_id in self._own_beats:
+            node = can_id - can301.heartbeat_id(0)
+            raise RigError(f"another node {node} is on the bus: is a second rig running on it?")
+        if can_id == can301.SYNC_ID:
+            self.sync_count += 1
+            self.sync_stamps.append(self._time_s)
+        links = self._routes.get(can_id)
+        if links is None:
+            if can_id <= can301.heartbeat_id(0):
+                return
+            links = self._routes[can301.SYNC_ID]
+        for link in links:
+            link.deliver(can_id, data)
+
+    def step(self) -> None:
+        """Advance nodes, position loops and physics by one physics step."""
+        now = self._time_s + 1e-7
+        for link in self._links:
+            if link.waiting:
+                link.flush()
+        beyond = bool(self._loop.steps_beyond.any())
+        for node in self._nodes:
+            if beyond or node.due_s <= now:
+                node.tick()
+        world = self.world
+        world.step(self._loop.step(world.q, world.dq))
+        self._steps += 1
+        self._time_s = self._steps * self.dt
+        sensor = self.force_torque
+        if sensor is not None and sensor.due_s <= self._time_s + 1e-7:
+            sensor.tick()
+
+    def advance(self, seconds: float) -> None:
+        """Advance by whole physics steps, as many as are nearest to `seconds`."""
+        for _ in range(round(seconds / self.dt)):
+            self.step()
+
+    def inject(self, fault: RigFault) -> None:
+        """Apply a fault, or take it back. Raises `ValueError` for one that makes no sense."""
+        self._faults.inject(fault)
+
+    def truth(self) -> RigTruth:
+        """Return what is really the case now."""
+        position, R = self.world.mrf_pose()
+        roll = math.atan2(R[2, 1], R[2, 2])
+        pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
+        yaw = math.atan2(R[1, 0], R[0, 0])
+        x, y, z = position.tolist()
+        fx, fy, fz = self.world.contact_force().tolist()
+        return RigTruth(
+            time_s=self._time_s,
+            sync_count=self.sync_count,
+            q=tuple(self.world.q.tolist()),
+            dq=tuple(self.world.dq.tolist()),
+            pose_mrf=(x, y, z, roll, pitch, yaw),
+            contact_force=(fx, fy, fz),
+            clearance_m=self.world.clearance(),
+            drives=tuple(node.state.name.lower() for node in self.drives.values()),
+        )

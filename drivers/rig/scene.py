@@ -1,0 +1,155 @@
+"""Builds the MuJoCo model of a cell: the arm's URDF, then what `[rig]` puts around it."""
+
+import mujoco
+import numpy as np
+
+from ...config.load import Cell
+from ...config.schema import Mechanism, Pose, Rig, Wall
+
+WALL_SLIDE = "wall_slide"
+"""Joint of the wall's plate: its travel along the wall's normal [m]."""
+
+_ARM, _FIXED = 1, 2
+"""Contact groups: arm against arm and arm against fixed things; fixed things never meet."""
+_SOLREF = (0.004, 1.0)
+_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+_LOCK_SOLREF = (0.002, 1.0)
+_LOCK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""A closed brake gives way by microradians: MuJoCo's constraints are springs, this one is hard."""
+_PLATE_HALF_THICKNESS = 0.02
+_POINT_INERTIA = 2e-4
+"""About each axis of the payload's centre of mass, per kilogram [m²]."""
+
+
+def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
+    """Return the compiled model, and the ids of the geoms that are not the arm's.
+
+    The arm's joints come first, with one torque motor (gain 1) and one joint lock (equality
+    constraint, off) each, in the order of the drives. Site `mrf` is the MRF, site `sensor` the
+    force/torque sensor. Raises `ValueError` where the cell and its URDF do not fit together.
+    """
+    mechanism, rig = cell.config.mechanism, cell.config.rig
+    if rig is None:
+        raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
+    spec = mujoco.MjSpec.from_file(str(cell.robot.urdf))
+    spec.option.timestep = rig.physics_step_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10
+    _furnish_arm(spec, mechanism, rig)
+    root = spec.worldbody.first_body()
+    root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
+    if rig.wall is not None:
+        _add_wall(spec, rig.wall)
+    for box in rig.boxes:
+        body = spec.worldbody.add_body(
+            name=box.name, pos=box.xyz, quat=quaternion(Pose(rpy=box.rpy))
+        )
+        _add_fixed_box(body, f"{box.name}_box", box.half_size)
+    model = spec.compile()
+    fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == _FIXED]
+    return model, frozenset(fixed)
+
+
+def quaternion(pose: Pose) -> tuple[float, float, float, float]:
+    """Return a pose's rotation (fixed-axis roll, pitch, yaw) as MuJoCo's w, x, y, z."""
+    quat = np.zeros(4)
+    mujoco.mju_euler2Quat(quat, np.array(pose.rpy), "XYZ")
+    w, x, y, z = quat.tolist()
+    return w, x, y, z
+
+
+def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
+    tip = arm.body(mechanism.tip_link)
+    if tip is None:
+        raise ValueError(f"tip_link {mechanism.tip_link} is not a link of {mechanism.urdf}")
+    n = len(mechanism.drives)
+    for geom in arm.geoms:
+        geom.contype, geom.conaffinity = _ARM, _ARM | _FIXED
+        geom.solref[:], geom.solimp[:] = _SOLREF, _SOLIMP
+    for i, drive in enumerate(mechanism.drives):
+        joint = arm.joint(drive.joint)
+        if joint is None:
+            raise ValueError(f"drive {drive.node}: {mechanism.urdf} has no joint {drive.joint}")
+        joint.armature = _of_joint(rig.drive.armature, i, n)
+        joint.frictionloss = _of_joint(rig.drive.friction, i, n)
+        joint.solref_friction[:], joint.solimp_friction[:] = _SOLREF, _LOCK_SOLIMP
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        motor = arm.add_actuator(
+            name=drive.joint, target=drive.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        motor.set_to_motor()
+        lock = arm.add_equality(
+            name=f"{drive.joint}_lock",
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=drive.joint,
+            active=False,
+        )
+        lock.solref[:], lock.solimp[:] = _LOCK_SOLREF, _LOCK_SOLIMP
+    _exclude_neighbours(arm)
+    mrf = mechanism.T_wrist_mrf
+    tip.add_site(name="mrf", pos=mrf.xyz, quat=quaternion(mrf))
+    if rig.tool_radius > 0:
+        ball = tip.add_geom(
+            name="tool_ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=mrf.xyz, density=0
+        )
+        ball.size[0] = rig.tool_radius
+        ball.contype, ball.conaffinity = _ARM, _ARM | _FIXED
+        ball.solref[:], ball.solimp[:] = _SOLREF, _SOLIMP
+    _add_sensor(arm, tip, mechanism, rig)
+
+
+def _add_sensor(arm: mujoco.MjSpec, tip: mujoco.MjsBody, mechanism: Mechanism, rig: Rig) -> None:
+    sensor = mechanism.force_torque
+    place = sensor.T_wrist_sensor if sensor is not None else Pose()
+    tip.add_site(name="sensor", pos=place.xyz, quat=quaternion(place))
+    for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
+        arm.add_sensor(
+            name=kind.name.lower(), type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="sensor"
+        )
+    if rig.payload_mass > 0:
+        body = tip.add_body(name="payload", pos=place.xyz, quat=quaternion(place))
+        body.mass, body.ipos, body.explicitinertial = rig.payload_mass, rig.payload_com, True
+        body.inertia = [_POINT_INERTIA * rig.payload_mass] * 3
+
+
+def _exclude_neighbours(arm: mujoco.MjSpec) -> None:
+    """Links two joints apart or less may overlap: shoulders and wrists do by design."""
+    moving: dict[str, int] = {}
+    for body in arm.bodies[1:]:
+        above = moving.get(body.parent.name, 0)
+        moving[body.name] = above + (1 if body.joints else 0)
+    for first, depth in moving.items():
+        for second, deeper in moving.items():
+            if first < second and abs(depth - deeper) <= 2:
+                arm.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
+    normal = np.array(wall.normal) / np.linalg.norm(wall.normal)
+    quat = np.zeros(4)
+    mujoco.mju_quatZ2Vec(quat, normal)
+    body = spec.worldbody.add_body(name="wall", pos=wall.xyz, quat=quat, gravcomp=1)
+    body.mass, body.inertia, body.explicitinertial = wall.mass, [wall.mass] * 3, True
+    slide = body.add_joint(name=WALL_SLIDE, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0.0, 0.0, 1.0))
+    slide.stiffness[0], slide.damping[0] = wall.stiffness, wall.damping
+    plate = _add_fixed_box(
+        body, "wall_plate", (wall.half_size, wall.half_size, _PLATE_HALF_THICKNESS)
+    )
+    plate.pos[2] = -_PLATE_HALF_THICKNESS
+
+
+def _add_fixed_box(
+    body: mujoco.MjsBody, name: str, half_size: tuple[float, float, float]
+) -> mujoco.MjsGeom:
+    geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half_size)
+    geom.contype, geom.conaffinity = _FIXED, _ARM
+    geom.solref[:], geom.solimp[:] = _SOLREF, _SOLIMP
+    return geom
+
+
+def _of_joint(values: tuple[float, ...], joint: int, n: int) -> float:
+    if len(values) not in (1, n):
+        raise ValueError(f"[rig.drive]: {len(values)} values for {n} joints; give one or {n}")
+    return values[joint] if len(values) == n else values[0]

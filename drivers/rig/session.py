@@ -1,0 +1,77 @@
+"""The rig's own topics over Zenoh: faults in, truth out; for judges, never for the daemon.
+
+The rig dials the daemon's router, which may not be there yet, or no longer: the session looks for
+it for ever, and the rig runs on without it.
+"""
+
+import json
+from collections.abc import Iterator
+
+import zenoh
+
+from ...protocols import codec, topics
+from ...protocols.messages import RigFault, RigTruth
+
+_MAILBOX = 64
+"""Unread faults kept; older ones are dropped for newer ones."""
+
+
+def dialling_config(endpoint: str) -> "zenoh.Config":
+    """Return the configuration of a session that dials `endpoint`, again and again, and no other.
+
+    Zenoh's client mode fails where nobody answers; a peer that listens nowhere keeps trying.
+    """
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": "peer",
+        "connect/endpoints": [endpoint],
+        "listen/endpoints": [],
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": {
+            "period_init_ms": 200,
+            "period_max_ms": 1000,
+            "period_increase_factor": 2,
+        },
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/lease": 1000,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class RigSession:
+    """A Zenoh session for the rig of one cell. Nothing here blocks, and nothing calls back."""
+
+    def __init__(self, cell: str, endpoint: str) -> None:
+        self._session = zenoh.open(dialling_config(endpoint))
+        self._faults = self._session.declare_subscriber(
+            topics.RIG_FAULT.full_key(cell), zenoh.handlers.RingChannel(_MAILBOX)
+        )
+        self._truth = self._session.declare_publisher(
+            topics.RIG_TRUTH.full_key(cell),
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
+        self.refused = 0
+        """Payloads that were no `RigFault`."""
+
+    def faults(self) -> Iterator[RigFault]:
+        """Yield the faults that came in, oldest first."""
+        for _ in range(_MAILBOX):
+            sample = self._faults.try_recv()
+            if sample is None:
+                return
+            try:
+                yield codec.decode_as(RigFault, sample.payload.to_bytes())
+            except codec.CodecError:
+                self.refused += 1
+
+    def publish(self, truth: RigTruth) -> None:
+        """Send the truth; dropped where nobody can take it."""
+        self._truth.put(codec.encode(truth))
+
+    def close(self) -> None:
+        """Close the session."""
+        self._session.close()  # type: ignore[no-untyped-call]

@@ -1,0 +1,156 @@
+"""The physics: one arm from its URDF, a tool ball, a sprung wall, fixed boxes, in MuJoCo.
+
+The same URDF gives Pinocchio the same mass matrix and gravity; what the rig adds (rotor inertia,
+friction, payload) comes from the cell's `[rig]`. Quantities are SI, in World unless said
+otherwise; joint vectors are (n,) in the order of the cell's drives.
+"""
+
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...config.load import Cell
+from .scene import WALL_SLIDE, build_model
+
+Vector = NDArray[np.float64]
+
+
+class World:
+    """The model and its state. Joints start braked at the posture `start`, at rest."""
+
+    def __init__(self, cell: Cell) -> None:
+        if cell.config.rig is None:
+            raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
+        mechanism = cell.config.mechanism
+        self.model, self._fixed = build_model(cell)
+        self.data = mujoco.MjData(self.model)
+        self.dt = float(self.model.opt.timestep)
+        joints = [self.model.joint(d.joint) for d in mechanism.drives]
+        self.n = len(joints)
+        if [j.dofadr[0] for j in joints] != list(range(self.n)):
+            raise ValueError("the cell's drives must stand in the order of the chain's joints")
+        self._bodies = [int(j.bodyid[0]) for j in joints]
+        self._tip = int(self.model.body(mechanism.tip_link).id)
+        self._mrf = int(self.model.site("mrf").id)
+        self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
+        self._friction = self.model.dof_frictionloss[: self.n].copy()
+        self._pushes: dict[int, Vector] = {}
+        self.q: Vector = self.data.qpos[: self.n]
+        self.dq: Vector = self.data.qvel[: self.n]
+        self.q[:] = mechanism.postures["start"]
+        for joint in range(self.n):
+            self.set_brake(joint, closed=True)
+        mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def time_s(self) -> float:
+        """Physics time since the start [s]."""
+        return float(self.data.time)
+
+    def step(self, torque: Vector) -> None:
+        """Advance by one physics step under joint torques (n,) [N·m]."""
+        self.data.ctrl[:] = torque
+        for body, force in self._pushes.items():
+            self._apply_push(body, force)
+        mujoco.mj_step(self.model, self.data)
+
+    # --- what holds and pushes the arm --------------------------------------------------------
+
+    def set_brake(self, joint: int, *, closed: bool) -> None:
+        """Close or open the holding brake of a joint; a closed one holds it where it is."""
+        self._set_lock(joint, 0, closed)
+
+    def set_jam(self, joint: int, *, jammed: bool) -> None:
+        """Block a joint mechanically where it is, or free it."""
+        self._set_lock(joint, 1, jammed)
+
+    def set_extra_friction(self, joint: int, torque: float) -> None:
+        """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
+        self.model.dof_frictionloss[joint] = self._friction[joint] + torque
+
+    def push_joint(self, joint: int, force: Vector | None) -> None:
+        """Push a joint's link at its centre of mass with a World force (3,) [N]; None: let go."""
+        self._push(self._bodies[joint], force)
+
+    def push_tool(self, force: Vector | None) -> None:
+        """Push the tool at the MRF with a World force (3,) [N]; None: let go."""
+        self._push(self._tip, force)
+
+    def _set_lock(self, joint: int, which: int, on: bool) -> None:
+        was = bool(self._locks[joint].any())
+        self._locks[joint, which] = on
+        now = bool(self._locks[joint].any())
+        if now and not was:
+            self.model.eq_data[joint, 0] = self.q[joint]
+        self.data.eq_active[joint] = now
+
+    def _push(self, body: int, force: Vector | None) -> None:
+        if force is None:
+            self._pushes.pop(body, None)
+            self.data.xfrc_applied[body] = 0.0
+        else:
+            self._pushes[body] = np.asarray(force, dtype=float)
+
+    def _apply_push(self, body: int, force: Vector) -> None:
+        self.data.xfrc_applied[body, :3] = force
+        if body == self._tip:
+            arm = self.data.site_xpos[self._mrf] - self.data.xipos[body]
+            self.data.xfrc_applied[body, 3:] = np.cross(arm, force)
+
+    # --- what can be measured -----------------------------------------------------------------
+
+    def sensor_wrench(self) -> Vector:
+        """Return the load on the force/torque sensor (6,) [N, N·m], in the Sensor frame.
+
+        Everything outboard of the sensor pulls and pushes on it: at rest in free space it reads
+        the weight of the payload. MuJoCo reports what the inboard side exerts on the outboard
+        one, the opposite.
+        """
+        load: Vector = -self.data.sensordata[:6]
+        return load
+
+    def mrf_pose(self) -> tuple[Vector, Vector]:
+        """Return the MRF's origin (3,) [m] and rotation matrix (3, 3) in World."""
+        mujoco.mj_kinematics(self.model, self.data)
+        position = self.data.site_xpos[self._mrf].copy()
+        return position, self.data.site_xmat[self._mrf].reshape(3, 3).copy()
+
+    def contact_force(self) -> Vector:
+        """Return the force (3,) [N] that arm and tool exert on wall and boxes, in World."""
+        total = np.zeros(3)
+        wrench = np.zeros(6)
+        for i in range(self.data.ncon):
+            contact = self.data.contact[i]
+            first, second = contact.geom
+            if (first in self._fixed) == (second in self._fixed):
+                continue
+            mujoco.mj_contactForce(self.model, self.data, i, wrench)
+            on_second = contact.frame.reshape(3, 3).T @ wrench[:3]
+            total += on_second if second in self._fixed else -on_second
+        return total
+
+    def clearance(self) -> float | None:
+        """Return the least distance between arm or tool and wall or boxes [m].
+
+        Negative inside one another, None where there is nothing to touch.
+        """
+        if not self._pairs:
+            return None
+        mujoco.mj_kinematics(self.model, self.data)
+        least = 1.0
+        for arm, fixed in self._pairs:
+            distance = mujoco.mj_geomDistance(self.model, self.data, arm, fixed, least, None)
+            least = min(least, distance)
+        return float(least)
+
+    def wall_travel(self) -> float:
+        """Return how far the wall is pushed in, against its normal [m]. Raises `KeyError`."""
+        return -float(self.data.joint(WALL_SLIDE).qpos[0])
+
+    @cached_property
+    def _pairs(self) -> list[tuple[int, int]]:
+        weld = self.model.body_weldid[self.model.geom_bodyid]
+        arm = [g for g in range(self.model.ngeom) if g not in self._fixed and weld[g] != 0]
+        return [(a, f) for a in arm for f in sorted(self._fixed)]
