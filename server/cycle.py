@@ -7,6 +7,7 @@ cycle ends in a safe command: whatever is raised on the way ends in a quick stop
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -306,6 +307,10 @@ class Cycle:
         except DeviceError as error:
             self._desk.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
             return self._trouble
+        finally:
+            # This blocked: the lease is not to run out because nobody listened to its holder.
+            if self._admission.lease.alive(now.time_s):
+                self._admission.renew(replace(now, time_s=self.clock.now()))
         self.plant.reset()
         self._reopened = True
         self._trouble = self._memory = None

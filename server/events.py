@@ -30,15 +30,15 @@ class Events:
         """Set the tick and time that events are stamped with."""
         self.tick, self.time_s = tick, time_s
 
-    def info(self, name: str, detail: str = "", **values: Value) -> None:
+    def info(self, name: str, detail: str = "", /, **values: Value) -> None:
         """Note something that is well."""
         self._add("info", name, detail, values)
 
-    def warning(self, name: str, detail: str = "", **values: Value) -> None:
+    def warning(self, name: str, detail: str = "", /, **values: Value) -> None:
         """Note something that was refused or limited."""
         self._add("warning", name, detail, values)
 
-    def error(self, name: str, detail: str = "", **values: Value) -> None:
+    def error(self, name: str, detail: str = "", /, **values: Value) -> None:
         """Note something that stops the arm."""
         self._add("error", name, detail, values)
 

@@ -257,7 +257,7 @@ class Control:
         share = 1.0 / max(1.0, float((np.abs(asked.dq) / V).max()))
         if share < 1.0:
             limits += ("joint_speed",)
-        dq = share * asked.dq
+        dq = np.clip(share * asked.dq, -V, V)  # rounding is no reason to name a limit
         room = self.room.limits(memory.motion.q)
         leash = self.room.leash(error)
         low = np.maximum(np.maximum(room.low, leash.low), -V)

@@ -1,4 +1,4 @@
-"""Runs of the whole line in virtual time: script, codec, lease, tick, CAN frames, drives, physics."""
+"""Runs of the whole line in virtual time: script, lease, tick, CAN frames, drives, physics."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
