@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 
 from ..protocols import messages as m
@@ -50,8 +51,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def drive(operator: Operator) -> None:
-    """Let a person at the keyboard drive, until they leave."""
+def drive(operator: Operator, watch: Callable[[], None] = lambda: None) -> None:
+    """Let a person at the keyboard drive, until they leave.
+
+    `watch` is called all the while and may raise; the terminal is restored all the same.
+    """
     with Console() as console:
         cockpit, decoder = Cockpit(operator, console.say), Decoder()
         operator.on_event = lambda event: _tell(console, event)
@@ -63,6 +67,7 @@ def drive(operator: Operator) -> None:
                 cockpit.press("q" if key == "ctrl-c" else key, time.monotonic())
             cockpit.run(time.monotonic())
             operator.turn()
+            watch()
             now_s = time.monotonic()
             if now_s >= redraw_s:
                 redraw_s = now_s + REDRAW_S

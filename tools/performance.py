@@ -45,8 +45,11 @@ class Performance:
             self._say(f"not played: {self.failure}")
         return 0 if not self.failure and state is not None and state.mode != "fault" else 1
 
-    def play(self) -> None:
-        """Play the script to its end, or until it cannot go on, and give back the lease."""
+    def play(self, end_s: float = math.inf, watch: Callable[[], None] = lambda: None) -> None:
+        """Play the script to its end, or until `end_s`, and give back the lease.
+
+        `watch` is called all the while and may raise.
+        """
         operator, player = self._operator, self.player
         operator.on_state, operator.on_event = player.on_state, self._on_event
         start_s = time.monotonic()
@@ -56,6 +59,9 @@ class Performance:
                 now_s = time.monotonic()
                 player.run(now_s)
                 self.failure = player.failure or self._trouble(now_s, start_s)
+                watch()
+                if now_s > end_s:
+                    break
                 time.sleep(POLL_S)
         finally:
             operator.on_state = operator.on_event = None
