@@ -1,0 +1,191 @@
+"""Rig and daemon as real processes, for tests that are judged by the physics.
+
+A `Plant` starts both on a multicast group and ports of their own. Nothing here sleeps for an
+event: `until` and `run_for` wait by the rig's physics time, and turn every operator meanwhile, so
+that leases live. What the processes wrote is shown when a test fails.
+"""
+
+import json
+import signal
+import socket
+import time
+from pathlib import Path
+
+import pytest
+import zenoh
+from telerobot.config.load import load_cell
+from telerobot.protocols import messages as m
+from telerobot.protocols import topics as t
+from telerobot.protocols.codec import decode_as, encode
+from telerobot.tools.local import LocalPlant, end, free_port
+from telerobot.tools.operator import Operator
+
+START_S = 60.0
+"""Wall time after which a process that does not show up is a failure [s]."""
+
+STUCK_S = 60.0
+"""Wall time after which physics that stand still are a failure [s]."""
+
+
+def judge_config(endpoint, daemon):
+    """Return a router's configuration: the rig dials it, and it looks for the daemon for ever."""
+    config = zenoh.Config()
+    settings = {
+        "mode": "router",
+        "listen/endpoints": [endpoint],
+        "connect/endpoints": [daemon],
+        "connect/timeout_ms": 0,
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class Plant(LocalPlant):
+    """One cell's rig and daemon, the rig's truth, and any number of operators.
+
+    The rig tells its truth to a router of the test's own, so that it is heard when the daemon is
+    dead; that router looks for the daemon's, so that a script's faults find the rig.
+    """
+
+    def __init__(self, cell, statistics=None):
+        super().__init__(cell, statistics)
+        self.operators = []
+        self.rig_endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+        daemon = self.cell.config.zenoh.listen
+        self._session = zenoh.open(judge_config(self.rig_endpoint, daemon))
+        name = self.cell.config.name
+        self._truths = self._session.declare_subscriber(
+            t.RIG_TRUTH.full_key(name), zenoh.handlers.RingChannel(256)
+        )
+        self._faults = self._session.declare_publisher(t.RIG_FAULT.full_key(name))
+        self.truth = None
+        """What the physics say is true now: the newest `RigTruth`."""
+        self.truths = []
+        """Every truth that was read."""
+
+    def __enter__(self):
+        super().__enter__()
+        try:
+            self._wait_started()
+        except BaseException:
+            self.stop()
+            print(self.complaints())
+            raise
+        return self
+
+    def __exit__(self, kind, error, trace):
+        for operator in self.operators:
+            operator.session.close()
+        self.cont_daemon()
+        self.stop()
+        print(self.complaints())
+        self._session.close()
+        super().__exit__(kind, error, trace)
+
+    def _wait_started(self):
+        self.wait(self.answers, START_S, "the daemon does not listen")
+        self.wait(self._read_truth, START_S, "the rig tells no truth")
+
+    # --- operators -----------------------------------------------------------------------------
+
+    def operator(self, name="operator"):
+        """Return an operator that has seen the daemon READY, or in whatever mode it is later."""
+        operator = Operator(self.cell, name=name)
+        self.operators.append(operator)
+        self.wait_wall(lambda: operator.state is not None, "no telemetry")
+        return operator
+
+    def enabled_operator(self, name="operator"):
+        """Return an operator with the lease, and the arm enabled."""
+        operator = self.operator(name)
+        self.wait_wall(lambda: operator.state.mode in ("ready", "hold"), "not ready")
+        operator.acquire()
+        operator.enable()
+        return operator
+
+    def inject(self, kind, target, **more):
+        """Inject a fault into the virtual hardware, or take it back with `on=False`."""
+        self._faults.put(encode(m.RigFault(kind=kind, target=target, **more)))
+
+    # --- the daemon's process ------------------------------------------------------------------
+
+    def kill9_daemon(self):
+        """Kill the daemon on the spot."""
+        self.daemon.kill()
+        self.daemon.wait()
+
+    def stop_daemon(self):
+        """Freeze the daemon (SIGSTOP): alive, and doing nothing."""
+        self.daemon.send_signal(signal.SIGSTOP)
+
+    def cont_daemon(self):
+        """Let a frozen daemon go on."""
+        if self.daemon is not None and self.daemon.poll() is None:
+            self.daemon.send_signal(signal.SIGCONT)
+
+    def end_daemon(self):
+        """Ask the daemon to end; return its exit code."""
+        return end(self.daemon)
+
+    # --- waiting -------------------------------------------------------------------------------
+
+    def turn(self):
+        """Let every operator send and read what is due, and read the rig's truth."""
+        for operator in self.operators:
+            operator.turn()
+        self._read_truth()
+        time.sleep(0.002)
+
+    def until(self, done, within_s, why="it did not come about"):
+        """Wait until something holds; fail when it does not within so much physics time [s]."""
+        start_s, seen_s, wall_s = self.truth.time_s, self.truth.time_s, time.monotonic()
+        while not done():
+            self.turn()
+            if self.truth.time_s > seen_s:
+                seen_s, wall_s = self.truth.time_s, time.monotonic()
+            assert self.truth.time_s - start_s <= within_s, f"{why} within {within_s} s"
+            assert time.monotonic() - wall_s < STUCK_S, "the physics stand still"
+
+    def run_for(self, physics_s):
+        """Let so much physics time pass [s]."""
+        end_s = self.truth.time_s + physics_s
+        self.until(lambda: self.truth.time_s >= end_s, physics_s + 60.0)
+
+    def wait_wall(self, done, why):
+        """Wait for processes to come up, which physics time does not measure."""
+        deadline_s = time.monotonic() + START_S
+        while not done():
+            self.turn()
+            assert time.monotonic() < deadline_s, why
+
+    def _read_truth(self):
+        while (sample := self._truths.try_recv()) is not None:
+            self.truth = decode_as(m.RigTruth, sample.payload.to_bytes(), t.RIG_TRUTH.max_bytes)
+            self.truths.append(self.truth)
+        return self.truth is not None
+
+
+@pytest.fixture
+def make_plant(tmp_path):
+    """Return a function that starts a plant of a cell; all of them end with the test."""
+    plants = []
+
+    def make(cell="pa10", statistics: Path | None = None):
+        plant = Plant(load_cell(cell), statistics)
+        plants.append(plant)
+        return plant.__enter__()
+
+    yield make
+    for plant in plants:
+        plant.__exit__(None, None, None)
+
+
+@pytest.fixture
+def plant(make_plant):
+    """Return a running PA-10."""
+    return make_plant()

@@ -1,0 +1,46 @@
+"""The operator in the README, run as it stands there."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).resolve().parents[2] / "README.md"
+
+pytestmark = pytest.mark.hil
+
+
+def readme_operator():
+    section = README.read_text(encoding="utf-8").split("## An operator in 15 lines\n")[1]
+    return re.search(r"```python\n(.*?)```", section, re.DOTALL)[1]
+
+
+def test_the_operator_in_the_readme_moves_the_arm_as_it_says(plant, tmp_path):
+    text = readme_operator()
+    default = "tcp/127.0.0.1:7447"
+    assert default in text
+    program = tmp_path / "operator.py"
+    program.write_text(text.replace(default, plant.cell.config.zenoh.listen))
+    watcher = plant.operator("watcher")
+    before = plant.truth
+
+    with subprocess.Popen(
+        [sys.executable, "-W", "error", program], stdout=subprocess.PIPE, text=True
+    ) as child:
+        plant.until(lambda: child.poll() is not None, 30.0, "the operator did not end")
+        out = child.stdout.read()
+
+    assert child.returncode == 0
+    assert out.count("'ok': True") == 2, out
+    plant.until(lambda: watcher.state.mode == "hold", 2.0)
+    rise = plant.truth.pose_mrf[2] - before.pose_mrf[2]
+    assert rise == pytest.approx(0.02 * 2.3, abs=0.01)
+    assert plant.truth.pose_mrf[:2] == pytest.approx(before.pose_mrf[:2], abs=3e-3)
+    assert watcher.state.lease_holder is None
+
+
+def test_the_operator_in_the_readme_is_as_short_as_it_says():
+    lines = [line for line in readme_operator().splitlines() if line.strip()]
+    assert len(lines) <= 18
