@@ -82,6 +82,7 @@ class Cycle:
         self._orders = Orders(cell)
         self._desk = Desk(self._admission, self._orders, self._events, new_token)
         self._memory: Memory | None = None
+        self._last_q: Array | None = None
         self._enabled_since: int | None = None
         self._trouble: Trouble | None = None
         self._reopened = False
@@ -155,8 +156,11 @@ class Cycle:
             self._quick_stop(trouble, "fault")
         self._change_mode(reading, trouble, view)
         if reading.q is not None:
+            self._last_q = reading.q
             self._compute_and_write(now_s, reading, reading.q)
-            self._tell(now_s, reading, reading.q)
+        if self._last_q is not None:
+            # With a drive missing, operators still hear: where the joints were, and what is wrong.
+            self._tell(now_s, reading, self._last_q)
 
     # --- operators ---------------------------------------------------------------------------
 
