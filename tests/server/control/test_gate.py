@@ -51,7 +51,7 @@ def test_what_one_bound_refuses_the_others_do_not_mind():
 def test_a_bound_may_be_reached_and_not_passed(q):
     at = posture(0.0, q)
     assert gate().refusal(at, (at, at, at)) is None
-    beyond = at + [0.0, np.copysign(1e-9, q)]
+    beyond = posture(0.0, q + np.copysign(1e-9, q))
     refusal = gate().refusal(beyond, (at, at, at))
     assert refusal is not None
     assert refusal.startswith("elbow: position")
