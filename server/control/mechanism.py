@@ -41,6 +41,10 @@ class Mechanism:
         self.T_world_base = T_world_base
         self._data = model.createData()
         self._tip = model.getFrameId(tip_link)
+        self._base_is_world = bool(
+            np.array_equal(T_world_base.R, np.eye(3)) and not T_world_base.p.any()
+        )
+        self._turn = np.kron(np.eye(2), T_world_base.R)
         self._align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
     @classmethod
@@ -60,23 +64,26 @@ class Mechanism:
     def kinematics(self, q: Array, T_wrist_mrf: Pose) -> Kinematics:
         """Return frames and Jacobian at joint angles q (n,) [rad]."""
         J = pin.computeFrameJacobian(self.model, self._data, q, self._tip, self._align)
-        placement = self._data.oMf[self._tip]
-        base = self.T_world_base
-        T_world_wrist = base @ Pose(placement.rotation, placement.translation)
-        lever = T_world_wrist.R @ T_wrist_mrf.p
-        T_world_mrf = Pose(T_world_wrist.R @ T_wrist_mrf.R, T_world_wrist.p + lever)
-        out = np.empty((6, self.n))
-        out[3:] = base.R @ J[3:]
+        T_world_wrist = self._placed(self._data.oMf[self._tip])
+        R, p = T_world_wrist
+        if not self._base_is_world:
+            J = self._turn @ J
+        lever = R @ T_wrist_mrf.p
+        T_world_mrf = Pose(R @ T_wrist_mrf.R, p + lever)
+        # v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards.
         x, y, z = lever.tolist()
-        # v_mrf = v_wrist + ω × lever, the first half of Williams 1997, eq. 1, read backwards.
-        out[:3] = base.R @ J[:3]
-        out[0] += out[4] * z - out[5] * y
-        out[1] += out[5] * x - out[3] * z
-        out[2] += out[3] * y - out[4] * x
-        return Kinematics(T_world_wrist, T_world_mrf, out)
+        J[0] += J[4] * z - J[5] * y
+        J[1] += J[5] * x - J[3] * z
+        J[2] += J[3] * y - J[4] * x
+        return Kinematics(T_world_wrist, T_world_mrf, J)
 
     def pose_wrist(self, q: Array) -> Pose:
         """Return T_world_wrist at joint angles q (n,) [rad], without a Jacobian."""
-        pin.framesForwardKinematics(self.model, self._data, q)
-        placement = self._data.oMf[self._tip]
-        return self.T_world_base @ Pose(placement.rotation, placement.translation)
+        pin.forwardKinematics(self.model, self._data, q)
+        return self._placed(pin.updateFramePlacement(self.model, self._data, self._tip))
+
+    def _placed(self, placement: "pin.SE3") -> Pose:
+        """Return a placement in Base as a pose in World."""
+        # Pinocchio hands out views of its own memory, which the next call writes over.
+        pose = Pose(placement.rotation.copy(), placement.translation.copy())
+        return pose if self._base_is_world else self.T_world_base @ pose

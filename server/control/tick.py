@@ -93,9 +93,9 @@ class Control:
 
     def tick(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Output]:
         """Return the next memory and what to send: one period of control."""
-        measured = self.mechanism.kinematics(inputs.q_measured, inputs.settings.T_wrist_mrf)
+        T_world_wrist_measured = self.mechanism.pose_wrist(inputs.q_measured)
         force = self.force.measure(
-            memory.force, inputs.wrench_sensor, inputs.settings.wrench_bias, measured.T_world_wrist
+            memory.force, inputs.wrench_sensor, inputs.settings.wrench_bias, T_world_wrist_measured
         )
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
@@ -117,7 +117,7 @@ class Control:
             at_rest=not (limited.motion.dq.any() or limited.motion.ddq.any()),
             following_error=error,
             T_world_mrf=kinematics.T_world_mrf,
-            T_world_mrf_measured=measured.T_world_mrf,
+            T_world_mrf_measured=T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
             wrench_mrf=self.force.wrench_mrf(force, inputs.settings.T_wrist_mrf),
             twists=asked.twists,
             twist=asked.twist,
