@@ -1,0 +1,186 @@
+"""Hostile things that operators do: each returns the steps of one segment of a script.
+
+Directions are drawn so that sticks turn back on themselves within a second or so: asked rates are
+far beyond every bound, but the arm is not led far into itself or its surroundings.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...config.load import Cell
+from ...protocols.messages import Frame
+from ..script import Step
+
+Draw = np.random.Generator
+FRAMES = tuple(Frame)
+SPEEDS = (0.4, 2.5)
+"""Range of asked tool speeds [m/s]."""
+ANGULAR_SPEEDS = (1.0, 8.0)
+"""Range of asked tool rates [rad/s]."""
+
+
+def step(at_s: float, **what: Any) -> Step:
+    """Return a step of a script, checked like one from a file."""
+    return Step.model_validate({"at_s": at_s, **what})
+
+
+def constant(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
+    """One way, then back."""
+    twist, middle = _twist(draw), 0.5 * (at_s + end_s)
+    axes = _axes(draw)
+    return [_stick(at_s, twist, axes), _stick(middle, [-x for x in twist], axes)]
+
+
+def bang_bang(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
+    """Full speed to and fro."""
+    twist, axes, steps = _twist(draw), _axes(draw), []
+    while at_s < end_s:
+        steps.append(_stick(at_s, twist, axes))
+        twist = [-x for x in twist]
+        at_s += float(draw.uniform(0.1, 0.4))
+    return steps
+
+
+def noise(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
+    """A new direction several times a second."""
+    steps = []
+    while at_s < end_s:
+        steps.append(_stick(at_s, _twist(draw), _axes(draw)))
+        at_s += float(draw.uniform(0.03, 0.15))
+    return steps
+
+
+def aimed(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
+    """Away from the base, towards full stretch, with a slow turn of the tool."""
+    twist = [0.0, 0.0, float(draw.uniform(0.5, 1.5)), *draw.uniform(-0.5, 0.5, 3).tolist()]
+    axes = {"expressed_in": Frame.MRF if draw.random() < 0.5 else Frame.BASE}
+    return [
+        _stick(at_s, twist, axes),
+        _stick(at_s + 0.7 * (end_s - at_s), [-x for x in twist], axes),
+    ]
+
+
+def jog_to_limit(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """One of the last joints at full speed towards a limit, at reduced speed half of the time."""
+    drives = cell.config.mechanism.drives
+    rates = [0.0] * len(drives)
+    joint = int(draw.choice([len(drives) - 1, len(drives) - 1, len(drives) - 2, 0]))
+    rates[joint] = float(draw.choice([-1.0, 1.0])) * drives[joint].max_velocity
+    factor = float(draw.choice([0.3, 1.0]))
+    return [
+        step(at_s=at_s, joystick={}, speed=factor, jog={"rates": rates}),
+        step(at_s=end_s - 0.02, jog={}, speed=1.0),
+    ]
+
+
+def goals(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
+    """Target poses, each replaced on the way, with a stick in between."""
+    steps = []
+    while at_s < end_s:
+        position = {
+            "xyz": draw.uniform(-0.3, 0.3, 3).tolist(),
+            "rpy": draw.uniform(-0.8, 0.8, 3).tolist(),
+            "relative_to": Frame.MRF,
+            "expressed_in": _frame(draw),
+        }
+        steps.append(step(at_s=at_s, position=position))
+        steps.append(_stick(at_s + 0.15, _twist(draw), _axes(draw)))
+        at_s += float(draw.uniform(0.3, 0.7))
+    steps.append(step(at_s=end_s - 0.01, cancel=True))
+    return steps
+
+
+def postures(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Joint postures, each replaced on the way."""
+    known = cell.config.mechanism.postures
+    steps = []
+    while at_s < end_s:
+        q = np.array(known[str(draw.choice(sorted(known)))])
+        q = q + draw.uniform(-0.3, 0.3, len(q))
+        steps.append(step(at_s=at_s, joystick={}, posture=tuple(q.tolist())))
+        at_s += float(draw.uniform(0.3, 0.8))
+    return steps
+
+
+SEGMENTS: tuple[Callable[[Draw, Cell, float, float], list[Step]], ...] = (
+    constant, bang_bang, bang_bang, noise, noise, aimed, jog_to_limit, goals, postures,
+)  # fmt: skip
+
+
+def disturbance(draw: Draw, cell: Cell, at_s: float) -> list[Step]:
+    """Return something that happens besides: settings, stops, a bad line, bad bytes."""
+    gains = {
+        "joystick": cell.config.sources.joystick.gain,
+        "position": cell.config.sources.position.gain,
+        "force": cell.config.sources.force.gain,
+    }
+    source = str(draw.choice(sorted(gains)))
+    later = at_s + float(draw.uniform(0.15, 0.4))
+    choices: tuple[tuple[dict[str, Any], dict[str, Any]], ...] = (
+        ({"gain": {"source": source, "gain": _scaled(draw, gains[source])}}, {}),
+        ({"gain": {"source": "force", "gain": (50.0,) * 6}}, {}),
+        ({"switch": {"source": source, "on": False}}, {"switch": {"source": source, "on": True}}),
+        ({"speed": float(draw.uniform(0.1, 1.0))}, {"speed": 1.0}),
+        ({"mode": "hold"}, {"mode": "resume"}),
+        ({"protective_stop": True}, {"protective_stop": False}),
+        ({"joystick": {}}, {}),
+        ({"link": {"delay_s": float(draw.uniform(0.02, 0.3))}}, {"link": {}}),
+        ({"link": {"cut": True}}, {"link": {}}),
+        ({"raw": {"topic": "cmd/joystick", "hex": draw.bytes(24).hex()}}, {}),
+        ({"jog": {"rates": [0.1]}}, {"jog": {}}),
+        ({"force": draw.uniform(-10.0, 10.0, 6).tolist()}, {"force": [0.0] * 6}),
+        ({"frame": _redefined(draw, "crf")}, {}),
+        ({"frame": _redefined(draw, "mrf")}, {}),
+        (
+            {"fault": {"silence": "force_torque"}},
+            {"fault": {"silence": "force_torque", "on": False}},
+        ),
+    )
+    first, second = choices[int(draw.integers(len(choices)))]
+    steps = [step(at_s=at_s, **first)]
+    if second:
+        steps.append(step(at_s=later, **second))
+    if second.keys() & {"mode", "protective_stop", "link"}:
+        # A stop takes a moment to end in HOLD; asked again, it is refused or goes on.
+        steps += [step(at_s=later + wait, mode="resume") for wait in (0.3, 0.6)]
+    return steps
+
+
+def _twist(draw: Draw) -> list[float]:
+    linear, angular = draw.normal(size=3), draw.normal(size=3)
+    linear *= draw.uniform(*SPEEDS) / np.linalg.norm(linear)
+    angular *= draw.uniform(*ANGULAR_SPEEDS) / np.linalg.norm(angular)
+    # One part alone, half of the time.
+    kind = int(draw.integers(4))
+    if kind == 0:
+        linear *= 0.0
+    elif kind == 1:
+        angular *= 0.0
+    return [*linear.tolist(), *angular.tolist()]
+
+
+def _frame(draw: Draw) -> Frame:
+    return FRAMES[int(draw.integers(len(FRAMES)))]
+
+
+def _axes(draw: Draw) -> dict[str, Frame]:
+    return {"expressed_in": _frame(draw), "relative_to": _frame(draw)}
+
+
+def _stick(at_s: float, twist: list[float], axes: dict[str, Frame]) -> Step:
+    return step(at_s=at_s, joystick={"twist": twist, **axes})
+
+
+def _scaled(draw: Draw, gain: tuple[float, ...]) -> list[float]:
+    return [g * float(draw.choice([0.0, 0.3, 1.0])) for g in gain]
+
+
+def _redefined(draw: Draw, frame: str) -> dict[str, Any]:
+    reach = 0.05 if frame == "mrf" else 0.5
+    return {
+        "frame": frame,
+        "xyz": draw.uniform(-reach, reach, 3).tolist(),
+        "rpy": draw.uniform(-1.0, 1.0, 3).tolist(),
+    }
