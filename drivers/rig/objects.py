@@ -69,7 +69,7 @@ class ObjectStore:
             if subindex:
                 raise KeyError(subindex)
             return entry
-        found: ODVariable = entry[subindex]
+        found: ODVariable = entry.subindices[subindex]
         return found
 
     # --- what the SDO server calls --------------------------------------------------------------

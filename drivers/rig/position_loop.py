@@ -86,7 +86,6 @@ class PositionLoop:
 
     def step(self, q: Vector, dq: Vector) -> Vector:
         """Advance by one physics step; return the torques (n,) [N·m]."""
-        self._move_reference()
         np.subtract(self.reference, q, out=self.error)
         self.error *= self._engaged
         self._integral += self._integral_step * self.error
@@ -101,6 +100,7 @@ class PositionLoop:
         self._integral *= self._engaged
         self.steps_beyond += 1
         self.steps_beyond *= np.abs(self.error) > self.window
+        self._move_reference()
         return self.torque
 
     def _move_reference(self) -> None:

@@ -87,7 +87,8 @@ class SimulatedDrive(CanNode):
         return word
 
     def _torque(self) -> int:
-        share = self._loop.torque[self._joint] / self.drive.rated_torque * self.drive.direction
+        torque = float(self._loop.torque[self._joint])
+        share = torque / self.drive.rated_torque * self.drive.direction
         return max(-_I16, min(_I16, round(share * 1000)))
 
     def _to_counts(self, angle: float) -> int:
