@@ -1,0 +1,190 @@
+"""`telerobot drive` under a terminal of the test's own, and with a script."""
+
+import fcntl
+import os
+import pty
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import threading
+
+import pytest
+from telerobot.tools.address import options
+
+pytestmark = pytest.mark.hil
+
+DRIVE = [sys.executable, "-m", "telerobot.tools.cli", "drive"]
+
+
+class Terminal:
+    """A program under a pseudo-terminal: what is typed goes in, `text` is what it showed."""
+
+    def __init__(self, *arguments):
+        self.master, self.slave = pty.openpty()
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 200, 0, 0))
+        self.found = termios.tcgetattr(self.slave)
+        self.text = ""
+        self.program = subprocess.Popen(
+            arguments, stdin=self.slave, stdout=self.slave, stderr=self.slave,
+            start_new_session=True,
+        )  # fmt: skip
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        while True:
+            try:
+                data = os.read(self.master, 4096)
+            except OSError:
+                return
+            self.text += data.decode("utf-8", "replace")
+
+    def type(self, keys):
+        os.write(self.master, keys.encode())
+
+    def restored(self):
+        return termios.tcgetattr(self.slave) == self.found and self.text.endswith("\x1b[?25h")
+
+    def close(self):
+        if self.program.poll() is None:
+            self.program.kill()
+        self.program.wait()
+        os.close(self.slave)
+        os.close(self.master)
+        self._reader.join()
+
+
+@pytest.fixture
+def terminal(plant):
+    """Return a function that starts `telerobot drive` on the plant, in a terminal."""
+    terminals = []
+
+    def start(*extra):
+        cell, endpoint, *_ = options(plant.cell)
+        terminals.append(Terminal(*DRIVE, cell, endpoint, "--name", "ann", *extra))
+        return terminals[-1]
+
+    yield start
+    for each in terminals:
+        each.close()
+
+
+def wait_text(plant, terminal, text, within_s=20.0):
+    plant.until(lambda: text in terminal.text, within_s, f"{text!r} was not shown")
+
+
+def hold_key(plant, terminal, key, physics_s):
+    """Send a key as a terminal does while it is held: once, a pause, then repeats."""
+    start_s = plant.truth.time_s
+    terminal.type(key)
+    plant.run_for(0.4)
+    while plant.truth.time_s - start_s < physics_s:
+        terminal.type(key)
+        plant.run_for(0.03)
+
+
+def height(plant):
+    return plant.truth.pose_mrf[2]
+
+
+def test_a_held_key_moves_the_arm_and_letting_go_stops_it(plant, terminal):
+    watcher = plant.operator("watcher")
+    screen = terminal()
+    wait_text(plant, screen, "lease granted to ann")
+    screen.type("m")
+    plant.until(lambda: watcher.state.mode == "enabled", 10.0)
+    before = height(plant)
+    hold_key(plant, screen, "r", 1.5)
+    assert height(plant) - before == pytest.approx(0.05 * 1.5, abs=0.02)
+    plant.run_for(0.8)
+    rest = plant.truth.pose_mrf
+    plant.run_for(0.5)
+    assert plant.truth.pose_mrf == pytest.approx(rest, abs=1e-3)
+    assert watcher.state.mode == "enabled"
+    assert "ENABLED | xyz" in screen.text
+    assert "lease ann (you) | round trip" in screen.text
+
+    screen.type("q")
+    plant.until(lambda: screen.program.poll() is not None, 10.0)
+    assert screen.program.returncode == 0
+    plant.until(screen.restored, 5.0)
+    plant.until(lambda: watcher.state.mode == "hold", 3.0)
+
+
+def test_space_stops_the_arm_and_its_refusals_are_said(plant, terminal):
+    watcher = plant.operator("watcher")
+    screen = terminal()
+    wait_text(plant, screen, "lease granted to ann")
+    screen.type("m")
+    plant.until(lambda: watcher.state.mode == "enabled", 10.0)
+    screen.type(" ")
+    plant.until(lambda: watcher.state.mode == "hold", 3.0)
+    assert watcher.state.protective_stop
+    screen.type("m")
+    wait_text(plant, screen, "enable: refused: protective_stop")
+    screen.type("c")
+    wait_text(plant, screen, "clear: done")
+    screen.type("m")
+    plant.until(lambda: watcher.state.mode == "enabled", 5.0)
+    assert "Traceback" not in screen.text
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_leaves_the_terminal_as_it_was_and_the_arm_holding(plant, terminal, number):
+    watcher = plant.operator("watcher")
+    screen = terminal()
+    wait_text(plant, screen, "lease granted to ann")
+    screen.type("m")
+    plant.until(lambda: watcher.state.mode == "enabled", 10.0)
+    screen.program.send_signal(number)
+    plant.until(lambda: screen.program.poll() is not None, 10.0)
+    plant.until(screen.restored, 5.0)
+    plant.until(lambda: watcher.state.mode == "hold", 3.0)
+
+
+def test_who_holds_the_lease_is_said_and_it_can_be_asked_for_again(plant, terminal):
+    other = plant.operator("bob")
+    other.acquire()
+    screen = terminal()
+    wait_text(plant, screen, "bob holds the lease")
+    other.release()
+    screen.type("L")
+    wait_text(plant, screen, "lease granted to ann")
+
+
+def test_a_daemon_that_vanishes_is_said_and_the_console_lives_on(plant, terminal):
+    screen = terminal()
+    wait_text(plant, screen, "lease granted to ann")
+    plant.kill9_daemon()
+    wait_text(plant, screen, "no telemetry for 1")
+    plant.start_daemon()
+    seen = len(screen.text)
+    plant.until(lambda: "READY | xyz" in screen.text[seen:], 30.0)
+    screen.type("L")
+    wait_text(plant, screen, "m enables the arm", 10.0)
+    screen.type("q")
+    plant.until(lambda: screen.program.poll() is not None, 10.0)
+    plant.until(screen.restored, 5.0)
+
+
+def test_a_script_is_played_on_a_running_daemon(plant):
+    cell, endpoint, *_ = options(plant.cell)
+    with subprocess.Popen(
+        [*DRIVE, cell, "pose_move", endpoint], stdout=subprocess.PIPE, text=True
+    ) as child:
+        plant.until(lambda: child.poll() is not None, 40.0)
+        out = child.stdout.read()
+    assert child.returncode == 0, out
+    last = out.splitlines()[-1]
+    assert last.startswith("mode enabled, at_goal true, tool error commanded "), out
+    assert "refused" not in out
+
+
+def test_without_terminal_or_script_drive_is_bad_usage():
+    done = subprocess.run(
+        [*DRIVE, "pa10"], check=False, stdin=subprocess.DEVNULL, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert done.stderr == "telerobot: drive needs a terminal, or a SCRIPT to play\n"
