@@ -10,6 +10,7 @@ import shutil
 import signal
 import sys
 import termios
+import textwrap
 from types import FrameType, TracebackType
 from typing import Self
 
@@ -74,10 +75,10 @@ class Console:
         self._write(self._erase() + line + "\r\n" + self._draw())
 
     def show(self, *lines: str) -> None:
-        """Redraw the status with these lines, each cut to the terminal's width."""
+        """Redraw the status with these lines, each folded to the terminal's width."""
         erase = self._erase()
-        width = shutil.get_terminal_size().columns
-        self._status = [line[: width - 1] for line in lines]
+        width = max(shutil.get_terminal_size().columns - 1, 20)
+        self._status = [part for line in lines for part in textwrap.wrap(line, width)]
         self._write(erase + self._draw())
 
     def _erase(self) -> str:
