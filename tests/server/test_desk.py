@@ -1,0 +1,353 @@
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from telerobot.protocols import messages as m
+from telerobot.protocols import topics as t
+from telerobot.protocols.codec import decode_as, encode
+from telerobot.server.admission import Admission, Now, Why
+from telerobot.server.desk import ENABLE_TIMEOUT_S, Desk, View
+from telerobot.server.events import Events
+from telerobot.server.link import Asked
+from telerobot.server.mode import Mode, Wish
+from telerobot.server.orders import Orders
+
+
+@dataclass
+class Counter:
+    """A desk with everything behind it, and an operator in front of it."""
+
+    desk: Desk
+    admission: Admission
+    orders: Orders
+    events: Events
+    view: View
+    replies: list[m.Reply] = field(default_factory=list)
+    seq: int = 0
+    token: str = ""
+
+    def ask(self, topic, **fields):
+        """Ask as the lease's holder; return the answer, or None while it waits."""
+        if issubclass(topic.message, m.Command):
+            self.seq += 1
+            envelope = {"token": self.token, "seq": self.seq, "seen_tick": self.view.now.tick}
+            fields = {**envelope, "epoch": self.admission.lease.epoch, **fields}
+        return self.put(topic, encode(topic.message(**fields)))
+
+    def put(self, topic, payload):
+        before = len(self.replies)
+        answer = lambda reply: self.replies.append(decode_as(m.Reply, reply))  # noqa: E731
+        self.desk.serve(Asked(topic, payload, answer), self.view)
+        return self.replies[-1] if len(self.replies) > before else None
+
+    def lease(self, operator="ann"):
+        reply = self.ask(t.LEASE, operator=operator)
+        if reply.ok:
+            self.token = reply.token
+        return reply
+
+    def see(self, **changes):
+        self.view = replace(self.view, **changes)
+
+    def pass_time(self, seconds, mode=None):
+        """Let time go by, with the lease kept alive; settle in a mode."""
+        now = self.view.now
+        self.see(now=Now(now.time_s + seconds, now.tick + round(100 * seconds), None))
+        self.admission.renew(self.view.now)
+        if mode is not None:
+            self.see(mode=mode)
+        self.desk.begin_tick()
+        self.desk.settle(self.view.mode, self.view)
+
+
+@pytest.fixture
+def counter(pa10):
+    tokens = iter(f"token{i}" for i in range(100))
+    admission, orders, events = Admission(0.01, 0.5, 0.5), Orders(pa10.cell), Events()
+    view = View(
+        now=Now(10.0, 1000, None),
+        mode=Mode.READY,
+        unloaded=np.arange(6.0),
+        at_rest=True,
+        essential_stale=(),
+        gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
+    )
+    desk = Desk(admission, orders, events, lambda: next(tokens))
+    return Counter(desk, admission, orders, events, view)
+
+
+@pytest.fixture
+def ann(counter):
+    """The counter with ann's lease."""
+    assert counter.lease().ok
+    return counter
+
+
+def names(counter):
+    return [e.name for e in counter.events.take()]
+
+
+# --- the lease ------------------------------------------------------------------------------------
+
+
+def test_the_lease_is_granted_with_token_and_epoch(counter):
+    reply = counter.lease("ann")
+    assert reply.ok
+    assert (reply.token, reply.epoch) == ("token0", 1)
+    assert counter.admission.lease.holder == "ann"
+    assert names(counter) == ["lease_granted"]
+
+
+def test_a_second_operator_is_told_who_holds_the_lease_and_gets_no_token(ann):
+    reply = ann.lease("bob")
+    assert (reply.ok, reply.reason, reply.token) == (False, Why.LEASE_TAKEN, None)
+    assert "ann" in reply.detail
+    assert ann.admission.lease.holder == "ann"
+
+
+def test_what_is_given_back_can_be_taken_at_once_and_the_old_token_is_dead(ann):
+    old = ann.token
+    assert ann.ask(t.RELEASE).ok
+    assert ann.lease("bob").epoch == 2
+    reply = ann.ask(t.SPEED, factor=0.5, token=old)
+    assert (reply.ok, reply.reason) == (False, Why.WRONG_TOKEN)
+
+
+def test_tokens_are_in_no_event(ann):
+    ann.ask(t.SPEED, factor=0.5, token="stolen")
+    ann.lease("bob")
+    told = " ".join(str(e) for e in ann.events.take())
+    assert ann.token not in told
+    assert "stolen" not in told
+
+
+@pytest.mark.parametrize("topic", [t.MODE, t.GAIN, t.SWITCH, t.FRAME, t.SPEED, t.TARE, t.RELEASE])
+def test_without_the_lease_nothing_is_changed(counter, topic):
+    fields = {
+        t.MODE: {"action": "enable"},
+        t.GAIN: {"source": m.SourceName.JOYSTICK, "gain": (2.0,) * 6},
+        t.SWITCH: {"source": m.SourceName.JOYSTICK, "on": False},
+        t.FRAME: {"frame": "mrf", "xyz": (0, 0, 0.1), "rpy": (0, 0, 0)},
+        t.SPEED: {"factor": 0.5},
+    }.get(topic, {})
+    before = counter.orders.settings()
+    reply = counter.ask(topic, token="x", **fields)
+    assert (reply.ok, reply.reason) == (False, Why.NO_LEASE)
+    assert counter.desk.wish is Wish.NONE
+    after = counter.orders.settings()
+    assert after.speed_factor == before.speed_factor
+    assert after.T_wrist_mrf is before.T_wrist_mrf
+    np.testing.assert_array_equal(after.gains["joystick"], before.gains["joystick"])
+    np.testing.assert_array_equal(after.wrench_bias, before.wrench_bias)
+
+
+def test_rubbish_is_answered_too(counter):
+    reply = counter.put(t.LEASE, b"\xff\x00")
+    assert not reply.ok
+    assert reply.reason
+    assert names(counter) == ["request_refused"]
+
+
+# --- modes ----------------------------------------------------------------------------------------
+
+
+def test_enable_is_answered_when_the_arm_is_enabled(ann):
+    assert ann.ask(t.MODE, action="enable") is None
+    assert ann.desk.wish is Wish.ENABLE
+    ann.pass_time(0.5)
+    assert len(ann.replies) == 1
+    ann.pass_time(0.1, Mode.ENABLED)
+    assert ann.replies[-1].ok
+    assert ann.replies[-1].tick == ann.view.now.tick
+    assert ann.desk.wish is Wish.NONE
+
+
+def test_drives_that_do_not_come_up_are_not_waited_for_for_ever(ann):
+    ann.ask(t.MODE, action="enable")
+    ann.pass_time(ENABLE_TIMEOUT_S - 0.1)
+    assert ann.desk.wish is Wish.ENABLE
+    ann.pass_time(0.2)
+    reply = ann.replies[-1]
+    assert (reply.ok, reply.reason) == (False, Why.STILL_WRONG)
+    assert ann.desk.wish is Wish.NONE
+    assert "enable_failed" in names(ann)
+
+
+def test_a_fault_on_the_way_ends_the_wish_to_enable(ann):
+    ann.ask(t.MODE, action="enable")
+    ann.pass_time(0.1, Mode.FAULT)
+    reply = ann.replies[-1]
+    assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
+    assert ann.desk.wish is Wish.NONE
+
+
+@pytest.mark.parametrize(
+    ("action", "mode", "reached"),
+    [("disable", Mode.ENABLED, Mode.READY), ("reset", Mode.FAULT, Mode.READY)],
+)
+def test_disable_and_reset_are_answered_once_ready(ann, action, mode, reached):
+    ann.see(mode=mode)
+    assert ann.ask(t.MODE, action=action) is None
+    ann.pass_time(0.1)
+    assert len(ann.replies) == 1
+    ann.pass_time(0.1, reached)
+    assert ann.replies[-1].ok
+
+
+@pytest.mark.parametrize("action", ["resume", "enable"])
+def test_resume_is_a_wish_of_one_tick(ann, action):
+    ann.see(mode=Mode.HOLD)
+    assert ann.ask(t.MODE, action=action).ok
+    assert ann.desk.resume
+    ann.desk.begin_tick()
+    assert not ann.desk.resume
+    assert ann.desk.wish is Wish.NONE
+
+
+def test_hold_is_at_once_and_for_one_tick(ann):
+    ann.see(mode=Mode.ENABLED)
+    assert ann.ask(t.MODE, action="hold").ok
+    assert ann.desk.hold
+    ann.desk.begin_tick()
+    assert not ann.desk.hold
+
+
+@pytest.mark.parametrize(
+    ("action", "modes"),
+    [
+        ("enable", {Mode.READY, Mode.HOLD}),
+        ("hold", {Mode.ENABLED, Mode.STOPPING, Mode.HOLD}),
+        ("resume", {Mode.HOLD}),
+        ("disable", {Mode.ENABLED, Mode.STOPPING, Mode.HOLD}),
+        ("reset", {Mode.FAULT}),
+    ],
+)
+def test_each_action_is_refused_in_every_mode_but_its_own(ann, action, modes):
+    for mode in set(Mode) - modes:
+        ann.see(mode=mode)
+        reply = ann.ask(t.MODE, action=action)
+        assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
+        assert mode in reply.detail
+    assert ann.desk.wish is Wish.NONE
+    assert not (ann.desk.hold or ann.desk.resume)
+
+
+def test_one_wish_at_a_time(ann):
+    ann.ask(t.MODE, action="enable")
+    reply = ann.ask(t.MODE, action="enable")
+    assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
+    ann.pass_time(0.1, Mode.ENABLED)
+    assert [r.ok for r in ann.replies] == [True, False, True]
+
+
+@pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
+def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
+    ann.see(mode=mode, essential_stale=("force_torque",))
+    reply = ann.ask(t.MODE, action=action)
+    assert (reply.ok, reply.reason) == (False, Why.SENSOR_STALE)
+    assert "force_torque" in reply.detail
+    assert not ann.desk.resume
+
+
+# --- the protective stop --------------------------------------------------------------------------
+
+
+def test_anybody_may_ask_for_the_protective_stop_and_it_stays(ann):
+    assert ann.ask(t.PROTECTIVE_STOP, operator="bystander").ok
+    assert ann.desk.protective_stop == "bystander"
+    ann.pass_time(60.0)
+    assert ann.desk.protective_stop == "bystander"
+
+
+@pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
+def test_nothing_moves_while_the_protective_stop_is_latched(ann, action, mode):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    ann.see(mode=mode)
+    reply = ann.ask(t.MODE, action=action)
+    assert (reply.ok, reply.reason) == (False, Why.PROTECTIVE_STOP)
+    assert "bystander" in reply.detail
+    ann.ask(t.PROTECTIVE_CLEAR, operator="bystander")
+    ann.ask(t.MODE, action=action)
+    assert ann.desk.resume or ann.desk.wish is Wish.ENABLE
+
+
+def test_who_asked_may_clear_it(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    assert ann.ask(t.PROTECTIVE_CLEAR, operator="bystander").ok
+    assert ann.desk.protective_stop is None
+
+
+def test_the_lease_holder_may_clear_it_with_the_token(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    assert ann.ask(t.PROTECTIVE_CLEAR, operator="ann", token=ann.token).ok
+    assert ann.desk.protective_stop is None
+
+
+@pytest.mark.parametrize("token", [None, "guess"])
+@pytest.mark.parametrize("operator", ["stranger", "ann"])
+def test_a_stranger_may_not_clear_it_nor_who_merely_has_the_holders_name(ann, operator, token):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    reply = ann.ask(t.PROTECTIVE_CLEAR, operator=operator, token=token)
+    assert (reply.ok, reply.reason) == (False, Why.NOT_YOURS)
+    assert ann.desk.protective_stop == "bystander"
+
+
+def test_the_token_of_a_lease_that_ran_out_clears_nothing(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    ann.see(now=Now(ann.view.now.time_s + 5.0, 1500, None))
+    assert not ann.ask(t.PROTECTIVE_CLEAR, operator="ann", token=ann.token).ok
+
+
+# --- settings -------------------------------------------------------------------------------------
+
+
+def test_gains_are_set_unless_they_would_be_unstable(ann):
+    before = ann.orders.gains["position"]
+    reply = ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(6.0,) * 6)
+    assert (reply.ok, reply.reason, reply.detail) == (False, Why.UNSTABLE_GAIN, "too high")
+    assert ann.orders.gains["position"] is before
+    assert ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(3.0,) * 6).ok
+    np.testing.assert_array_equal(ann.orders.settings().gains["position"], [3.0] * 6)
+
+
+def test_a_source_is_switched_off_and_on(ann):
+    assert ann.ask(t.SWITCH, source=m.SourceName.JOYSTICK, on=False).ok
+    assert not ann.orders.settings().gains["joystick"].any()
+    assert ann.ask(t.SWITCH, source=m.SourceName.JOYSTICK, on=True).ok
+    assert ann.orders.settings().gains["joystick"].all()
+
+
+def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
+    envelope = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+    target = m.PositionTarget(**envelope, xyz=(0.1, 0, 0), rpy=(0, 0, 0))
+    ann.orders.take(target, 0.0, ann.orders.T_world_crf)
+    serial = ann.orders.goal.serial
+    ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=False)
+    assert ann.orders.goal.serial == serial
+    ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=True)
+    assert ann.orders.goal.serial > serial
+
+
+def test_frame_and_speed_are_set(ann):
+    assert ann.ask(t.FRAME, frame="mrf", xyz=(0.0, 0.0, 0.3), rpy=(0.0, 0.0, 0.0)).ok
+    assert ann.ask(t.SPEED, factor=0.25).ok
+    settings = ann.orders.settings()
+    np.testing.assert_array_equal(settings.T_wrist_mrf.p, (0.0, 0.0, 0.3))
+    assert settings.speed_factor == 0.25
+
+
+def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
+    assert ann.ask(t.TARE).ok
+    np.testing.assert_array_equal(ann.orders.settings().wrench_bias, np.arange(6.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [({"at_rest": False}, Why.NOT_NOW), ({"unloaded": None}, Why.SENSOR_STALE)],
+)
+def test_a_tare_is_refused_while_the_arm_moves_or_the_sensor_is_silent(ann, changes, reason):
+    before = ann.orders.settings().wrench_bias
+    ann.see(**changes)
+    reply = ann.ask(t.TARE)
+    assert (reply.ok, reply.reason) == (False, reason)
+    assert ann.orders.settings().wrench_bias is before
