@@ -1,1 +1,1 @@
-"""How fast the control computation is, measured."""
+"""How fast it is: control computation, SYNC, latency, simulation."""

@@ -1,0 +1,76 @@
+"""The benchmarks' plumbing: what they print and write; no figure is asserted."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.bench import cli, tick
+from telerobot.tools.bench.bare import periods
+from telerobot.tools.bench.figures import machine, percentiles
+from telerobot.tools.bench.plant import without_self_motion
+from telerobot.tools.cli import main
+
+
+def test_tick_measures_a_free_and_a_limited_phase():
+    figures = tick.bench(load_cell("ur5e"), ticks=400)
+    for phase in ("free_us", "limited_us"):
+        assert 0.0 < figures[phase]["p50"] <= figures[phase]["p99"] <= figures[phase]["max"]
+    assert 0.0 < figures["limited_share"] <= 1.0
+
+
+def test_bench_writes_its_figures_and_the_machine_as_json(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(tick, "TICKS", 200)
+    file = tmp_path / "bench.json"
+    assert main(["bench", "--only", "tick", "--quick", "--json", str(file)]) == 0
+    written = json.loads(file.read_text())
+    assert written["quick"] is True
+    assert written["tick"].keys() == {"pa10", "ur5e"}
+    assert {"free_us", "limited_us", "p99_us", "target_us", "met"} <= written["tick"]["pa10"].keys()
+    assert {"cores", "python", "packages"} <= written["machine"].keys()
+    assert "tick pa10" in capsys.readouterr().out
+
+
+def test_an_unknown_benchmark_is_bad_usage():
+    with pytest.raises(SystemExit) as ended:
+        main(["bench", "--only", "nonsense"])
+    assert ended.value.code == 2
+
+
+def test_every_benchmark_names_shipped_cells():
+    for _, cells in cli.BENCHES.values():
+        for cell in cells:
+            load_cell(cell)
+
+
+def test_a_table_has_a_line_for_each_figure():
+    lines = list(cli.table("tick pa10", {"times": {"p50": 1.0, "p99": 2.0}, "met": True}))
+    assert lines == [
+        "tick pa10      times              p50 1.0  p99 2.0",
+        "               met                yes",
+    ]
+
+
+def test_percentiles_of_nothing_are_not_numbers():
+    assert percentiles(np.arange(101.0)) == {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
+    assert all(math.isnan(value) for value in percentiles(np.array([])).values())
+
+
+def test_the_bare_loop_yields_an_error_for_each_period():
+    errors = periods(0.001, 0.02)
+    assert len(errors) == 19
+    assert min(errors) >= 0.0
+
+
+def test_the_machine_is_described():
+    facts = machine()
+    assert facts["cores"] >= 1
+    assert facts["packages"]["numpy"] == np.__version__
+
+
+@pytest.mark.parametrize("name", ["pa10", "ur5e"])
+def test_a_cell_can_be_kept_from_self_motion(name, tmp_path):
+    cell = without_self_motion(load_cell(name), tmp_path)
+    assert cell.config.redundancy.mid_range == 0.0
+    assert cell.config.mechanism == load_cell(name).config.mechanism

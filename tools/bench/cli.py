@@ -1,0 +1,81 @@
+"""`telerobot bench`: the benchmarks, as a table and as JSON."""
+
+import argparse
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+from ...config.load import Cell, load_cell
+from ..local import ChildDied
+from ..operator import OperatorError
+from . import latency, simulate, sync, tick
+from .figures import Figures, machine
+
+Bench = Callable[[Cell, bool], Figures]
+
+BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
+    "tick": (
+        lambda cell, quick: tick.bench(cell, 1000 if quick else tick.TICKS),
+        ("pa10", "ur5e"),
+    ),
+    "simulate": (
+        lambda cell, quick: simulate.bench(cell, 1 if quick else simulate.RUNS),
+        ("pa10", "ur5e"),
+    ),
+    "sync": (
+        lambda cell, quick: sync.bench(cell, sync.QUICK_SECONDS if quick else sync.SECONDS),
+        ("pa10",),
+    ),
+    "latency": (
+        lambda cell, quick: latency.bench(cell, latency.QUICK_STEPS if quick else latency.STEPS),
+        ("pa10",),
+    ),
+}
+"""Every benchmark by name, and the cells that it runs with."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
+    parser.add_argument("--quick", action="store_true", help="fewer samples, within a minute")
+    parser.add_argument(
+        "--only", nargs="+", choices=tuple(BENCHES), metavar="NAME",
+        default=tuple(BENCHES), help=f"of {', '.join(BENCHES)}",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure; return 1 only if something could not be measured: speed depends on the machine."""
+    facts = machine()
+    print(f"{facts['cores']} cores, {facts['processor']}, Python {facts['python']}")
+    results: dict[str, dict[str, Figures]] = {}
+    failed = False
+    for name in args.only:
+        bench, cells = BENCHES[name]
+        for cell in cells:
+            try:
+                figures = bench(load_cell(cell), args.quick)
+            except (ChildDied, OperatorError) as error:
+                figures = {"error": " ".join(str(error).split())}
+                failed = True
+            results.setdefault(name, {})[cell] = figures
+            for line in table(f"{name} {cell}", figures):
+                print(line, flush=True)
+    if args.json:
+        args.json.write_text(
+            json.dumps({"machine": facts, "quick": args.quick, **results}, indent=1)
+        )
+    return 1 if failed else 0
+
+
+def table(title: str, figures: Figures) -> Iterator[str]:
+    """Yield the lines of a table: a figure each."""
+    for key, value in figures.items():
+        shown = str(value)
+        if isinstance(value, dict):
+            shown = "  ".join(f"{k} {v}" for k, v in value.items())
+        elif isinstance(value, bool):
+            shown = "yes" if value else "no"
+        yield f"{title:14} {key:18} {shown}"
+        title = ""

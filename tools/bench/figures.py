@@ -1,0 +1,51 @@
+"""Figures of the benchmarks, and the machine that they were measured on."""
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Figures = dict[str, Any]
+"""Named figures: numbers, truth values, and tables of them; units in the names."""
+
+PERCENTILES: Final = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
+PACKAGES: Final = ("telerobot", "numpy", "pin", "ruckig", "daqp", "eclipse-zenoh", "mujoco")
+
+
+def percentiles(values: NDArray[np.float64]) -> dict[str, float]:
+    """Return the percentiles of values, in their unit; NaN where there are none."""
+    if not len(values):
+        return dict.fromkeys(PERCENTILES, float("nan"))
+    return {name: round(float(np.percentile(values, p)), 1) for name, p in PERCENTILES.items()}
+
+
+def machine() -> Figures:
+    """Return what the figures depend on: cores, processor, kernel, versions."""
+    return {
+        "cores": len(os.sched_getaffinity(0)),
+        "processor": _processor(),
+        "load_1min": round(os.getloadavg()[0], 2),
+        "kernel": platform.release(),
+        "python": platform.python_version(),
+        "openblas_num_threads": os.environ.get("OPENBLAS_NUM_THREADS"),
+        "packages": {name: _version(name) for name in PACKAGES},
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            lines = [line for line in file if line.startswith("model name")]
+    except OSError:
+        lines = []
+    return lines[0].partition(":")[2].strip() if lines else platform.machine()
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "missing"

@@ -1,0 +1,67 @@
+"""How steady SYNC is on the bus, beside a bare loop of absolute sleeps on the same machine.
+
+Daemon and rig run as processes, the arm is enabled and moves under a streamed stick. A passive
+member of the bus takes the kernel's receive stamps. At the same time, a process that does nothing
+else sleeps to absolute deadlines of the same period: what the machine itself grants.
+"""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+
+from ...config.load import Cell
+from ...protocols.can301 import SYNC_ID
+from .figures import Figures, percentiles
+from .plant import Driven, driven
+
+SECONDS = 60.0
+QUICK_SECONDS = 10.0
+SETTLE_S = 1.0
+SWAY = (0.05, 4.0)
+"""The stick sways with this amplitude [m/s] and period [s]."""
+STEP_S = 0.05
+
+
+def bench(cell: Cell, seconds: float = SECONDS) -> Figures:
+    """Measure for some seconds [s]."""
+    period_s = cell.config.timing.period_s
+    with driven(cell) as plant:
+        _sway(plant, SETTLE_S)
+        for _ in plant.listener.frames():
+            continue  # what came before the measurement
+        command = [sys.executable, "-m", f"{__package__}.bare", str(period_s), str(seconds)]
+        bare = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            stamps = _sway(plant, seconds)
+            output, _ = bare.communicate(timeout=seconds + 30.0)
+        finally:
+            if bare.poll() is None:
+                bare.kill()
+                bare.wait()
+        overruns = plant.operator.wait_state().overruns
+    gaps = np.diff(np.array(stamps))
+    ours = percentiles(1e6 * np.abs(gaps - period_s))
+    bare_us = percentiles(np.array([float(word) for word in output.split()]))
+    return {
+        "syncs": len(stamps),
+        "overruns": overruns,
+        "period_error_us": ours,
+        "bare_error_us": bare_us,
+        "ratio_p99": round(ours["p99"] / bare_us["p99"], 2) if bare_us["p99"] else math.nan,
+    }
+
+
+def _sway(plant: Driven, seconds: float) -> list[float]:
+    """Drive the arm to and fro; return the stamps of SYNC [s]."""
+    amplitude, cycle_s = SWAY
+    stamps: list[float] = []
+    for i in range(round(seconds / STEP_S)):
+        speed = amplitude * math.sin(2.0 * math.pi * i * STEP_S / cycle_s)
+        twist = (0.0, speed, 0.5 * speed, 0.0, 0.0, 0.0)
+        plant.operator.joystick(twist, STEP_S, expressed_in="base")
+        stamps += [
+            frame.timestamp for frame in plant.listener.frames() if frame.arbitration_id == SYNC_ID
+        ]
+    return stamps
