@@ -156,7 +156,7 @@ def test_who_holds_the_lease_is_said_and_it_can_be_asked_for_again(plant, termin
 
 def test_a_daemon_that_vanishes_is_said_and_the_console_lives_on(plant, terminal):
     screen = terminal()
-    wait_text(plant, screen, "lease granted to ann")
+    wait_text(plant, screen, "READY | xyz")
     plant.kill9_daemon()
     wait_text(plant, screen, "no telemetry for 1")
     plant.start_daemon()
