@@ -229,7 +229,8 @@ def test_each_action_is_refused_in_every_mode_but_its_own(ann, action, modes):
         assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
         assert mode in reply.detail
     assert ann.desk.wish is Wish.NONE
-    assert not (ann.desk.hold or ann.desk.resume)
+    assert not ann.desk.hold
+    assert not ann.desk.resume
 
 
 def test_one_wish_at_a_time(ann):

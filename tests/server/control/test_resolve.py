@@ -140,3 +140,19 @@ def test_the_wrist_passes_its_singularity_without_a_jump(ur5e, seed):
 
     coarse, fine = (biggest_step(ur5e, passing, twist, n) for n in (301, 2401))
     assert fine <= 0.5 * coarse
+
+
+@pytest.mark.parametrize("bend", [1e-9, 1e-6, 1e-4, 1e-3])
+def test_however_straight_the_arm_a_command_home_is_answered_in_full_and_one_outward_not(arm, bend):
+    q = arm.posture("ready").copy()
+    q[3 if arm.p.n == 7 else 2] = bend
+    p, W = arm.p.resolve, weight(arm)
+    U, s, Vt = np.linalg.svd(W @ jacobian(arm, q))
+    assert s[5] < p.floor
+    # Which way the boundary bends: where the weak direction's speed goes as joints move on.
+    step = 1e-3 * Vt[5]
+    bent = U[:, 5] @ (W @ (jacobian(arm, q + step) - jacobian(arm, q - step)) @ Vt[5])
+    home = 0.05 * np.sign(bent) * np.linalg.solve(W, U[:, 5])
+    full = 0.05 * p.damping / (p.damping**2 * (2 - (p.damping / p.singular_region) ** 2))
+    assert np.linalg.norm(solve(arm, q, home).dq) >= 0.9 * full
+    assert np.linalg.norm(solve(arm, q, -home).dq) <= 1e-9

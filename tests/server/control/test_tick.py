@@ -136,6 +136,16 @@ def test_the_speed_factor_slows_joints_and_tool_alike(run, stick, factor):
     run.observe()
 
 
+@pytest.mark.parametrize("factor", [0.1, 0.5])
+def test_the_speed_factor_softens_acceleration_too(run, factor):
+    run.set(speed_factor=factor)
+    for rates in (run.arm.p.velocity, -run.arm.p.velocity, 0 * run.arm.p.velocity):
+        run.go(0.4, jog=rates)
+    accelerations = np.abs(np.diff(run.sent, 2, axis=0)) / run.arm.p.period_s**2
+    assert (accelerations <= factor * run.arm.p.acceleration * (1 + 1e-6) + 1e-6).all()
+    assert (accelerations.max(axis=0) > 0.5 * factor * run.arm.p.acceleration).any()
+
+
 def test_the_tool_keeps_its_speed_bounds_whatever_is_asked(run, stick):
     limits = run.arm.p.limits
     for twist in ((3.0, 2.0, 0, 0, 0, 0), (0, 0, 0, 4.0, 4.0, 0), (-3.0, 0, 0, 0, 5.0, 0)):
