@@ -23,6 +23,8 @@ TARGET_US = 500.0
 """The computation stays below this at p99 [µs]: 5 % of a period of 10 ms."""
 TICKS = 6000
 WARM_UP = 50
+PAUSE_S = 0.0005
+"""Between two ticks: the kernel stops a real-time process that never sleeps [s]."""
 TURN_EVERY = 120
 """Ticks between two changes of stick and target [1]."""
 
@@ -83,6 +85,7 @@ def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
             start = time.perf_counter()
             memory, output = control.tick(memory, inputs)
             seconds.append(time.perf_counter() - start)
+            time.sleep(PAUSE_S)
             limited += bool(output.limits) and i >= WARM_UP
     finally:
         gc.enable()
