@@ -42,10 +42,10 @@ COMMANDS: Final = (
             ("telerobot check pa10", "telerobot check my/cell.toml --json")),
     Command("doctor", "doctor", "is this machine fit: rights, timer, CAN, packages",
             ("telerobot doctor", "telerobot doctor --json")),
-    Command("bench", "bench.cli", "measure the speed of the control computation",
-            ("telerobot bench", "telerobot bench --json")),
+    Command("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
+            ("telerobot bench", "telerobot bench --quick --json bench.json")),
     Command("campaign", "campaign.cli", "behaviour at scale: random scripts, scenes and faults",
-            ("telerobot campaign --help",)),
+            ("telerobot campaign", "telerobot campaign --cells pa10 --seeds 7:8")),
 )  # fmt: skip
 
 
