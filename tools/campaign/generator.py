@@ -2,8 +2,8 @@
 
 A run is a hostile part (`hostile.py`), then order is restored and the arm is sent to a posture,
 or from a known posture to a target pose, sometimes with a stick that nudges it on the way.
-Three quarters of the scenes are open: nothing but the arm. The others are the cell's own, with its
-wall and table, which the arm may hit: this server does not avoid obstacles.
+Most scenes are open: nothing but the arm. Some are the cell's own, with its wall and table, which
+the arm mostly hits: this server does not avoid obstacles.
 """
 
 import math
@@ -26,6 +26,8 @@ POSTURE_S = 5.6
 """A posture is reached within this time from wherever the hostile part ends [s]."""
 SETTLE_S = 2.6
 """After a path, and after a nudge, the error feedback has this long to settle [s]."""
+FURNISHED = 0.12
+"""Part of the scenes with the cell's wall and table [1]."""
 INFEASIBLE = 0.2
 """Part of the target poses that are drawn without regard to feasibility [1]."""
 TRIES = 30
@@ -60,7 +62,7 @@ class Plan:
 def generate(cell: Cell, seed: int) -> Plan:
     """Return the run of a seed; equal seeds give equal runs."""
     draw = np.random.default_rng([seed, *cell.config.name.encode()])
-    furnished = bool(draw.random() < 0.25)
+    furnished = bool(draw.random() < FURNISHED)
     if not furnished:
         cell = _opened(cell)
     judge = Judge.of(cell)
@@ -95,7 +97,7 @@ def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
     steps: list[Step] = []
     at_s = 0.1
     while at_s < end_s - 0.4:
-        until_s = min(end_s, at_s + float(draw.uniform(0.6, 1.4)))
+        until_s = min(end_s, at_s + float(draw.uniform(0.5, 1.1)))
         segment = SEGMENTS[int(draw.integers(len(SEGMENTS)))]
         steps += segment(draw, cell, at_s, until_s)
         if draw.random() < 0.35:

@@ -80,7 +80,7 @@ def goals(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # n
     steps = []
     while at_s < end_s:
         position = {
-            "xyz": draw.uniform(-0.3, 0.3, 3).tolist(),
+            "xyz": draw.uniform(-0.2, 0.2, 3).tolist(),
             "rpy": draw.uniform(-0.8, 0.8, 3).tolist(),
             "relative_to": Frame.MRF,
             "expressed_in": _frame(draw),

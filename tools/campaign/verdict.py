@@ -18,9 +18,9 @@ REACHED = (1e-3, 2e-3)
 """A target pose is reached when the true tool stays within this of it [m], [rad]."""
 POSTURE_REACHED = 1e-3
 """A posture is reached when every true joint is within this of it [rad]."""
-TOUCHING = (0.5, 0.005)
+TOUCHING = (0.5, 0.01)
 """Evidence of a touch: contact force on a fixed thing [N], distance between own links [m]."""
-LOOK_EVERY = 5
+LOOK_EVERY = 2
 """Ticks between two looks at the distance between own links [1]."""
 
 
