@@ -12,7 +12,7 @@ from .address import add_cell_arguments, cell_from
 from .cockpit import Cockpit, event_line
 from .console import Console, is_terminal
 from .keyboard import Decoder
-from .operator import Operator, OperatorError
+from .operator import Operator, OperatorError, ignore
 from .performance import Performance
 from .script import load_script
 
@@ -72,7 +72,7 @@ def drive(operator: Operator, watch: Callable[[], None] = lambda: None) -> None:
             if now_s >= redraw_s:
                 redraw_s = now_s + REDRAW_S
                 console.show(*cockpit.lines(now_s))
-        operator.on_event = None
+        operator.on_event = ignore
 
 
 def _tell(console: Console, event: m.Event) -> None:

@@ -22,6 +22,10 @@ from .session import REPLY_TIMEOUT_S, Session
 POLL_S = 0.002
 
 
+def ignore(_message: m.Message) -> None:
+    """Take in a message, and do nothing."""
+
+
 class OperatorError(Exception):
     """The daemon refused, or did not answer: carries the reason by name."""
 
@@ -52,18 +56,17 @@ class Operator:
             self.session = Session(self.cell, self.endpoint)
         except ConnectionError as error:
             raise OperatorError("no_daemon", str(error)) from None
-        self._states = self.session.subscribe(t.STATE, 1)
-        self._events = self.session.subscribe(t.EVENT, 256)
-        self._descriptions = self.session.subscribe(t.DESCRIPTION, 1)
+        depths = {t.STATE: 1, t.EVENT: 256, t.DESCRIPTION: 1}
+        self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
         self.pilot = Pilot(name, self._put, self.session.ask)
         self.description: m.Description | None = None
         """What the daemon says of its cell; comes within a second."""
         self.round_trip = RoundTrip()
         self.state_since_s: float | None = None
         """When the newest state was read, on the monotonic clock [s]."""
-        self.on_state: Callable[[m.State], None] | None = None
+        self.on_state: Callable[[m.State], None] = ignore
         """Called with every state that is read."""
-        self.on_event: Callable[[m.Event], None] | None = None
+        self.on_event: Callable[[m.Event], None] = ignore
         """Called with every event that is read."""
         self._lease_seen = False
 
@@ -77,8 +80,6 @@ class Operator:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-    # --- reading -----------------------------------------------------------------------------
 
     @property
     def state(self) -> m.State | None:
@@ -108,11 +109,7 @@ class Operator:
 
     def turn(self) -> None:
         """Read what came in and send what is due, once; waits for nothing."""
-        for inbox, topic in (
-            (self._states, t.STATE),
-            (self._events, t.EVENT),
-            (self._descriptions, t.DESCRIPTION),
-        ):
+        for topic, inbox in self._inboxes.items():
             for payload in inbox.take():
                 self._take(topic, payload)
         self.session.poll()
@@ -131,8 +128,6 @@ class Operator:
         if state.mode != mode:
             raise OperatorError("not_now", f"mode is {state.mode}, not {mode}")
         return state
-
-    # --- asking ------------------------------------------------------------------------------
 
     def acquire(self) -> None:
         """Take the lease. Raises `OperatorError` while somebody else holds it."""
@@ -171,8 +166,6 @@ class Operator:
     def request(self, topic: t.Topic, **fields: Any) -> m.Reply:
         """Send any request and return its reply. Raises `OperatorError` when refused."""
         return self._wait(lambda on_reply: self.pilot.request(topic, on_reply, **fields))
-
-    # --- commanding --------------------------------------------------------------------------
 
     def joystick(
         self,
@@ -226,9 +219,8 @@ class Operator:
         seq = self.pilot.seq
 
         def reached() -> bool:
-            state = self.state
-            heard = state is not None and max(state.last_seq.values(), default=0) >= seq
-            return heard and state is not None and state.at_goal
+            s = self.state
+            return s is not None and s.at_goal and max(s.last_seq.values(), default=0) >= seq
 
         return self.spin(timeout_s, reached)
 
@@ -261,8 +253,7 @@ class Operator:
             self._take_state(message, time.monotonic())
         elif isinstance(message, m.Event):
             self.pilot.on_event(message)
-            if self.on_event is not None:
-                self.on_event(message)
+            self.on_event(message)
         elif isinstance(message, m.Description):
             self.description = message
 
@@ -271,10 +262,8 @@ class Operator:
         self.state_since_s = now_s
         if self.holds_lease:
             self._watch_lease(state)
-        if self.holds_lease:
             self.round_trip.echoed(state.last_seq, now_s)
-        if self.on_state is not None:
-            self.on_state(state)
+        self.on_state(state)
 
     def _watch_lease(self, state: m.State) -> None:
         """Let go of a lease that telemetry shows to be lost; states from before it don't count."""
@@ -284,8 +273,6 @@ class Operator:
         elif self._lease_seen or state.lease_epoch >= pilot.epoch:
             self._lease_seen = False
             pilot.drop_lease()
-
-    # --- what goes out -----------------------------------------------------------------------
 
     def _need_lease(self) -> None:
         if not self.holds_lease:

@@ -9,7 +9,7 @@ import numpy as np
 from ..protocols import messages as m
 from ..server.control.frames import Pose, rotation_log
 from .cockpit import event_line
-from .operator import POLL_S, Operator
+from .operator import POLL_S, Operator, ignore
 from .player import Phase, Player
 from .script import Script
 
@@ -64,7 +64,7 @@ class Performance:
                     break
                 time.sleep(POLL_S)
         finally:
-            operator.on_state = operator.on_event = None
+            operator.on_state = operator.on_event = ignore
             self._release()
 
     def _trouble(self, now_s: float, start_s: float) -> str:
