@@ -90,9 +90,7 @@ DESCRIPTION = Topic(
 )
 
 RIG_FAULT = Topic("rig/fault", m.RigFault, Flow.RIG_COMMAND, reliable=True)
-RIG_TRUTH = Topic(
-    "rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536
-)
+RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, CANCEL,
