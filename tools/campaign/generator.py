@@ -30,7 +30,10 @@ FURNISHED = 0.12
 """Part of the scenes with the cell's wall and table [1]."""
 INFEASIBLE = 0.2
 """Part of the target poses that are drawn without regard to feasibility [1]."""
+FRUITLESS_S = 3.0
+"""An infeasible target is striven for during this time [s]."""
 TRIES = 30
+"""Draws of a feasible goal before one that is known is taken [1]."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ def generate(cell: Cell, seed: int) -> Plan:
     duration_s = go_s + POSTURE_S
     if draw.random() < 0.4:
         goal = _target(draw, judge, posture, duration_s)
-        path_s = _path_s(judge, posture, goal.T_target)
+        path_s = FRUITLESS_S if goal.infeasible else _path_s(judge, posture, goal.T_target)
         nudged = not goal.infeasible and bool(draw.random() < 0.5)
         steps += _approach(draw, goal, nudged)
         duration_s += path_s + SETTLE_S + (1.0 if nudged else 0.0)
