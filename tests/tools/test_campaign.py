@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.arm import Arm, difference, rotation, rotation_vector
+from telerobot.tools.campaign.arm import Arm
 from telerobot.tools.campaign.feasible import Judge
 from telerobot.tools.campaign.generator import generate
+from telerobot.tools.campaign.poses import difference, rotation, rotation_vector
 from telerobot.tools.campaign.report import Report
 from telerobot.tools.campaign.verdict import verdict
 from telerobot.tools.cli import main

@@ -22,7 +22,8 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from .arm import Arm, Array, difference, rotation
+from .arm import Arm
+from .poses import Array, difference, rotation
 
 LIMIT_ROOM = 0.05
 """Kept from joint limits beyond the cell's margin [rad]."""

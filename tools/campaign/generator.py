@@ -14,9 +14,9 @@ import numpy as np
 
 from ...config.load import Cell
 from ..script import Script, Step
-from .arm import Array, difference, rotation
 from .feasible import Judge
 from .hostile import SEGMENTS, Draw, disturbance, step
+from .poses import Array, difference, rotation
 
 HOSTILE_S = (5.8, 7.4)
 """Length of the hostile part [s]."""

@@ -11,8 +11,9 @@ from ...config.load import load_cell
 from ...config.schema import Pose
 from ...protocols.messages import RigTruth
 from ..simulation import JUDGED_S, Simulation
-from .arm import Arm, Array, difference, matrix
+from .arm import Arm
 from .generator import Goal, Plan, generate
+from .poses import Array, difference, matrix
 
 REACHED = (1e-3, 2e-3)
 """A target pose is reached when the true tool stays within this of it [m], [rad]."""
