@@ -19,6 +19,9 @@ from .script import load_script
 POLL_S = 0.004
 REDRAW_S = 0.1
 
+FIRST_STATE_S = 0.5
+"""The lease is asked for once telemetry comes, or after this long [s]."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
@@ -60,6 +63,7 @@ def drive(operator: Operator, watch: Callable[[], None] = lambda: None) -> None:
         cockpit, decoder = Cockpit(operator, console.say), Decoder()
         operator.on_event = lambda event: _tell(console, event)
         cockpit.help()
+        operator.spin(FIRST_STATE_S, lambda: operator.state is not None)
         cockpit.acquire()
         redraw_s = 0.0
         while not (cockpit.quit or console.ended):

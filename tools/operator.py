@@ -131,7 +131,16 @@ class Operator:
 
     def acquire(self) -> None:
         """Take the lease. Raises `OperatorError` while somebody else holds it."""
-        self._wait(self.pilot.acquire)
+        end = time.monotonic() + REPLY_TIMEOUT_S
+        while True:
+            try:
+                self._wait(self.pilot.acquire)
+                return
+            except OperatorError as error:
+                # A session that is just open does not know yet what the daemon answers.
+                if error.reason != "no_answer" or time.monotonic() > end:
+                    raise
+            self.spin(0.05)
 
     def release(self) -> None:
         """Give the lease back; a moving arm stops. Raises `OperatorError` if it was lost."""
