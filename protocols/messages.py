@@ -216,10 +216,11 @@ class Reply(Message):
 class State(Message):
     """What the daemon knows and did, every tick.
 
-    Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World. `sources` holds each source's
-    twist as it entered the sum, at the MRF origin in World axes; `twist` is the sum before
-    limiting; `target_mrf` is the pose that the position source leads to. `command_age_ticks` is how old the picture was that the last accepted command was
-    based on. `limits` names what is limiting now.
+    Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World; `target_mrf` is the pose that the
+    position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
+    origin in World axes; `twist` is the sum before limiting. `command_age_ticks` is how old the
+    picture was that the last accepted command was based on.
+    `limits` names what is limiting now.
     """
 
     tick: Count

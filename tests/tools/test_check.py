@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell, shipped
 from telerobot.server.control.mechanism import Mechanism
+from telerobot.server.stability import bound, filter_periods, jerk_lag_s
 from telerobot.tools.check import judge
 from telerobot.tools.checks.bus_load import worst_case_bits
-from telerobot.server.stability import bound, filter_periods, jerk_lag_s
 from telerobot.tools.cli import main
 from telerobot.tools.findings import Status, failed
 
