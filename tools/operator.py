@@ -132,15 +132,14 @@ class Operator:
     def acquire(self) -> None:
         """Take the lease. Raises `OperatorError` while somebody else holds it."""
         end = time.monotonic() + REPLY_TIMEOUT_S
-        while True:
+        while not self.holds_lease:
             try:
                 self._wait(self.pilot.acquire)
-                return
             except OperatorError as error:
                 # A session that is just open does not know yet what the daemon answers.
                 if error.reason != "no_answer" or time.monotonic() > end:
                     raise
-            self.spin(0.05)
+                self.spin(0.05)
 
     def release(self) -> None:
         """Give the lease back; a moving arm stops. Raises `OperatorError` if it was lost."""
@@ -250,8 +249,6 @@ class Operator:
             except OperatorError:
                 self.pilot.token = None  # it has run out already: there is nothing to release
         self.session.close()
-
-    # --- what comes in -----------------------------------------------------------------------
 
     def _take(self, topic: t.Topic, payload: bytes) -> None:
         try:
