@@ -132,7 +132,8 @@ class ServoDrive:
             self._heartbeat_s = self._bus.now
         wrong = self._judge(age)
         if self._reset_sync is not None:
-            if wrong is None:
+            # A drive that has not spoken since is not yet well: it may still be in its fault.
+            if wrong is None and self._feedback is not None:
                 self._trouble, self._reset_sync = None, None
             elif self._bus.sync_count - self._reset_sync > RESET_SYNCS:
                 self._trouble, self._reset_sync = wrong, None

@@ -119,7 +119,11 @@ class JointJog(Command):
 
 
 class PostureMove(Command):
-    """Joint posture to move to: a name from the cell or angles [rad]; a goal."""
+    """Joint posture to move to: a name from the cell or angles [rad].
+
+    A goal that ends when it is reached, or when the stick is moved. While it is under way, the
+    other sources wait; afterwards they act again, and the joints stand until one asks for more.
+    """
 
     posture: str | None = Field(None, max_length=32)
     q: JointVector | None = None

@@ -9,6 +9,9 @@ from enum import Enum, auto
 
 from . import messages as m
 
+PREFIX = "telerobot"
+"""First part of every key."""
+
 
 class Flow(Enum):
     """Who sends on a topic, and how."""
@@ -53,7 +56,7 @@ class Topic:
 
     def full_key(self, cell: str) -> str:
         """Return the Zenoh key of this topic in a cell."""
-        return f"telerobot/{cell}/{self.key}"
+        return f"{PREFIX}/{cell}/{self.key}"
 
 
 def _command(key: str, message: type[m.Message], life: Life, rate_hz: float | None = None) -> Topic:

@@ -5,7 +5,6 @@ cycle ends in a safe command: whatever is raised on the way ends in a quick stop
 """
 
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,7 +14,6 @@ from ..config.load import Cell
 from ..drivers.device import Cause, DeviceError, Trouble
 from ..protocols.cia402 import DriveState
 from ..protocols.codec import encode
-from ..protocols.messages import Command, Keepalive
 from ..protocols.topics import DESCRIPTION, EVENT, STATE
 from .admission import Admission, Now, Refused, Why
 from .clock import Clock
@@ -24,14 +22,14 @@ from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
 from .desk import Desk, View
 from .events import Events
+from .intake import Intake
 from .link import Link
 from .mode import Mode, Situation, Wish, next_mode
 from .orders import Orders
 from .plant import Plant, PlantReading
+from .sensor_watch import SensorWatch
 from .telemetry import describe, report
-
-TARE_S = 0.3
-"""A tare averages the sensor over this time [s]."""
+from .warm_up import warm_up
 
 DESCRIBE_EVERY = 100
 """Ticks between two descriptions, for operators that come late [1]."""
@@ -74,7 +72,6 @@ class Cycle:
         self._late_in_a_row = 0
         self._tolerated_overruns = timing.tolerated_overruns
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
-        self._essential_sensor = sensor is not None and sensor.essential
         self._events = Events()
         self._admission = Admission(
             timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
@@ -87,12 +84,17 @@ class Cycle:
         self._trouble: Trouble | None = None
         self._reopened = False
         self._retiring = False
-        self._sensor_stale = False
-        self._unloaded: deque[Array] = deque(maxlen=round(TARE_S / timing.period_s))
+        essential = sensor is not None and sensor.essential
+        self._sensor = SensorWatch(self._events, essential, timing.period_s)
+        self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
 
     def boot(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`."""
         self.plant.open()
+
+    def warm_up(self) -> None:
+        """Run through a tick's code once, so that the first real one is not slow."""
+        warm_up(self.cell, self._control)
 
     def close(self) -> None:
         """Stop and release everything, whatever state it is in."""
@@ -110,8 +112,7 @@ class Cycle:
         self.tick += 1
         self._events.at(self.tick, now_s)
         self._events.warning("device_missing", reason)
-        reading = self.plant.read(now_s)
-        self._take_orders(now_s, self._view(now_s, reading))
+        self._intake.take(self._look_around(now_s, self.plant.read(now_s)), None)
         self._publish_events()
 
     @property
@@ -148,9 +149,8 @@ class Cycle:
 
     def _finish(self, now_s: float) -> None:
         reading = self.plant.read(now_s)
-        self._watch_sensor(reading)
-        view = self._view(now_s, reading)
-        self._take_orders(now_s, view)
+        view = self._look_around(now_s, reading)
+        self._intake.take(view, None if self.output is None else self.output.T_world_mrf)
         trouble = self._find_trouble(reading)
         if trouble is not None and self.mode is not Mode.FAULT:
             self._quick_stop(trouble, "fault")
@@ -164,61 +164,22 @@ class Cycle:
 
     # --- operators ---------------------------------------------------------------------------
 
-    def _take_orders(self, now_s: float, view: View) -> None:
-        self._desk.begin_tick()
-        holder = self._admission.lease.holder
-        if holder is not None and not self._admission.lease.alive(now_s):
-            self._events.warning("lease_expired", holder)
-            self._admission.end()
-        for asked in self._link.requests():
-            self._desk.serve(asked, view)
-        for topic, payload in self._link.commands():
-            try:
-                message = self._admission.admit(topic, payload, view.now)
-                if isinstance(message, Keepalive):
-                    self._admission.renew(view.now)
-                elif isinstance(message, Command) and self.output is not None:
-                    self._orders.take(message, now_s, self.output.T_world_mrf)
-            except Refused as refused:
-                self._events.warning(
-                    "command_refused",
-                    f"{topic.key}: {refused.detail}",
-                    topic=topic.key,
-                    reason=str(refused.reason),
-                )
-        for name in self._orders.expired(now_s):
-            self._events.info("stream_expired", name)
-
-    def _view(self, now_s: float, reading: PlantReading) -> View:
-        stale = self._essential_sensor and reading.wrench is None
-        full = len(self._unloaded) == self._unloaded.maxlen
+    def _look_around(self, now_s: float, reading: PlantReading) -> View:
+        """Watch the sensor, and return what a request may depend on."""
+        if self.plant.sensor is not None and self.plant.opened:
+            weight = None
+            if self.output is not None:
+                T_world_mrf = self.output.T_world_mrf_measured
+                weight = self._control.weight(T_world_mrf, self._orders.T_wrist_mrf)
+            self._sensor.look(reading, weight)
         return View(
             now=Now(now_s, self.tick, self._enabled_since),
             mode=self.mode,
-            unloaded=np.mean(self._unloaded, axis=0) if full else None,
+            unloaded=self._sensor.unloaded,
             at_rest=self.output is None or self.output.at_rest,
-            essential_stale=("force_torque",) if stale else (),
+            essential_stale=self._sensor.missed,
             gain_bound=self._gain_bound,
         )
-
-    def _watch_sensor(self, reading: PlantReading) -> None:
-        """Tell when the sensor falls silent or speaks again; average it for a tare."""
-        if self.plant.sensor is None or not self.plant.opened:
-            return
-        stale = reading.wrench is None
-        if stale and not self._sensor_stale:
-            age = reading.wrench_age_s
-            self._events.warning("sensor_stale", "force_torque", age_s=age)
-        elif self._sensor_stale and not stale:
-            self._events.info("sensor_fresh", "force_torque")
-        self._sensor_stale = stale
-        if reading.wrench is None:
-            self._unloaded.clear()
-        elif self.output is not None:
-            weight = self._control.weight(
-                self.output.T_world_mrf_measured, self._orders.T_wrist_mrf
-            )
-            self._unloaded.append(reading.wrench - weight)
 
     # --- faults and modes --------------------------------------------------------------------
 
@@ -339,6 +300,7 @@ class Cycle:
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,
             posture=orders.posture if moving else None,
+            at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,
         )
         start = time.perf_counter()

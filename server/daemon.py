@@ -99,10 +99,11 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     cycle = build(cell, fieldbus, link, clock, lambda: secrets.token_hex(16))
     ending = Ending(seconds)
     try:
-        if not _boot(cycle, clock, ending):
-            return LoopStatistics()
+        cycle.warm_up()
         for notice in prepare():
             print(f"telerobot: {notice}", file=sys.stderr)
+        if not _boot(cycle, clock, ending):
+            return LoopStatistics()
         print(f"telerobot: {cell.config.name} is ready at {cell.config.zenoh.listen}", flush=True)
         return run(cycle, clock, cell.config.timing.period_s, ending.go_on)
     finally:

@@ -11,13 +11,13 @@ from typing import Protocol
 
 import zenoh
 
-from ..protocols.topics import COMMANDS, REQUESTS, Topic
+from ..protocols.topics import COMMANDS, PREFIX, REQUESTS, Topic
 
 MAILBOX = 8
 """Unread commands kept per topic; older ones are dropped for newer ones."""
 
-REQUEST_BOX = 16
-"""Unread requests kept per topic."""
+REQUEST_BOX = 32
+"""Unread requests that are kept."""
 
 
 @dataclass(frozen=True)
@@ -69,25 +69,17 @@ class ZenohLink:
 
     def __init__(self, cell: str, listen: str) -> None:
         self._session = zenoh.open(router_config(listen))
+        ring = zenoh.handlers.RingChannel
+        # A channel for each command, so that a flood of one crowds out no other; one for all
+        # requests, so that they are answered as they came.
         self._commands = [
-            (
-                topic,
-                self._session.declare_subscriber(
-                    topic.full_key(cell), zenoh.handlers.RingChannel(MAILBOX)
-                ),
-            )
+            (topic, self._session.declare_subscriber(topic.full_key(cell), ring(MAILBOX)))
             for topic in COMMANDS
         ]
-        self._requests = [
-            (
-                topic,
-                topic.full_key(cell),
-                self._session.declare_queryable(
-                    topic.full_key(cell), zenoh.handlers.RingChannel(REQUEST_BOX)
-                ),
-            )
-            for topic in REQUESTS
-        ]
+        self._requests = self._session.declare_queryable(
+            f"{PREFIX}/{cell}/operator/*", ring(REQUEST_BOX)
+        )
+        self._by_key = {topic.full_key(cell): topic for topic in REQUESTS}
         self._cell = cell
         self._publishers: dict[str, zenoh.Publisher] = {}
 
@@ -101,10 +93,15 @@ class ZenohLink:
                 yield topic, sample.payload.to_bytes()
 
     def requests(self) -> Iterator[Asked]:
-        """Yield the requests that came in."""
-        for topic, key, queryable in self._requests:
-            query = queryable.try_recv()
+        """Yield the requests that came in, oldest first."""
+        for _ in range(REQUEST_BOX):
+            query = self._requests.try_recv()
             if query is None:
+                return
+            key = str(query.key_expr)
+            topic = self._by_key.get(key)
+            if topic is None:
+                query.drop()  # type: ignore[no-untyped-call]
                 continue
             payload = query.payload.to_bytes() if query.payload is not None else b""
             yield Asked(topic, payload, _answer(query, key))

@@ -210,8 +210,7 @@ class Operator:
     def posture(self, posture: str | Sequence[float]) -> None:
         """Move to a joint posture, by name or angles [rad]; returns at once.
 
-        The posture stays in force, and stick and target are not heard, until `cancel`, a jog or
-        a new target.
+        It ends when it is reached, or when the stick is moved; until then stick and target wait.
         """
         if isinstance(posture, str):
             self.command(t.POSTURE, posture=posture)

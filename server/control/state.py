@@ -65,6 +65,8 @@ class Inputs:
     jog: Array | None = None
     goal: PathGoal | None = None
     posture: Array | None = None
+    at_posture: bool = False
+    """A posture was reached and nothing was asked for since: no self-motion leads away from it."""
     wrench_desired: Array = field(default_factory=lambda: np.zeros(6))
     """Wrench to exert, at and in the MRF (6,) [N, N·m]."""
 

@@ -153,7 +153,7 @@ class Control:
                 self.p.resolve,
             )
             dq, sigma_min = task.dq, task.sigma_min
-            if inputs.intent is Intent.MOVE:
+            if inputs.intent is Intent.MOVE and not inputs.at_posture:
                 dq = dq + self._self_motion(memory.motion.q, task.null_projector, inputs)
             if task.singular:
                 limits += ("singularity",)

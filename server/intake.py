@@ -1,0 +1,66 @@
+"""What operators say in one period: requests answered, commands admitted and put in force."""
+
+from ..protocols.messages import Command, Keepalive
+from ..protocols.topics import Topic
+from .admission import Admission, Refused
+from .control.frames import Pose
+from .desk import Desk, View
+from .events import Events
+from .link import Link
+from .orders import Orders
+
+
+class Intake:
+    """Takes everything from the link and hands it to the desk, the lease or the orders."""
+
+    def __init__(
+        self, link: Link, admission: Admission, desk: Desk, orders: Orders, events: Events
+    ) -> None:
+        self._link = link
+        self._admission = admission
+        self._desk = desk
+        self._orders = orders
+        self._events = events
+
+    def take(self, view: View, T_world_mrf: Pose | None) -> None:
+        """Take what has come; `T_world_mrf` is where the command has the MRF, None before any."""
+        now_s = view.now.time_s
+        self._desk.begin_tick()
+        holder = self._admission.lease.holder
+        if holder is not None and not self._admission.lease.alive(now_s):
+            self._events.warning("lease_expired", holder)
+            self._admission.end()
+        for asked in self._link.requests():
+            self._desk.serve(asked, view)
+        commands = self._admitted(view)
+        if T_world_mrf is not None:
+            # Topics arrive apart; what one operator said within a period is taken as it was said.
+            for topic, command in sorted(commands, key=lambda item: item[1].seq):
+                try:
+                    self._orders.take(command, now_s, T_world_mrf)
+                except Refused as refused:
+                    self._refuse(topic, refused)
+        for name in self._orders.expired(now_s):
+            self._events.info("stream_expired", name)
+
+    def _admitted(self, view: View) -> list[tuple[Topic, Command]]:
+        admitted: list[tuple[Topic, Command]] = []
+        for topic, payload in self._link.commands():
+            try:
+                message = self._admission.admit(topic, payload, view.now)
+            except Refused as refused:
+                self._refuse(topic, refused)
+                continue
+            if isinstance(message, Keepalive):
+                self._admission.renew(view.now)
+            elif isinstance(message, Command):
+                admitted.append((topic, message))
+        return admitted
+
+    def _refuse(self, topic: Topic, refused: Refused) -> None:
+        self._events.warning(
+            "command_refused",
+            f"{topic.key}: {refused.detail}",
+            topic=topic.key,
+            reason=str(refused.reason),
+        )

@@ -1,0 +1,32 @@
+"""Computes and encodes a little of nothing, so that the first real ticks are not the slow ones."""
+
+import numpy as np
+
+from ..config.load import Cell
+from ..protocols import topics as t
+from ..protocols.codec import decode_as, encode
+from ..protocols.messages import JoystickTwist
+from .control.sources.position import PathGoal
+from .control.state import Inputs, Intent, StickCommand
+from .control.tick import Control
+from .orders import Orders
+from .telemetry import describe
+
+TICKS = 20
+"""Ticks of each intent that are computed [1]."""
+
+
+def warm_up(cell: Cell, control: Control) -> None:
+    """Run through the code that a tick runs through; changes nothing."""
+    q = np.array(cell.config.mechanism.postures["start"])
+    settings = Orders(cell).settings()
+    stick = StickCommand(np.full(6, 0.01), np.eye(3))
+    for intent in Intent:
+        memory = control.seed(q)
+        for _ in range(TICKS):
+            goal = PathGoal(control.pose_mrf(memory, settings.T_wrist_mrf), 1)
+            inputs = Inputs(0.0, intent, q, settings, stick=stick, goal=goal)
+            memory, _ = control.tick(memory, inputs)
+    decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
+    command = JoystickTwist(token="-", epoch=0, seq=0, seen_tick=0, twist=(0.0,) * 6)
+    decode_as(t.JOYSTICK.message, encode(command), t.JOYSTICK.max_bytes)
