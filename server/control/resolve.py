@@ -10,6 +10,11 @@ further. With u the tool direction that fades, v the joint motion that fades wit
 κ = uᵀ (∂J/∂q · v) v the curvature of the boundary: a command along u against κ leads out of the
 workspace, and the motion v that answers it is braked so as to end above σ = 0; one along κ leads
 home, and is answered with the full damped gain however small σ is.
+
+At σ = 0 there is more than one motion that the tool hardly feels, and v is any of them. The one
+that counts bends most: the eigenvalue of uᵀ (∂J/∂q · a) b over that whole space that is largest in
+size. The way home along it can be gone in two senses, elbow up and elbow down; joint limits decide
+where they leave only one open.
 """
 
 import math
@@ -26,6 +31,9 @@ _CURVED = 0.05
 
 _BRAKING = 3.0
 """Deceleration with which joints approach a boundary of the workspace [rad/s²]."""
+
+_TRAVEL = 0.4
+"""A way home with less joint travel than this is not taken if the other has more [rad]."""
 
 _STEP = 1e-4
 """Joint step of the finite difference for the curvature [rad]."""
@@ -44,36 +52,87 @@ class Resolved(NamedTuple):
     """True where damping acts on what was asked."""
 
 
-def resolve(J: Array, twist: Array, jacobian_at: Callable[[Array], Array], p: Resolve) -> Resolved:
+class Travel(NamedTuple):
+    """How far each joint may still go (n,) [rad]."""
+
+    below: Array
+    above: Array
+
+    def along(self, direction: Array) -> float:
+        """Return how far all joints can go along a unit direction (n,) before one is stopped."""
+        room = np.where(direction > 0.0, self.above, self.below)
+        return float((room / np.maximum(np.abs(direction), 1e-9)).min())
+
+
+def resolve(
+    J: Array,
+    twist: Array,
+    jacobian_at: Callable[[Array], Array],
+    p: Resolve,
+    travel: Travel | None = None,
+) -> Resolved:
     """Resolve a twist (6,) [m/s, rad/s] with the Jacobian J (6, n), same axes and point.
 
     `jacobian_at(step)` returns the Jacobian (6, n) after a joint step (n,) from here; it is
     called only near a singularity. Rotations weigh `p.characteristic_length` metres per radian.
+    `travel` tells which way home from a singularity joint limits leave open.
     """
     weight = np.array([1.0, 1.0, 1.0] + [p.characteristic_length] * 3)
-    U, s, Vt = np.linalg.svd(J * weight[:, None])
+    Jw = J * weight[:, None]
+    U, s, Vt = np.linalg.svd(Jw)
     rank_rows = len(s)
+    V = Vt[:rank_rows]
     along = U.T[:rank_rows] @ (weight * twist)
     gains = np.empty(rank_rows)
+    way_home = np.zeros(J.shape[1])
     singular = False
     for i in range(rank_rows):
         sigma = float(s[i])
         d = float(along[i])
         gains[i] = _damped_gain(sigma, p)
-        if sigma < 2.0 * p.singular_region and abs(d) > 1e-9:
-            stepped = jacobian_at(_STEP * Vt[i])
-            curvature = float(U[:, i] @ (weight * ((stepped - J) @ Vt[i]))) / _STEP
-            if curvature * d > 0.0:
-                gains[i] = _homeward_gain(gains[i], sigma, abs(curvature), p)
-            else:
-                gains[i] = _outward_gain(gains[i], sigma, abs(curvature), abs(d), p)
-            singular = singular or gains[i] < 0.999 / sigma
-    V = Vt[:rank_rows]
-    dq = V.T @ (gains * along)
+        if sigma >= 2.0 * p.singular_region or abs(d) <= 1e-9:
+            continue
+        # Below the floor, what the tool hardly feels is more than v.
+        last = sigma < p.floor and i == rank_rows - 1
+        unfelt = Vt[int((s >= p.singular_region).sum()) :] if last else Vt[i : i + 1]
+        direction, curvature = _most_bent(J, unfelt, weight * U[:, i], jacobian_at)
+        if curvature * d > 0.0:
+            gains[i] = _homeward_gain(gains[i], sigma, abs(curvature), p)
+            if sigma < p.floor:
+                slope = d * float(U[:, i] @ (Jw @ direction))
+                way_home += gains[i] * abs(d) * _sense(direction, slope, travel)
+                gains[i] = 0.0
+        else:
+            gains[i] = _outward_gain(gains[i], sigma, abs(curvature), abs(d), p)
+        singular = singular or gains[i] < 0.999 / sigma
+    dq = V.T @ (gains * along) + way_home
     # Rows of V belong to real task directions even where σ is small: motion in the null space
     # must not disturb them.
     null_projector = np.eye(J.shape[1]) - V.T @ V
     return Resolved(dq, null_projector, float(s[-1]), singular)
+
+
+def _most_bent(
+    J: Array, basis: Array, u: Array, jacobian_at: Callable[[Array], Array]
+) -> tuple[Array, float]:
+    """Return the unit motion in `basis` (m, n) that bends most, and its curvature along `u` (6,).
+
+    `u` is weighted.
+    """
+    bend = np.array([u @ (jacobian_at(_STEP * b) - J) @ basis.T for b in basis]) / _STEP
+    if len(basis) == 1:
+        return basis[0], float(bend[0, 0])
+    values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
+    best = int(np.argmax(np.abs(values)))
+    return np.asarray(vectors[:, best] @ basis), float(values[best])
+
+
+def _sense(direction: Array, slope: float, travel: Travel | None) -> Array:
+    """Return the direction or its opposite: uphill, unless joint limits bar it more."""
+    uphill = direction if slope >= 0.0 else -direction
+    if travel is None:
+        return uphill
+    return uphill if travel.along(uphill) >= min(_TRAVEL, travel.along(-uphill)) else -uphill
 
 
 def _damped_gain(sigma: float, p: Resolve) -> float:

@@ -20,7 +20,7 @@ from .limit import Limited, Limiter
 from .mechanism import Kinematics, Mechanism
 from .objectives.mid_range import MidRange
 from .parameters import Parameters
-from .resolve import resolve
+from .resolve import Travel, resolve
 from .sources.force import Force, ForceState
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState
@@ -151,6 +151,7 @@ class Control:
                 s_tool * twist,
                 lambda step: self.mechanism.kinematics(q + step, T_wrist_mrf).J,
                 self.p.resolve,
+                Travel(q - self.p.lower, self.p.upper - q),
             )
             dq, sigma_min = task.dq, task.sigma_min
             if inputs.intent is Intent.MOVE and not inputs.at_posture:
