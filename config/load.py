@@ -18,7 +18,16 @@ from .errors import ConfigError, nearest
 from .schema import CellConfig
 from .urdf import Robot, UrdfJoint, read_robot
 
-__all__ = ["Cell", "ConfigError", "Robot", "UrdfJoint", "load_cell", "script_path", "shipped"]
+__all__ = [
+    "Cell",
+    "ConfigError",
+    "Robot",
+    "UrdfJoint",
+    "load_cell",
+    "read_toml",
+    "script_path",
+    "shipped",
+]
 
 HERE: Final = Path(__file__).resolve().parent
 _LONGEST_VALUE: Final = 60
@@ -30,7 +39,13 @@ class Cell:
 
     path: Path
     config: CellConfig
+    """What the file says, with the drives in the order of the chain's joints."""
     robot: Robot
+
+    @property
+    def default_script(self) -> Path:
+        """The script that is played where none is named; a path is one beside the cell's file."""
+        return script_path(self.config.default_script, self.path.parent)
 
 
 def shipped(kind: str) -> tuple[str, ...]:
@@ -45,12 +60,16 @@ def load_cell(name_or_path: str | Path) -> Cell:
     Raises `ConfigError`.
     """
     path = _find("cells", name_or_path, Path(), "")
-    config = _validated(path, _read(path))
+    config = _validated(path, read_toml(path))
     mechanism = config.mechanism
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: mechanism.urdf: ")
     robot = read_robot(urdf, mechanism.tip_link, f"{path}: mechanism.tip_link")
     check_agreement(path, config, robot)
-    return Cell(path, config, robot)
+    _find("scripts", config.default_script, path.parent, f"{path}: default_script: ")
+    order = {joint.name: i for i, joint in enumerate(robot.joints)}
+    drives = tuple(sorted(mechanism.drives, key=lambda drive: order[drive.joint]))
+    mechanism = mechanism.model_copy(update={"drives": drives})
+    return Cell(path, config.model_copy(update={"mechanism": mechanism}), robot)
 
 
 def script_path(name_or_path: str | Path, base: Path) -> Path:
@@ -79,7 +98,8 @@ def _find(kind: str, name_or_path: str | Path, base: Path, where: str) -> Path:
     return HERE / kind / f"{text}{suffix}"
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return what a TOML file says. Raises `ConfigError` for one that cannot be read."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -84,7 +84,9 @@ class Zenoh(Section):
     """Where operators reach the daemon. Loopback only unless said otherwise."""
 
     listen: str = Field(
-        "tcp/127.0.0.1:7447", description="endpoint that the daemon listens on and operators dial"
+        "tcp/127.0.0.1:7447",
+        pattern=r"^[a-z][a-z0-9-]*/\S+$",
+        description="endpoint that the daemon listens on and operators dial",
     )
 
 
@@ -336,7 +338,9 @@ class CellConfig(Section):
 
     name: Name = Field(description="name of the cell: the second part of every Zenoh key")
     description: str = Field("", max_length=200, description="one line for people")
-    default_script: str = Field(description="path, or the name of a script that is shipped")
+    default_script: str = Field(
+        description="path, from this file's folder, or the name of a script that is shipped"
+    )
     timing: Timing = Field(default_factory=Timing, description="periods and timeouts")
     bus: Bus = Field(default_factory=Bus, description="the CAN bus")
     zenoh: Zenoh = Field(default_factory=Zenoh, description="the operators' network")

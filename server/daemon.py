@@ -90,12 +90,12 @@ class Ending:
 def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     """Run a cell's daemon until it is told to end; return what the loop was like.
 
-    Raises `DeviceError` when the bus cannot be opened. Devices that are missing are looked for
-    again and again.
+    Raises `DeviceError` when the bus or the endpoint cannot be opened. Devices that are missing
+    are looked for again and again.
     """
     clock = MonotonicClock()
-    fieldbus = Fieldbus(open_bus(cell.config.bus), clock.now)
     link = ZenohLink(cell.config.name, cell.config.zenoh.listen)
+    fieldbus = Fieldbus(open_bus(cell.config.bus), clock.now)
     cycle = build(cell, fieldbus, link, clock, lambda: secrets.token_hex(16))
     ending = Ending(seconds)
     try:

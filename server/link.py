@@ -5,12 +5,14 @@ and no Python thread but the loop's own runs in the daemon.
 """
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import zenoh
 
+from ..drivers.device import DeviceError
 from ..protocols.topics import COMMANDS, PREFIX, REQUESTS, Topic
 
 MAILBOX = 8
@@ -65,10 +67,15 @@ def router_config(listen: str) -> "zenoh.Config":
 
 
 class ZenohLink:
-    """A Zenoh router session for one cell."""
+    """A Zenoh router session for one cell. Raises `DeviceError` where it cannot listen."""
 
     def __init__(self, cell: str, listen: str) -> None:
-        self._session = zenoh.open(router_config(listen))
+        try:
+            self._session = zenoh.open(router_config(listen))
+        except zenoh.ZError as error:
+            # Zenoh's own words end in places of its source.
+            cause = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
+            raise DeviceError(f"zenoh.listen: value {listen!r}: {cause}") from None
         ring = zenoh.handlers.RingChannel
         # A channel for each command, so that a flood of one crowds out no other; one for all
         # requests, so that they are answered as they came.

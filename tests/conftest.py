@@ -41,7 +41,7 @@ max_jerk = 200.0
 """
 CELL = (
     """name = "small"
-default_script = "reach"
+default_script = "pose_move"
 
 [timing]
 period_s = 0.01

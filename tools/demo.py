@@ -45,11 +45,13 @@ def run(args: argparse.Namespace) -> int:
     cell = load_cell(args.cell)
     if cell.config.bus.interface != "loopback":
         raise ConfigError(f"{cell.path}: bus.interface: the demo runs on 'loopback' only")
+    if cell.config.rig is None:
+        raise ConfigError(f"{cell.path}: rig: missing: there is nothing to show")
     headless = args.headless or args.json
-    script = load_script(args.script or cell.config.default_script) if headless else None
+    script = load_script(args.script or cell.default_script) if headless else None
     if script is None and not is_terminal():
         print("telerobot: no terminal: the demo plays a script (--headless)", file=sys.stderr)
-        script = load_script(args.script or cell.config.default_script)
+        script = load_script(args.script or cell.default_script)
     with tempfile.TemporaryDirectory() as folder:
         statistics = Path(folder) / "statistics.json"
         with LocalPlant(cell, statistics) as plant:

@@ -9,13 +9,12 @@ Times count from the moment the arm is enabled. A stick or jog is streamed at 10
 step of its kind. The same script drives a simulation and a running daemon.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from ..config.load import ConfigError, script_path
+from ..config.load import ConfigError, read_toml, script_path
 from ..protocols import messages as m
 
 NonNegative = Annotated[float, Field(ge=0)]
@@ -156,9 +155,7 @@ def load_script(name_or_path: str | Path, base: Path = Path()) -> Script:
     """Load a script: a path, or the name of one that is shipped. Raises `ConfigError`."""
     path = script_path(name_or_path, base)
     try:
-        return Script.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not TOML: {error}") from None
+        return Script.model_validate(read_toml(path))
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])

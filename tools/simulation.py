@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..config.load import Cell, load_cell
+from ..config.load import Cell, ConfigError, load_cell
 from ..drivers.bus import CanMessage, Hub, InProcessBus
 from ..drivers.fieldbus import Fieldbus
 from ..drivers.rig.rig import Rig
@@ -63,6 +63,9 @@ class Simulation:
     """One run of a cell under a script."""
 
     def __init__(self, cell: Cell, script: Script, record: Path | None = None) -> None:
+        if cell.config.rig is None:
+            raise ConfigError(f"{cell.path}: rig: missing: there is nothing to simulate")
+        self._recorder = None if record is None else Recorder(record)
         self.cell = cell
         self.hub = Hub()
         self.clock = VirtualClock()
@@ -82,7 +85,6 @@ class Simulation:
         self.truths: list[m.RigTruth] = []
         self.on_tick: Callable[[Simulation], None] | None = None
         """Called after every tick, for a judge that looks deeper."""
-        self._recorder = None if record is None else Recorder(record)
         self._hash = hashlib.sha256()
         self._bus = bus
         self._errors: deque[tuple[float, float] | None] = deque(
@@ -227,12 +229,13 @@ def simulate(
 ) -> Result:
     """Simulate a cell under a script (the cell's own by default).
 
-    Raises `ConfigError` for a cell or script that is wrong.
+    Raises `ConfigError` for a cell or script that is wrong, `OSError` for a recording that cannot
+    be written.
     """
     if not isinstance(cell, Cell):
         cell = load_cell(cell)
     if script is None:
-        script = cell.config.default_script
+        script = cell.default_script
     if not isinstance(script, Script):
         script = load_script(script)
     return Simulation(cell, script, record).run()

@@ -11,6 +11,7 @@ import zenoh
 
 from ...protocols import codec, topics
 from ...protocols.messages import RigFault, RigTruth
+from ..device import DeviceError
 
 _MAILBOX = 64
 """Unread faults kept; older ones are dropped for newer ones."""
@@ -43,10 +44,16 @@ def dialling_config(endpoint: str) -> "zenoh.Config":
 
 
 class RigSession:
-    """A Zenoh session for the rig of one cell. Nothing here blocks, and nothing calls back."""
+    """A Zenoh session for the rig of one cell. Nothing here blocks, and nothing calls back.
+
+    Raises `DeviceError` for an endpoint of a kind that Zenoh does not know.
+    """
 
     def __init__(self, cell: str, endpoint: str) -> None:
-        self._session = zenoh.open(dialling_config(endpoint))
+        try:
+            self._session = zenoh.open(dialling_config(endpoint))
+        except zenoh.ZError:
+            raise DeviceError(f"zenoh.listen: value {endpoint!r}: cannot be dialled") from None
         self._faults = self._session.declare_subscriber(
             topics.RIG_FAULT.full_key(cell), zenoh.handlers.RingChannel(_MAILBOX)
         )

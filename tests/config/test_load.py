@@ -173,3 +173,28 @@ def test_every_shipped_script_is_found_by_name(name):
 
 def test_the_daemons_node_is_the_one_on_the_bus():
     assert agree.MASTER_NODE == can301.MASTER_NODE
+
+
+def test_drives_may_stand_in_any_order(small):
+    turned = small.cell.read_text().replace('"j1"\nnode = 1', '"jX"\nnode = 9')
+    turned = turned.replace('"j3"\nnode = 3', '"j1"\nnode = 1')
+    small.cell.write_text(turned.replace('"jX"\nnode = 9', '"j3"\nnode = 3'))
+    drives = load_cell(small.cell).config.mechanism.drives
+    assert [(d.joint, d.node) for d in drives] == [("j1", 1), ("j2", 2), ("j3", 3)]
+
+
+def test_a_cells_own_script_lies_beside_it(small):
+    mine = small.cell.with_name("mine.toml")
+    mine.write_text("duration_s = 1.0")
+    cell = load_cell(small.replace('script = "pose_move"', 'script = "mine.toml"'))
+    assert cell.default_script == mine
+
+
+def test_a_default_script_that_is_not_there_is_named(small):
+    path = small.replace('script = "pose_move"', 'script = "nosuch.toml"')
+    assert refusal(path).startswith(f"{path}: default_script: ")
+
+
+def test_an_endpoint_names_its_protocol(small):
+    path = small.replace("[timing]", '[zenoh]\nlisten = "127.0.0.1:7447"\n\n[timing]')
+    assert "zenoh.listen: value '127.0.0.1:7447'" in refusal(path)

@@ -1,10 +1,12 @@
 import argparse
+import re
 import subprocess
 import sys
 from importlib.metadata import version
 
 import pytest
 from telerobot.config.errors import ConfigError
+from telerobot.config.load import shipped
 from telerobot.drivers.device import DeviceError
 from telerobot.tools import check, cli
 from telerobot.tools.cli import COMMANDS, main
@@ -27,6 +29,13 @@ def test_help_lists_every_command(capsys):
 def test_a_commands_help_has_examples(name, capsys):
     assert leave([name, "--help"]) == 0
     assert f"examples:\n  telerobot {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda c: c.name)
+def test_examples_name_what_is_shipped(command):
+    for example in command.examples:
+        words = [word for word in example.split()[2:] if re.fullmatch("[a-z0-9_]+", word)]
+        assert set(words) <= {*shipped("cells"), *shipped("scripts")}
 
 
 def test_version(capsys):

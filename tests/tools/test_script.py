@@ -50,6 +50,13 @@ def test_a_mistake_is_one_line_that_names_file_and_key(tmp_path, text, words):
     assert "\n" not in message
 
 
+def test_a_script_that_is_not_text_is_refused(tmp_path):
+    path = tmp_path / "script.toml"
+    path.write_bytes(b'description = "\xff"')
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        load_script(path)
+
+
 def test_a_script_that_is_not_there_is_named():
     with pytest.raises(ConfigError, match="no_such_script"):
         load_script("no_such_script")
