@@ -160,8 +160,9 @@ class Operator:
         self.request(t.MODE, action="disable")
 
     def reset(self) -> None:
-        """Leave FAULT, once its cause is gone."""
+        """Leave FAULT, once its cause is gone; returns with the drives ready to be enabled."""
         self.request(t.MODE, action="reset")
+        self.wait_mode("ready")
 
     def protective_stop(self) -> None:
         """Stop the arm; works without the lease."""
@@ -185,7 +186,8 @@ class Operator:
         """Stream a stick twist (6,) [m/s, rad/s] for a while; with `seconds` 0, until told
         otherwise (and only while `spin` is called).
 
-        Raises `OperatorError` without the lease, or when it is lost meanwhile.
+        Raises `OperatorError` without the lease, or when it is lost meanwhile, `ValueError` for
+        what is no twist.
         """
         self._need_lease()
         self.pilot.stream(
@@ -232,7 +234,9 @@ class Operator:
         return self.spin(timeout_s, reached)
 
     def command(self, topic: t.Topic, **fields: Any) -> None:
-        """Send any command. Raises `OperatorError` without the lease."""
+        """Send any command. Raises `OperatorError` without the lease, `ValueError` for fields that
+        its message does not take.
+        """
         self._need_lease()
         self.pilot.command(topic, **fields)
 

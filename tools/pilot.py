@@ -19,6 +19,9 @@ Ask = Callable[[t.Topic, bytes, Callable[[bytes], None]], None]
 """Sends a request; its reply comes through the callback."""
 OnReply = Callable[[m.Reply], None]
 
+ANYBODY: Mapping[str, Any] = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
+"""An envelope to judge fields with."""
+
 KEEPALIVE_S = 0.1
 STREAM_S = 0.01
 
@@ -76,7 +79,11 @@ class Pilot:
                 self.command(topic, **fields)
 
     def stream(self, topic: t.Topic, **fields: Any) -> None:
-        """Keep sending a command at 100 Hz, these fields until the next call."""
+        """Keep sending a command at 100 Hz, these fields until the next call.
+
+        Raises `ValueError` for fields that its message does not take.
+        """
+        topic.message(**ANYBODY, **fields)  # now, and not in some later `run`
         self._streams[topic] = fields
 
     def end_stream(self, topic: t.Topic) -> None:

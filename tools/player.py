@@ -153,10 +153,13 @@ class Player:
             pilot.command(t.CANCEL)
         self._command(step, pilot)
         if step.raw is not None:
-            topic = next((x for x in t.TOPICS if x.key == step.raw.topic), t.JOYSTICK)
+            topic = next(x for x in t.TOPICS if x.key == step.raw.topic)
             self._put(topic, bytes.fromhex(step.raw.hex))
         if step.fault is not None:
-            self._inject(m.RigFault(**dict(step.fault)))
+            try:
+                self._inject(m.RigFault(**dict(step.fault)))
+            except ValueError as error:
+                self._fail(f"{step.at_s:g} s: {error}")
 
     def _command(self, step: Step, pilot: Pilot) -> None:
         if step.joystick is not None:

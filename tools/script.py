@@ -12,11 +12,13 @@ step of its kind. The same script drives a simulation and a running daemon.
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ..config.load import ConfigError, read_toml, script_path
 from ..protocols import messages as m
+from ..protocols.topics import TOPICS
 
+KEYS = tuple(topic.key for topic in TOPICS)
 NonNegative = Annotated[float, Field(ge=0)]
 
 
@@ -37,7 +39,7 @@ class Stick(Part):
 class Jog(Part):
     """Joint rates [rad/s], streamed; without rates the stream falls silent."""
 
-    rates: tuple[float, ...] | None = None
+    rates: m.JointVector | None = None
 
 
 class Target(Part):
@@ -47,7 +49,7 @@ class Target(Part):
     rpy: m.Attitude
     relative_to: m.Frame = m.Frame.CRF
     expressed_in: m.Frame | None = None
-    speed: float | None = None
+    speed: float | None = Field(None, gt=0, le=10)
 
 
 class Gain(Part):
@@ -81,7 +83,7 @@ class FaultStep(Part):
     """A fault of the virtual hardware, as `{ kind = "target" }`; `on = false` takes it back."""
 
     kind: FaultKind
-    target: str
+    target: str = Field(max_length=64)
     on: bool = True
     value: float | None = None
     vector: m.Vector3 | None = None
@@ -109,19 +111,26 @@ class Raw(Part):
     """Bytes put on a topic as they are, to see them refused."""
 
     topic: str
-    hex: str
+    hex: str = Field(pattern="^([0-9a-fA-F]{2})*$")
+
+    @field_validator("topic")
+    @classmethod
+    def _is_a_topic(cls, key: str) -> str:
+        if key not in KEYS:
+            raise ValueError(f"one of {', '.join(KEYS)}")
+        return key
 
 
 class Step(Part):
     """One moment of a script; everything in it happens at `at_s`, in this order."""
 
     at_s: NonNegative
-    operator: str = "operator"
+    operator: m.OperatorName = "operator"
     lease: Literal["acquire", "release"] | None = None
     link: LinkStep | None = None
     mode: Literal["enable", "hold", "resume", "disable", "reset"] | None = None
     protective_stop: bool | None = None
-    speed: float | None = None
+    speed: float | None = Field(None, ge=0.01, le=1)
     gain: Gain | None = None
     switch: Switch | None = None
     frame: FrameStep | None = None
@@ -130,7 +139,7 @@ class Step(Part):
     joystick: Stick | None = None
     jog: Jog | None = None
     position: Target | None = None
-    posture: str | tuple[float, ...] | None = None
+    posture: Annotated[str, Field(max_length=32)] | m.JointVector | None = None
     force: m.Wrench | None = None
     raw: Raw | None = None
     fault: FaultStep | None = None

@@ -1,4 +1,4 @@
-"""The operator in the README, run as it stands there."""
+"""The two operators in the README, run as they stand there."""
 
 import ast
 import re
@@ -14,8 +14,8 @@ README = Path(__file__).resolve().parents[2] / "README.md"
 pytestmark = pytest.mark.hil
 
 
-def readme_operator():
-    section = README.read_text(encoding="utf-8").split("## An operator in 15 lines\n")[1]
+def readme_operator(title="An operator in 15 lines"):
+    section = README.read_text(encoding="utf-8").split(f"## {title}\n")[1]
     return re.search(r"```python\n(.*?)```", section, re.DOTALL)[1]
 
 
@@ -40,6 +40,25 @@ def test_the_operator_in_the_readme_moves_the_arm_as_it_says(plant, tmp_path):
     rise = plant.truth.pose_mrf[2] - before.pose_mrf[2]
     assert rise == pytest.approx(0.02 * 2.3, abs=0.01)
     assert plant.truth.pose_mrf[:2] == pytest.approx(before.pose_mrf[:2], abs=3e-3)
+    assert watcher.state.lease_holder is None
+
+
+def test_the_script_in_the_readme_moves_the_arm_as_it_says(plant, tmp_path):
+    text = readme_operator("From your own script")
+    assert text.count('Operator("pa10")') == 1
+    here = f'Operator("pa10", endpoint="{plant.cell.config.zenoh.listen}")'
+    program = tmp_path / "script.py"
+    program.write_text(text.replace('Operator("pa10")', here))
+    watcher = plant.operator("watcher")
+    before = plant.truth
+
+    with subprocess.Popen([sys.executable, "-W", "error", program]) as child:
+        plant.until(lambda: child.poll() is not None, 30.0, "the script did not end")
+
+    assert child.returncode == 0
+    plant.until(lambda: watcher.state.mode == "hold", 2.0)
+    moved = [b - a for a, b in zip(before.pose_mrf[:3], plant.truth.pose_mrf[:3], strict=True)]
+    assert moved == pytest.approx([0.0, 0.1, 0.02 * 2.1], abs=0.01)
     assert watcher.state.lease_holder is None
 
 

@@ -1,3 +1,5 @@
+import math
+
 import pytest
 from telerobot.protocols import messages as m
 from telerobot.protocols import topics as t
@@ -61,6 +63,15 @@ def test_a_stream_is_sent_a_hundred_times_a_second_with_its_newest_content(holde
     holder.end_stream(t.JOYSTICK)
     run(holder, 1.5, 2.0)
     assert len(daemon.of(t.JOYSTICK)) == 150
+
+
+def test_a_stream_that_is_no_message_is_refused_at_once_and_the_one_before_goes_on(holder, daemon):
+    holder.stream(t.JOYSTICK, twist=PUSH)
+    for twist in ((0.0,) * 5, (math.nan,) * 6, ("fast",) * 6):
+        with pytest.raises(ValueError, match="twist"):
+            holder.stream(t.JOYSTICK, twist=twist)
+    holder.run(0.0)
+    assert [message.twist for message in daemon.of(t.JOYSTICK)] == [PUSH]
 
 
 def test_after_a_pause_a_stream_goes_on_without_a_burst(holder, daemon):

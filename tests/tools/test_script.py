@@ -38,6 +38,23 @@ def test_steps_come_in_order_of_time(tmp_path):
         ),
         ("duration_s = 1\n[[step]]\nat_s = 0\njoystick = { twist = [1, 2] }", "step.0.joystick"),
         ("duration_s = 1\n[[step]]\nat_s = 0\nposition = { xyz = [0, 0, 0] }", "rpy"),
+        ("duration_s = 1\n[[step]]\nat_s = 0\nspeed = 5", "step.0.speed: value 5"),
+        ("duration_s = 1\n[[step]]\nat_s = 0\noperator = ''", "step.0.operator"),
+        ("duration_s = 1\n[[step]]\nat_s = 0\nposture = []", "step.0.posture"),
+        ("duration_s = 1\n[[step]]\nat_s = 0\njog = { rates = [] }", "step.0.jog.rates"),
+        (
+            "duration_s = 1\n[[step]]\nat_s = 0\n"
+            "position = { xyz = [0, 0, 0], rpy = [0, 0, 0], speed = -1 }",
+            "step.0.position.speed: value -1",
+        ),
+        (
+            "duration_s = 1\n[[step]]\nat_s = 0\nraw = { topic = 'cmd/joystick', hex = 'zz' }",
+            "step.0.raw.hex: value zz",
+        ),
+        (
+            "duration_s = 1\n[[step]]\nat_s = 0\nraw = { topic = 'cmd/nosuch', hex = '00' }",
+            "step.0.raw.topic: value cmd/nosuch",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_that_names_file_and_key(tmp_path, text, words):

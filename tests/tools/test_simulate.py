@@ -1,4 +1,5 @@
 import gc
+import json
 
 import pytest
 from telerobot.tools.cli import main
@@ -22,6 +23,14 @@ def test_a_cell_without_virtual_hardware_is_named(command, small, capsys, caplog
     code, line = refused([*command, str(small.cell)], capsys, caplog)
     assert code == 2
     assert line.startswith(f"telerobot: {small.cell}: rig: missing")
+
+
+def test_a_fault_that_makes_no_sense_fails_the_script(small, capsys, tmp_path):
+    script = tmp_path / "script.toml"
+    script.write_text("duration_s = 1.0\n[[step]]\nat_s = 0.1\nfault = { silence = 'nosuch' }")
+    assert main(["simulate", str(small.cell), str(script), "--json"]) == 1
+    failure = json.loads(capsys.readouterr().out)["failure"]
+    assert failure.startswith("0.1 s: fault silence: no target 'nosuch'")
 
 
 def test_a_recording_that_cannot_be_written_is_named(small, capsys, caplog):
