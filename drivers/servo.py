@@ -175,13 +175,14 @@ class ServoDrive:
     def write(self, command: float) -> Sent:
         """Send a setpoint [rad] with the controlword of the next step; return what was sent.
 
-        Until *Operation enabled* is seen, the newest measured position goes out in its place, so
-        that enabling moves nothing. Raises `ValueError` if it is not finite or beyond 32 bits.
+        Until *Operation enabled* is seen, and after a stop, the newest measured position goes out
+        in its place: enabling moves nothing, and what led to a stop is not sent. Raises
+        `ValueError` if it is not finite or beyond 32 bits.
         """
         word = self._controlword()
         if self._feedback is None:
             return Sent(word, None, None)
-        if self._state is _ENABLED:
+        if self._state is _ENABLED and not self._stopped:
             counts = servo_setup.to_counts(self.drive, command)
         else:
             counts = self._feedback.position

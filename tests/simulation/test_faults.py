@@ -3,8 +3,11 @@
 Judged by the physics' own time and truth.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
+from telerobot.protocols import can301, cia402
 from telerobot.tools.script import Script
 from telerobot.tools.simulation import Simulation
 
@@ -155,8 +158,6 @@ def test_a_stale_sensor_silences_the_force_source_and_says_so(play):
 
 
 def test_an_essential_sensor_that_falls_silent_stops_the_arm_until_it_is_back(play, pa10):
-    import dataclasses
-
     mechanism = pa10.config.mechanism
     sensor = mechanism.force_torque.model_copy(update={"essential": True})
     mechanism = mechanism.model_copy(update={"force_torque": sensor})
@@ -205,6 +206,34 @@ def test_an_exception_in_the_tick_ends_in_a_quick_stop(pa10):
     errors = [e for e in simulation.events if e.severity == "error"]
     assert errors[0].name == "tick_raised"
     assert "TypeError" in errors[0].detail
+    assert all(s != "operation_enabled" for s in result.truths[-1].drives)
+
+
+def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
+    script = Script.model_validate({"duration_s": 2.0, "step": [MOVING]})
+    simulation = Simulation(pa10, script)
+
+    def leap(s):
+        if s.cycle.tick == 120:
+            memory = s.cycle._memory
+            motion = memory.motion._replace(q=memory.motion.q + 0.05)
+            s.cycle._memory = dataclasses.replace(memory, motion=motion)
+
+    targets = []
+
+    def on_sent(can_id, data):
+        if can_id == can301.rpdo1_id(4):
+            targets.append(cia402.unpack_csp(data).target_position)
+
+    simulation.cycle.plant.fieldbus.taps.append(on_sent)
+    simulation.on_tick = leap
+    result = simulation.run()
+    errors = [e for e in simulation.events if e.severity == "error"]
+    assert errors[0].name == "gate_refused"
+    assert errors[0].values["device"] == "gate"
+    assert result.summary["mode"] == "fault"
+    counts_per_radian = pa10.config.mechanism.drives[3].counts_per_radian
+    assert np.abs(np.diff(targets)).max() < 0.02 * counts_per_radian
     assert all(s != "operation_enabled" for s in result.truths[-1].drives)
 
 
