@@ -1,6 +1,7 @@
 """The loop on absolute deadlines: late ticks are skipped and counted, never made up in a burst."""
 
 import gc
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -19,18 +20,25 @@ SKIP_PART = 0.5
 TIDY_EVERY = 100
 """Ticks between two quick garbage collections, in a period's slack [1]."""
 
+KEPT = 100_000
+"""Ticks whose timing is kept, the newest: a daemon runs for months [1]."""
+
+
+def _newest() -> deque[float]:
+    return deque(maxlen=KEPT)
+
 
 @dataclass
 class LoopStatistics:
-    """What a run of the loop was like; times in seconds."""
+    """What a run of the loop was like; times in seconds, of the newest ticks."""
 
     ticks: int = 0
     skipped: int = 0
-    lateness: list[float] = field(default_factory=list)
+    lateness: deque[float] = field(default_factory=_newest)
     """How late each SYNC was sent after its deadline."""
-    compute: list[float] = field(default_factory=list)
+    compute: deque[float] = field(default_factory=_newest)
     """The control computation of each tick."""
-    busy: list[float] = field(default_factory=list)
+    busy: deque[float] = field(default_factory=_newest)
     """From each deadline to the end of the work."""
     worst_error: float = 0.0
     """Largest following error of any joint while drives were on [rad]."""
@@ -43,7 +51,7 @@ class LoopStatistics:
             "worst_following_error_rad": self.worst_error,
         }
         for name in ("lateness", "compute", "busy"):
-            values = 1e6 * np.array(getattr(self, name) or [0.0])
+            values = 1e6 * np.array([*getattr(self, name)] or [0.0])
             for label, part in (("p50", 50), ("p99", 99), ("p99.9", 99.9), ("max", 100)):
                 figures[f"{name}_us_{label}"] = round(float(np.percentile(values, part)), 1)
         return figures

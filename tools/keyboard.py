@@ -33,8 +33,6 @@ SEQUENCES = {
     "\t": "tab", " ": "space", "\x03": "ctrl-c", "\x04": "ctrl-d",
 }  # fmt: skip
 
-_LONGEST = max(map(len, SEQUENCES))
-
 
 class Decoder:
     """Turns what the terminal sends into key names; unknown sequences are passed over."""

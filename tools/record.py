@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from ..protocols.messages import Event, Message, RigTruth, State
+from ..protocols.messages import Message
 
 CHUNK_BYTES = 128 * 1024
 """Small chunks: a crash loses no more than one."""
@@ -90,7 +90,3 @@ def read_frames(path: Path) -> Iterator[Frame]:
     for _, _, message in rows:
         row = json.loads(message.data)
         yield Frame(message.log_time / 1e9, row["id"], base64.b64decode(row["data"]), row["sent"])
-
-
-TOPIC_NAMES: dict[type[Message], str] = {State: "state", Event: "event", RigTruth: "truth"}
-"""Topics that protocol messages are recorded under."""
