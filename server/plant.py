@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..drivers.device import Trouble
+from ..drivers.device import DeviceError, Trouble
 from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import RobotousSensor
 from ..drivers.servo import ServoDrive
@@ -13,6 +13,9 @@ from .control.frames import Array
 
 OFF = (DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON)
 """Drive states in which the power stage is off and nothing is wrong."""
+
+LISTEN_S = 0.25
+"""Another master is listened for this long before a drive is reset; it sends SYNC oftener [s]."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +57,20 @@ class Plant:
         self.drives = drives
         self.sensor = sensor
         self.opened = False
+        self._commanded = False
         self._sensor_timeout_s = sensor_timeout_s
 
     def open(self) -> None:
-        """Configure every device; blocks. Raises `DeviceError`."""
+        """Configure every device; blocks. Raises `DeviceError`.
+
+        Nothing is sent while somebody else commands these drives: they may be moving.
+        """
         self.opened = False
         self.fieldbus.clear_trouble()
+        self.fieldbus.wait_until(lambda: self.fieldbus.trouble is not None, LISTEN_S)
+        if self.fieldbus.trouble is not None:
+            raise DeviceError(f"{self.fieldbus.name}: {self.fieldbus.trouble.detail}")
+        self._commanded = True
         for drive in self.drives:
             drive.open()
         if self.sensor is not None:
@@ -120,12 +131,13 @@ class Plant:
             drive.stop()
 
     def close(self) -> None:
-        """Stop and let go of every device."""
-        self.quick_stop()
-        for drive in self.drives:
-            drive.close()
-        if self.sensor is not None:
-            self.sensor.close()
+        """Stop and let go of every device, unless it was never ours."""
+        if self._commanded:
+            self.quick_stop()
+            for drive in self.drives:
+                drive.close()
+            if self.sensor is not None:
+                self.sensor.close()
         self.fieldbus.close()
 
     def _wrench(self, now_s: float) -> tuple[Array | None, float | None]:

@@ -1,7 +1,9 @@
 """The two buses that need no hardware, and how a cell's bus is opened."""
 
 import random
+import shutil
 import socket
+import subprocess
 from collections.abc import Iterator
 
 import can
@@ -200,3 +202,30 @@ def test_a_bus_that_cannot_be_opened_says_so_in_one_line(config: Bus, words: str
     with pytest.raises(DeviceError, match=words) as refused:
         open_bus(config)
     assert "\n" not in str(refused.value)
+
+
+@pytest.fixture
+def vcan() -> Iterator[str]:
+    """Make a virtual CAN interface of the kernel's; skip, with its reason, where there is none."""
+    name = f"vcan{random.SystemRandom().randrange(100, 1_000_000)}"
+    ip = shutil.which("ip")
+    if ip is None:
+        pytest.skip("no `ip` to make a vcan interface with")
+    for command in (["add", "dev", name, "type", "vcan"], ["set", name, "up"]):
+        made = subprocess.run([ip, "link", *command], capture_output=True, text=True, check=False)
+        if made.returncode:
+            pytest.skip(f"no vcan here: {made.stderr.strip()}")
+    yield name
+    subprocess.run([ip, "link", "delete", name], check=True)
+
+
+def test_frames_cross_the_kernels_virtual_can(vcan: str) -> None:
+    config = Bus(interface="socketcan", channel=vcan)
+    a, b = open_bus(config), open_bus(config)
+    a.send(frame(0x205, b"\x01\x02"))
+    got = b.recv(2.0)
+    assert got is not None
+    assert (got.arbitration_id, bytes(got.data)) == (0x205, b"\x01\x02")
+    assert a.recv(0) is None
+    a.shutdown()
+    b.shutdown()

@@ -1,11 +1,15 @@
 """Dead, hung and frozen processes: what the arm does is judged by the physics, not by the wall."""
 
 import signal
+import socket
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from telerobot import OperatorError
+from telerobot.tools.address import moved, options
+from telerobot.tools.local import free_port
 
 OPERATOR = """
 import sys
@@ -125,3 +129,44 @@ def test_a_daemon_told_to_end_in_motion_stops_the_arm_and_switches_it_off(plant)
     plant.run_for(0.2)
     assert speed(plant.truth) < 2e-3
     assert all(d != "operation_enabled" for d in plant.truth.drives)
+
+
+@pytest.mark.hil
+def test_a_rig_that_is_lost_is_a_fault_and_one_that_comes_later_is_taken_up(plant):
+    operator = drive(plant)
+    plant.rig.kill()
+    plant.rig.wait()
+    plant.rig = None
+    plant.wait_wall(lambda: operator.state.mode == "fault", "no fault is told")
+    with pytest.raises(OperatorError) as caught:
+        operator.reset()
+    assert caught.value.reason == "still_wrong"
+    plant.start_rig()
+    time_s = plant.truth.time_s
+    plant.wait_wall(lambda: plant.truth.time_s < time_s, "the new rig tells no truth")
+    operator.reset()
+    operator.enable()
+    operator.joystick([0, 0.05, 0.02, 0, 0, 0.1], expressed_in="base")
+    moving(plant)
+
+
+@pytest.mark.hil
+def test_a_second_daemon_waits_and_leaves_the_arm_to_the_first(plant, tmp_path):
+    operator = drive(plant)
+    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    second_cell = moved(plant.cell, endpoint=endpoint)
+    command = [sys.executable, "-m", "telerobot.tools.cli", "serve", *options(second_cell)]
+    log = tmp_path / "second"
+    with log.open("w") as errors:
+        second = subprocess.Popen(command, stderr=errors)
+    try:
+        plant.wait_wall(lambda: "waiting: bus: someone else" in log.read_text(), "it says nothing")
+        second.terminate()
+        plant.wait_wall(lambda: second.poll() is not None, "it does not end")
+    finally:
+        second.kill()
+        second.wait()
+    assert second.returncode == 0
+    plant.run_for(0.3)
+    assert [e for e in operator.events if e.severity == "error"] == []
+    assert all(d == "operation_enabled" for d in plant.truth.drives)
