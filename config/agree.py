@@ -107,6 +107,11 @@ def _postures(config: CellConfig, robot: Robot) -> Iterator[str]:
                     f"to {high:g}: the URDF's limits less position_margin"
                 )
 
+    pulled_to = config.redundancy.posture_name
+    if pulled_to not in postures:
+        hint = nearest(pulled_to, postures)
+        yield f"redundancy.posture_name: value '{pulled_to}': no such posture{hint}"
+
 
 def _sensor_ids(config: CellConfig) -> Iterator[str]:
     sensor = config.mechanism.force_torque

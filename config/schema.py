@@ -19,6 +19,11 @@ NodeId = Annotated[int, Field(ge=1, le=127)]
 CanId = Annotated[int, Field(ge=0, le=0x7FF)]
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy")
+"""The redundancy objectives."""
 
 
 class Section(BaseModel):
@@ -231,6 +236,33 @@ class Sources(Section):
     force: Force = Field(default_factory=Force, description="force control")
 
 
+class Schedule(Section):
+    """A source's gain as a function of something measured: a table of factors, interpolated."""
+
+    source: Literal["joystick", "position", "force"] = Field(description="whose gain it is")
+    by: Literal["contact_force", "distance", "time"] = Field(
+        description="what decides: contact force at the MRF [N], distance from the MRF to the "
+        "target [m], or time since enable [s]"
+    )
+    at: tuple[NonNegative, ...] = Field(
+        min_length=2, max_length=32, description="where the table's points are, rising [N, m or s]"
+    )
+    factor: tuple[Share, ...] = Field(
+        min_length=2, max_length=32, description="the gain's factor at each, 0 to 1 [1]"
+    )
+    axes: tuple[Share, Share, Share, Share, Share, Share] = Field(
+        (1.0,) * 6, description="how much each axis heeds the factor: 1 in full, 0 not at all [1]"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_table(self) -> "Schedule":
+        if len(self.at) != len(self.factor):
+            raise ValueError(f"{len(self.at)} points in 'at', {len(self.factor)} in 'factor'")
+        if any(b <= a for a, b in zip(self.at, self.at[1:], strict=False)):
+            raise ValueError("'at' must rise from point to point")
+        return self
+
+
 class Limits(Section):
     """Bounds of the tool's motion; joint bounds stand with the drives."""
 
@@ -266,9 +298,24 @@ class Redundancy(Section):
     mid_range: float = Field(
         0.2, ge=0, le=10, description="pull of every joint to the middle of its range [1/s]"
     )
+    manipulability: float = Field(
+        0.0, ge=0, le=10, description="away from singularities, times the slope of √det(JJᵀ) [1/s]"
+    )
+    posture: float = Field(
+        0.0, ge=0, le=10, description="pull of every joint to the posture of that name [1/s]"
+    )
+    posture_name: Name = Field("ready", description="posture that the joints are pulled to")
+    least_energy: float = Field(
+        0.0, ge=0, le=1, description="share of the way to the least kinetic energy [1]"
+    )
     max_rate: float = Field(
         0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
     )
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """The objectives' gains by name."""
+        return {name: getattr(self, name) for name in OBJECTIVES}
 
 
 class RigDrive(Section):
@@ -349,6 +396,9 @@ class CellConfig(Section):
         default_factory=Pose, description="control reference frame in World, at start"
     )
     sources: Sources = Field(default_factory=Sources, description="who may ask for a tool rate")
+    schedules: tuple[Schedule, ...] = Field(
+        (), max_length=16, description="gains that change with force, distance or time"
+    )
     limits: Limits = Field(default_factory=Limits, description="bounds of the tool's motion")
     resolve: Resolve = Field(default_factory=Resolve, description="singularities")
     redundancy: Redundancy = Field(default_factory=Redundancy, description="the null space")

@@ -224,7 +224,14 @@ class State(Message):
     position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
     origin in World axes; `twist` is the sum before limiting. `command_age_ticks` is how old the
     picture was that the last accepted command was based on.
-    `limits` names what is limiting now.
+    `limits` names what is limiting now. `gains` are those in effect, ramped and as their schedules
+    say, `on` the sources' switches. `self_motion` is what the null space was asked to do [rad/s],
+    `objectives` each redundancy objective's gain and the size of its part [rad/s].
+
+    `path` tells how far a path is: `leg` of `legs`, counted from 0, the `part` of the leg's time
+    that is over, and the `pace`, which a pause takes to 0; `path_mrf` is the pose it has got to.
+    `master` tells of the clutch: whether it is `engaged`, whether a master's pose is `leading` the
+    tool, and the scales of `translation` and `rotation`.
     """
 
     tick: Count
@@ -242,7 +249,13 @@ class State(Message):
     wrench_mrf: Vector6 | None
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]
+    on: dict[str, bool]
     twist: Vector6
+    self_motion: JointVector
+    objectives: dict[str, tuple[float, float]]
+    path: dict[str, float] | None
+    path_mrf: Vector6 | None
+    master: dict[str, float]
     scale: float
     limits: tuple[str, ...]
     sigma_min: float

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from . import messages as m
+from . import motion
 
 PREFIX = "telerobot"
 """First part of every key."""
@@ -73,6 +74,8 @@ POSITION = _command("position", m.PositionTarget, Life.GOAL)
 FORCE = _command("force", m.DesiredWrench, Life.GOAL)
 JOG = _command("jog", m.JointJog, Life.STREAM, 100)
 POSTURE = _command("posture", m.PostureMove, Life.GOAL)
+PATH = Topic("cmd/path", motion.PathMotion, Flow.COMMAND, Life.GOAL, max_bytes=8192)
+MASTER_POSE = _command("master_pose", motion.MasterPose, Life.STREAM, 100)
 CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 
 LEASE = _request("lease", m.LeaseRequest)
@@ -85,6 +88,9 @@ SWITCH = _request("switch", m.SwitchRequest)
 FRAME = _request("frame", m.FrameRequest)
 SPEED = _request("speed", m.SpeedRequest)
 TARE = _request("tare", m.TareRequest)
+REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
+PATH_CONTROL = _request("path", motion.PathRequest)
+CLUTCH = _request("clutch", motion.ClutchRequest)
 
 STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
@@ -96,8 +102,9 @@ RIG_FAULT = Topic("rig/fault", m.RigFault, Flow.RIG_COMMAND, reliable=True)
 RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 
 TOPICS: tuple[Topic, ...] = (
-    KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, CANCEL,
+    KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
+    REDUNDANCY, PATH_CONTROL, CLUTCH,
     STATE, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_TRUTH,
 )  # fmt: skip

@@ -118,7 +118,7 @@ class Cycle:
     @property
     def target(self) -> Pose | None:
         """Where the position source is to bring the MRF, in World, if anywhere."""
-        return None if self._orders.goal is None else self._orders.goal.T_world_target
+        return self._orders.target
 
     def begin(self) -> None:
         """Send SYNC, and now and then the heartbeat that only a living tick produces."""
@@ -299,6 +299,7 @@ class Cycle:
             stick=orders.stick(now_s, T_world_mrf) if moving else None,
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,
+            paused=orders.paused,
             posture=orders.posture if moving else None,
             at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..protocols import messages as m
+from ..protocols import motion
 from ..protocols.codec import encode
 from .admission import Admission, Now, Refused, Why
 from .control.frames import Array
@@ -20,6 +21,8 @@ from .orders import Orders
 
 ENABLE_TIMEOUT_S = 3.0
 """Drives that are not in Operation enabled by then will not be [s]."""
+
+_PAST = {"pause": "paused", "resume": "resumed", "abort": "aborted"}
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,22 @@ class Desk:
             case m.SpeedRequest():
                 self._orders.speed_factor = message.factor
                 self._events.info("speed_set", "", factor=message.factor)
+            case motion.RedundancyRequest():
+                self._orders.set_objective(message)
+                self._events.info("objective_set", message.objective, gain=message.gain)
+            case motion.ClutchRequest():
+                self._orders.set_clutch(message)
+                master = self._orders.master
+                self._events.info(
+                    "clutch_set",
+                    "",
+                    engaged=master.engaged,
+                    translation=master.translation,
+                    rotation=master.rotation,
+                )
+            case motion.PathRequest():
+                self._orders.set_path(message)
+                self._events.info("path_" + _PAST[message.action])
             case m.TareRequest():
                 self._tare(view)
             case _:

@@ -12,10 +12,14 @@ import numpy as np
 
 from ..config.load import Cell
 from ..protocols import messages as m
+from ..protocols import motion
 from .admission import Refused, Why
-from .control.frames import Array, Pose, rotation_rpy
-from .control.sources.position import PathGoal
+from .control.frames import Array, Pose
+from .control.paths.goals import Goal, PathGoal, Pursuit
+from .control.redundancy import Pulls
 from .control.state import Settings, StickCommand
+from .master import Master
+from .motions import goal_of, placed
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
 
@@ -64,7 +68,11 @@ class Orders:
         self._stick: _Stream[m.JoystickTwist] | None = None
         self._jog: _Stream[m.JointJog] | None = None
         self._serial = 0
-        self.goal: PathGoal | None = None
+        self.goal: Goal | None = None
+        self.paused = False
+        self.master = Master()
+        redundancy = config.redundancy
+        self.pulls = Pulls(redundancy.gains, self._postures[redundancy.posture_name])
         self.posture: Array | None = None
         self.posture_reached = False
         self.wrench_desired = np.zeros(6)
@@ -75,6 +83,8 @@ class Orders:
             m.PostureMove: self._take_posture,
             m.DesiredWrench: self._take_wrench,
             m.CancelGoals: self._take_cancel,
+            motion.PathMotion: self._take_path,
+            motion.MasterPose: self._take_master,
         }
 
     # --- taking orders -----------------------------------------------------------------------
@@ -96,7 +106,8 @@ class Orders:
 
     def _drop_goals(self) -> None:
         self.goal = self.posture = None
-        self.posture_reached = False
+        self.posture_reached = self.paused = False
+        self.master.wait()
 
     def _take_stick(self, message: m.JoystickTwist, now_s: float, _T: Pose) -> None:
         self._stick = _Stream(message, now_s)
@@ -118,22 +129,43 @@ class Orders:
         self._drop_goals()
 
     def _take_target(self, message: m.PositionTarget, _now_s: float, T_world_mrf: Pose) -> None:
-        axes = self._frame(message.expressed_in or message.relative_to, T_world_mrf)
-        origin = self._frame(message.relative_to, T_world_mrf)
-        turn = axes.R @ rotation_rpy(*message.rpy) @ axes.R.T
-        target = Pose(turn @ origin.R, origin.p + axes.R @ np.array(message.xyz))
+        target = placed(
+            message.xyz,
+            message.rpy,
+            message.relative_to,
+            message.expressed_in,
+            lambda frame: self._frame(frame, T_world_mrf),
+        )
         self._drop_goals()
+        self.goal = PathGoal(target, self._next_serial(), message.speed)
+
+    def _take_path(self, message: motion.PathMotion, _now_s: float, T_world_mrf: Pose) -> None:
+        serial = self._next_serial()
+        goal = goal_of(message, serial, lambda frame: self._frame(frame, T_world_mrf))
+        self._drop_goals()
+        self.goal = goal
+
+    def _take_master(self, message: motion.MasterPose, now_s: float, T_world_mrf: Pose) -> None:
+        axes = self._frame(message.expressed_in, T_world_mrf).R
+        if not self.master.take(message, now_s, axes, T_world_mrf):
+            return
+        if not isinstance(self.goal, Pursuit):
+            self.posture, self.posture_reached, self.paused = None, False, False
+            self.goal = Pursuit(self.master.target, self._next_serial())
+        self._lead()
+
+    def _next_serial(self) -> int:
         self._serial += 1
-        self.goal = PathGoal(target, self._serial, message.speed)
+        return self._serial
+
+    def _lead(self) -> None:
+        """Let the position source follow the master; where it leads nowhere, come to rest."""
+        if isinstance(self.goal, Pursuit):
+            self.goal = replace(self.goal, T_world_target=self.master.target)
 
     def _take_posture(self, message: m.PostureMove, _now_s: float, _T: Pose) -> None:
         if message.posture is not None:
-            if message.posture not in self._postures:
-                raise Refused(
-                    Why.UNKNOWN_POSTURE,
-                    f"{message.posture!r} is none of {', '.join(self._postures)}",
-                )
-            q = self._postures[message.posture]
+            q = self._posture(message.posture)
         else:
             q = self._joint_vector(message.q or (), "q")
             beyond = (q < self._lower) | (q > self._upper)
@@ -154,6 +186,11 @@ class Orders:
         self._drop_goals()
         self.wrench_desired = np.zeros(6)
 
+    def _posture(self, name: str) -> Array:
+        if name not in self._postures:
+            raise Refused(Why.UNKNOWN_POSTURE, f"{name!r} is none of {', '.join(self._postures)}")
+        return self._postures[name]
+
     def _joint_vector(self, values: tuple[float, ...], field: str) -> Array:
         if len(values) != self._n:
             raise Refused(Why.WRONG_JOINTS, f"{field}: {len(values)} values for {self._n} joints")
@@ -168,7 +205,26 @@ class Orders:
             self.T_world_crf = pose
         else:
             self.T_wrist_mrf = pose
+            self.goal, self.paused = None, False
+            self.master.wait()
+
+    def set_clutch(self, request: motion.ClutchRequest) -> None:
+        """Engage, disengage or scale the master."""
+        self.master.set(request)
+        self._lead()
+
+    def set_objective(self, request: motion.RedundancyRequest) -> None:
+        """Set a redundancy objective's gain. Raises `Refused` for a posture that is unknown."""
+        q = self.pulls.posture if request.posture is None else self._posture(request.posture)
+        self.pulls = Pulls({**self.pulls.gains, str(request.objective): request.gain}, q)
+
+    def set_path(self, request: motion.PathRequest) -> None:
+        """Pause, resume or abort the path. Raises `Refused` where none is under way."""
+        if self.goal is None or isinstance(self.goal, Pursuit):
+            raise Refused(Why.NOT_NOW, "no path is under way")
+        if request.action == "abort":
             self.goal = None
+        self.paused = request.action == "pause"
 
     def settings(self) -> Settings:
         """Return what the tick shall use now."""
@@ -179,9 +235,15 @@ class Orders:
             T_world_crf=self.T_world_crf,
             wrench_bias=self.wrench_bias,
             speed_factor=self.speed_factor,
+            pulls=self.pulls,
         )
 
     # --- what is in force now ----------------------------------------------------------------
+
+    @property
+    def target(self) -> Pose | None:
+        """Where the position source is to bring the MRF, in World, if anywhere that is known."""
+        return None if self.goal is None else self.goal.T_world_target
 
     def stick(self, now_s: float, T_world_mrf: Pose) -> StickCommand | None:
         """Return the stick's twist, or None once its news is too old."""
@@ -189,7 +251,8 @@ class Orders:
         if stream is None:
             return None
         axes = self._frame(stream.message.expressed_in, T_world_mrf).R
-        return StickCommand(np.array(stream.message.twist), axes)
+        twist = self.master.scaled(np.array(stream.message.twist))
+        return None if twist is None else StickCommand(twist, axes)
 
     def jog(self, now_s: float) -> Array | None:
         """Return the joint rates (n,) to jog at, or None once their news is too old."""
@@ -207,13 +270,15 @@ class Orders:
         if self._jog is not None and self._fresh(self._jog, now_s) is None:
             names += ["jog"] if any(self._jog.message.rates) else []
             self._jog = None
+        if self.master.expired(now_s, self._stream_timeout_s):
+            names.append("master_pose")
+            self._lead()
         return names
 
     def restart_path(self) -> None:
         """Let the path to the target begin anew from where the arm is."""
         if self.goal is not None:
-            self._serial += 1
-            self.goal = replace(self.goal, serial=self._serial)
+            self.goal = replace(self.goal, attempt=self.goal.attempt + 1)
 
     def _fresh(self, stream: _Stream[StreamT] | None, now_s: float) -> _Stream[StreamT] | None:
         if stream is None or now_s - stream.since_s > self._stream_timeout_s:

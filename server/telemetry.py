@@ -7,6 +7,7 @@ from ..config.load import Cell
 from ..protocols.messages import VERSION, Description, State, Vector6
 from .admission import Admission
 from .control.frames import Array
+from .control.sources.position import Progress
 from .control.state import Output
 from .mode import Mode
 from .orders import Orders
@@ -67,11 +68,25 @@ def report(
         pose_mrf=output.T_world_mrf.to_xyz_rpy(),
         pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),
         pose_crf=orders.T_world_crf.to_xyz_rpy(),
-        target_mrf=None if orders.goal is None else orders.goal.T_world_target.to_xyz_rpy(),
+        target_mrf=None if orders.target is None else orders.target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
         sources={name: _six(twist) for name, twist in output.twists.items()},
-        gains={name: _six(gain) for name, gain in orders.settings().gains.items()},
+        gains={name: _six(gain) for name, gain in output.gains.items()},
+        on=dict(orders.on),
         twist=_six(output.twist),
+        self_motion=tuple(output.self_motion.dq.tolist()),
+        objectives={
+            name: (gain, output.self_motion.norms.get(name, 0.0))
+            for name, gain in output.pulls.gains.items()
+        },
+        path=None if output.path is None else _numbers(output.path),
+        path_mrf=None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
+        master={
+            "engaged": float(orders.master.engaged),
+            "leading": float(orders.master.target is not None),
+            "translation": orders.master.translation,
+            "rotation": orders.master.rotation,
+        },
         scale=output.scale,
         limits=output.limits,
         sigma_min=output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
@@ -85,6 +100,15 @@ def report(
         command_age_ticks=admission.age_ticks,
         overruns=overruns,
     )
+
+
+def _numbers(path: Progress) -> dict[str, float]:
+    return {
+        "leg": float(path.leg),
+        "legs": float(path.legs),
+        "part": path.part,
+        "pace": path.pace,
+    }
 
 
 def _six(values: Array) -> Vector6:

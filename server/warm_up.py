@@ -1,12 +1,16 @@
 """Computes and encodes a little of nothing, so that the first real ticks are not the slow ones."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..config.load import Cell
+from ..config.schema import OBJECTIVES
 from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
 from ..protocols.messages import JoystickTwist
-from .control.sources.position import PathGoal
+from .control.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
+from .control.redundancy import Pulls
 from .control.state import Inputs, Intent, StickCommand
 from .control.tick import Control
 from .orders import Orders
@@ -20,11 +24,15 @@ def warm_up(cell: Cell, control: Control) -> None:
     """Run through the code that a tick runs through; changes nothing."""
     q = np.array(cell.config.mechanism.postures["start"])
     settings = Orders(cell).settings()
+    every = Pulls(dict.fromkeys(OBJECTIVES, 0.1), q)
+    settings = replace(settings, pulls=every)
     stick = StickCommand(np.full(6, 0.01), np.eye(3))
     for intent in Intent:
         memory = control.seed(q)
-        for _ in range(TICKS):
-            goal = PathGoal(control.pose_mrf(memory, settings.T_wrist_mrf), 1)
+        for i in range(TICKS):
+            T = control.pose_mrf(memory, settings.T_wrist_mrf)
+            goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((Segment(np.zeros(6), 1.0),), 3))
+            goal = goals[i * len(goals) // TICKS]
             inputs = Inputs(0.0, intent, q, settings, stick=stick, goal=goal)
             memory, _ = control.tick(memory, inputs)
     decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)

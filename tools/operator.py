@@ -15,6 +15,7 @@ from ..config.load import Cell, load_cell
 from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, decode_as, encode
+from .motions import Motions
 from .pilot import OnReply, Pilot, PilotError
 from .round_trip import RoundTrip
 from .session import REPLY_TIMEOUT_S, Session
@@ -35,7 +36,7 @@ class OperatorError(Exception):
         self.detail = detail
 
 
-class Operator:
+class Operator(Motions):
     """One operator's session with a daemon; a context manager.
 
     **Nothing runs in the background.** The lease is renewed, streams are sent and telemetry is

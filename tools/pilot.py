@@ -17,6 +17,8 @@ Put = Callable[[t.Topic, bytes], None]
 """Sends a command."""
 Ask = Callable[[t.Topic, bytes, Callable[[bytes], None]], None]
 """Sends a request; its reply comes through the callback."""
+Fields = Callable[[float], Mapping[str, Any]]
+"""Makes a stream's fields anew for every message, from the time [s]."""
 OnReply = Callable[[m.Reply], None]
 
 ANYBODY: Mapping[str, Any] = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
@@ -47,7 +49,7 @@ class Pilot:
     """Number of the newest message that was sent."""
     _keepalive_due_s: float = 0.0
     _stream_due_s: float = 0.0
-    _streams: dict[t.Topic, Mapping[str, Any]] = field(default_factory=dict)
+    _streams: dict[t.Topic, Mapping[str, Any] | Fields] = field(default_factory=dict)
 
     # --- what comes in -----------------------------------------------------------------------
 
@@ -76,7 +78,7 @@ class Pilot:
         if now_s >= self._stream_due_s:
             self._stream_due_s = now_s + STREAM_S - 1e-6
             for topic, fields in self._streams.items():
-                self.command(topic, **fields)
+                self.command(topic, **(fields(now_s) if callable(fields) else fields))
 
     def stream(self, topic: t.Topic, **fields: Any) -> None:
         """Keep sending a command at 100 Hz, these fields until the next call.
@@ -84,6 +86,10 @@ class Pilot:
         Raises `ValueError` for fields that its message does not take.
         """
         topic.message(**ANYBODY, **fields)  # now, and not in some later `run`
+        self._streams[topic] = fields
+
+    def stream_made(self, topic: t.Topic, fields: Fields) -> None:
+        """Keep sending a command at 100 Hz whose fields are made anew each time."""
         self._streams[topic] = fields
 
     def end_stream(self, topic: t.Topic) -> None:

@@ -7,8 +7,10 @@ from functools import partial
 
 from ..protocols import messages as m
 from ..protocols import topics as t
+from .delay_line import DelayLine
+from .master import MovingMaster
 from .pilot import Ask, Pilot, PilotError, Put
-from .script import Script, Step
+from .script import MasterStep, Script, Step
 
 Inject = Callable[[m.RigFault], None]
 """Injects a fault into the virtual hardware."""
@@ -38,8 +40,9 @@ class Player:
         """What the daemon refused, and why."""
         self.failure = ""
         self._put, self._ask, self._inject = put, ask, inject
-        self._links: dict[str, _DelayLine] = {}
+        self._links: dict[str, DelayLine] = {}
         self._pilots: dict[str, Pilot] = {}
+        self._masters: dict[str, MovingMaster] = {}
         self._steps = deque(script.steps)
         self._now_s = 0.0
         self.pilot = self._pilot("operator")
@@ -102,7 +105,7 @@ class Player:
     def _pilot(self, name: str) -> Pilot:
         pilot = self._pilots.get(name)
         if pilot is None:
-            line = _DelayLine()
+            line = DelayLine()
             self._links[name] = line
 
             def put(topic: t.Topic, payload: bytes) -> None:
@@ -149,6 +152,12 @@ class Player:
             ask(t.FRAME, **dict(step.frame))
         if step.tare:
             ask(t.TARE)
+        if step.redundancy is not None:
+            ask(t.REDUNDANCY, **dict(step.redundancy))
+        if step.clutch is not None:
+            ask(t.CLUTCH, **dict(step.clutch))
+        if step.path_control is not None:
+            ask(t.PATH_CONTROL, action=step.path_control)
         if step.cancel:
             pilot.command(t.CANCEL)
         self._command(step, pilot)
@@ -178,8 +187,20 @@ class Player:
             pilot.command(t.POSTURE, posture=step.posture)
         elif step.posture is not None:
             pilot.command(t.POSTURE, q=step.posture)
+        if step.path is not None:
+            pilot.command(t.PATH, **dict(step.path))
+        if step.master is not None:
+            self._move_master(step.master, pilot)
         if step.force is not None:
             pilot.command(t.FORCE, wrench=step.force)
+
+    def _move_master(self, step: MasterStep, pilot: Pilot) -> None:
+        if step.twist is None:
+            pilot.end_stream(t.MASTER_POSE)
+            return
+        master = self._masters.setdefault(pilot.name, MovingMaster())
+        master.move(step.twist, step.expressed_in, self._now_s)
+        pilot.stream_made(t.MASTER_POSE, master.fields)
 
     def _note(self, step: Step, topic: t.Topic) -> Callable[[m.Reply], None]:
         def note(reply: m.Reply) -> None:
@@ -187,30 +208,3 @@ class Player:
                 self.refused.append(f"{step.at_s:g} s: {topic.key}: {reply.reason}: {reply.detail}")
 
         return note
-
-
-class _DelayLine:
-    """An operator's connection, both ways: in order, late by a set time, or cut."""
-
-    def __init__(self) -> None:
-        self._delay_s = 0.0
-        self._cut = False
-        self._underway: deque[tuple[float, Callable[[], None]]] = deque()
-
-    def set(self, cut: bool, delay_s: float) -> None:
-        """Cut the line, or let everything arrive `delay_s` late in each direction."""
-        self._cut, self._delay_s = cut, delay_s
-
-    def carry(self, deliver: Callable[[], None], now_s: float) -> None:
-        """Carry something."""
-        if self._cut:
-            return
-        if self._delay_s == 0.0 and not self._underway:
-            deliver()
-        else:
-            self._underway.append((now_s + self._delay_s, deliver))
-
-    def run(self, now_s: float) -> None:
-        """Deliver what has arrived by now."""
-        while self._underway and self._underway[0][0] <= now_s + 1e-9:
-            self._underway.popleft()[1]()

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from ..config.load import ConfigError, read_toml, script_path
 from ..protocols import messages as m
+from ..protocols import motion
 from ..protocols.topics import TOPICS
 
 KEYS = tuple(topic.key for topic in TOPICS)
@@ -50,6 +51,50 @@ class Target(Part):
     relative_to: m.Frame = m.Frame.CRF
     expressed_in: m.Frame | None = None
     speed: float | None = Field(None, gt=0, le=10)
+
+
+class PathStep(Part):
+    """A path: waypoints with speeds, or twists with durations; see `PathMotion`."""
+
+    waypoints: tuple[motion.Waypoint, ...] = ()
+    speeds: tuple[motion.PathSpeed, ...] = ()
+    blend: float = Field(0.0, ge=0, le=1)
+    twists: tuple[m.Twist, ...] = ()
+    durations_s: tuple[motion.Duration, ...] = ()
+    relative_to: m.Frame = m.Frame.CRF
+    expressed_in: m.Frame | None = None
+
+    @model_validator(mode="after")
+    def _is_a_path(self) -> "PathStep":
+        complaint = motion.complaint_of_path(
+            len(self.waypoints), len(self.speeds), len(self.twists), len(self.durations_s)
+        )
+        if complaint:
+            raise ValueError(complaint)
+        return self
+
+
+class MasterStep(Part):
+    """A master device that moves at a twist, its pose streamed; without one it falls silent."""
+
+    twist: m.Twist | None = None
+    expressed_in: m.Frame = m.Frame.CRF
+
+
+class ClutchStep(Part):
+    """The master's clutch and scales; what is not given stays."""
+
+    engaged: bool | None = None
+    translation: float | None = Field(None, ge=0, le=10)
+    rotation: float | None = Field(None, ge=0, le=10)
+
+
+class Objective(Part):
+    """The gain of a redundancy objective."""
+
+    objective: motion.ObjectiveName
+    gain: float = Field(ge=0, le=10)
+    posture: str | None = Field(None, max_length=32)
 
 
 class Gain(Part):
@@ -135,11 +180,16 @@ class Step(Part):
     switch: Switch | None = None
     frame: FrameStep | None = None
     tare: bool = False
+    redundancy: Objective | None = None
+    clutch: ClutchStep | None = None
+    path_control: Literal["pause", "resume", "abort"] | None = None
     cancel: bool = False
     joystick: Stick | None = None
     jog: Jog | None = None
     position: Target | None = None
     posture: Annotated[str, Field(max_length=32)] | m.JointVector | None = None
+    path: PathStep | None = None
+    master: MasterStep | None = None
     force: m.Wrench | None = None
     raw: Raw | None = None
     fault: FaultStep | None = None

@@ -82,6 +82,10 @@ class Mechanism:
         pin.forwardKinematics(self.model, self._data, q)
         return self._placed(pin.updateFramePlacement(self.model, self._data, self._tip))
 
+    def mass_matrix(self, q: Array) -> Array:
+        """Return the mass matrix (n, n) [kg·m²] at q (n,) [rad], of the URDF's inertias."""
+        return np.array(pin.crba(self.model, self._data, q))
+
     def _placed(self, placement: "pin.SE3") -> Pose:
         """Return a placement in Base as a pose in World."""
         # Pinocchio hands out views of its own memory, which the next call writes over.

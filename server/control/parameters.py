@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema import CellConfig, Limits, Redundancy, Resolve
+from ...config.schema import CellConfig, Limits, Redundancy, Resolve, Schedule
 from .frames import Array, Pose
 
 
@@ -30,6 +30,9 @@ class Parameters:
     limits: Limits
     resolve: Resolve
     redundancy: Redundancy
+    pull_posture: Array
+    """Posture (n,) that the posture objective pulls to [rad]."""
+    schedules: tuple[Schedule, ...]
     path_speed: Array
     """Path bounds of the position source (6,) [m/s, rad/s]."""
     shaping_acceleration: Array
@@ -73,6 +76,8 @@ class Parameters:
             limits=c.limits,
             resolve=c.resolve,
             redundancy=c.redundancy,
+            pull_posture=np.array(c.mechanism.postures[c.redundancy.posture_name]),
+            schedules=c.schedules,
             path_speed=_bounds(position.speed, position.angular_speed),
             shaping_acceleration=_bounds(c.limits.acceleration, c.limits.angular_acceleration),
             shaping_jerk=_bounds(c.limits.jerk, c.limits.angular_jerk),

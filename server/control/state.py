@@ -9,9 +9,11 @@ from enum import Enum, auto
 import numpy as np
 
 from .frames import Array, Pose
+from .paths.goals import Goal
+from .redundancy import Pulls, SelfMotion
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
-from .sources.position import PathGoal, PositionState
+from .sources.position import PositionState, Progress
 from .trajectory import Motion, Stop
 
 
@@ -47,6 +49,8 @@ class Settings:
     wrench_bias: Array
     """Sensor reading without load, Sensor axes, sign of the exerted wrench (6,) [N, N·m]."""
     speed_factor: float = 1.0
+    pulls: Pulls | None = None
+    """How strongly each redundancy objective acts; as the cell says when None."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,9 @@ class Inputs:
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     stick: StickCommand | None = None
     jog: Array | None = None
-    goal: PathGoal | None = None
+    goal: Goal | None = None
+    paused: bool = False
+    """The path to the goal stands still; position control goes on."""
     posture: Array | None = None
     at_posture: bool = False
     """A posture was reached and nothing was asked for since: no self-motion leads away from it."""
@@ -82,9 +88,14 @@ class Memory:
     sent: tuple[Array, Array, Array]
     """The last three commanded postures, newest first."""
     gains: dict[str, Array]
+    """The sources' gains (6,) in effect."""
+    pulls: Pulls
+    """The redundancy objectives' gains in effect."""
     joystick: JoystickState
     position: PositionState
     force: ForceState
+    moving_since_s: float | None = None
+    """When the arm was last enabled or resumed, None while it may not move [s]."""
     hold: Array | None = None
     """Where the Wrist was in World when HOLD began (3,) [m]."""
     bleeding: bool = False
@@ -113,6 +124,16 @@ class Output:
     limits: tuple[str, ...]
     """Names of what limited this tick."""
     sigma_min: float
+    gains: dict[str, Array]
+    """Each source's gain (6,) in effect: ramped, and as its schedules say."""
+    pulls: Pulls
+    """The redundancy objectives' gains in effect."""
+    self_motion: SelfMotion
+    """What the null space was asked to do."""
     at_goal: bool
     """True when a position or posture goal is reached."""
     bleeding: bool = False
+    path: Progress | None = None
+    """How far the goal is under way, if any."""
+    T_world_path: Pose | None = None
+    """Where the path has the MRF now, if there is one."""

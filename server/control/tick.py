@@ -14,12 +14,14 @@ import numpy as np
 
 from .avoidance.joint_room import JointRoom
 from .avoidance.nearest import nearest
+from .bleed import bleed
 from .frames import Array, Pose
+from .gains import Gains, Quantities
 from .gate import Gate
 from .limit import Limited, Limiter
 from .mechanism import Kinematics, Mechanism
-from .objectives.mid_range import MidRange
 from .parameters import Parameters
+from .redundancy import Redundancy, SelfMotion
 from .resolve import Travel, resolve
 from .sources.force import Force, ForceState
 from .sources.joystick import Joystick, JoystickState
@@ -27,17 +29,11 @@ from .sources.position import Position, PositionState
 from .state import Inputs, Intent, Memory, Output
 from .trajectory import Motion
 
-GAIN_TIME_S = 0.15
-"""Time constant with which a changed gain takes effect [s]."""
-
 POSTURE_GAIN = 4.0
 """Approach to a joint posture close to it [1/s]."""
 
 POSTURE_REACHED = 2e-4
 """A posture is reached within this angle of every joint [rad]."""
-
-BLED_OFF = 0.3
-"""Bleeding off contact in HOLD ends at this part of its threshold [1]."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +46,7 @@ class _Asked:
     scale: float
     limits: tuple[str, ...]
     sigma_min: float
+    self_motion: SelfMotion
 
 
 class Control:
@@ -64,7 +61,8 @@ class Control:
         self.force = Force(
             p.T_wrist_sensor or Pose.identity(), p.payload_mass, p.payload_com, p.wrench_smoothing
         )
-        self.objectives = (MidRange(p.lower, p.upper, p.redundancy.mid_range),)
+        self.gains = Gains(p.schedules, T)
+        self.redundancy = Redundancy(p, mechanism)
         self.room = JointRoom(p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
@@ -77,6 +75,7 @@ class Control:
             stop=self.limiter.verified_stop(rest),
             sent=(q, q, q),
             gains={},
+            pulls=self.redundancy.pulls,
             joystick=JoystickState.idle(),
             position=PositionState(),
             force=ForceState(),
@@ -102,9 +101,8 @@ class Control:
             if inputs.energised is not None:
                 q = np.where(inputs.energised, memory.motion.q, q)
             memory = self.seed(q)
-        memory = replace(memory, force=force, gains=self._ramp(memory, inputs))
         kinematics = self.mechanism.kinematics(memory.motion.q, inputs.settings.T_wrist_mrf)
-
+        memory = self._tune(replace(memory, force=force), inputs, kinematics)
         memory, asked = self._ask(memory, inputs, kinematics)
         error = memory.sent[1] - inputs.q_measured
         asked = self._allow(memory, inputs, kinematics, asked, error)
@@ -124,9 +122,35 @@ class Control:
             scale=asked.scale,
             limits=asked.limits + (("verified_stop",) if limited.stopped else ()),
             sigma_min=asked.sigma_min,
+            gains=memory.gains,
+            pulls=memory.pulls,
+            self_motion=asked.self_motion,
             at_goal=self._at_goal(memory, inputs),
             bleeding=memory.bleeding,
+            path=memory.position.progress,
+            T_world_path=memory.position.T_world_path,
         )
+
+    # --- gains -------------------------------------------------------------------------------
+
+    def _tune(self, memory: Memory, inputs: Inputs, k: Kinematics) -> Memory:
+        """Return the memory with the gains in effect: scheduled, and ramped while moving."""
+        settings, moving = inputs.settings, inputs.intent is Intent.MOVE
+        pulls = settings.pulls or self.redundancy.pulls
+        since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
+        wrench = memory.force.wrench
+        target = None if inputs.goal is None else inputs.goal.T_world_target
+        way = None if target is None else target.p - k.T_world_mrf.p
+        now = Quantities(
+            contact_force=None if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3])),
+            distance=None if way is None else math.sqrt(float(way @ way)),
+            time=inputs.time_s - since_s,
+        )
+        gains = self.gains.scheduled(settings.gains, now)
+        if moving and memory.gains.keys() == gains.keys():
+            gains = self.gains.ramped(memory.gains, gains)
+            pulls = self.redundancy.ramped(memory.pulls, pulls, self.gains.part)
+        return replace(memory, gains=gains, pulls=pulls, moving_since_s=since_s if moving else None)
 
     # --- what is asked for -------------------------------------------------------------------
 
@@ -142,6 +166,7 @@ class Control:
             twist = k.J @ joint_rates
         s_tool = self._tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
+        self_motion = self.redundancy.none()
         if joint_rates is not None:
             dq, sigma_min = s_tool * joint_rates, math.nan
         else:
@@ -155,10 +180,13 @@ class Control:
             )
             dq, sigma_min = task.dq, task.sigma_min
             if inputs.intent is Intent.MOVE and not inputs.at_posture:
-                dq = dq + self._self_motion(memory.motion.q, task.null_projector, inputs)
+                self_motion = self.redundancy.rate(
+                    q, k.J, dq, task.null_projector, memory.pulls, inputs.settings.speed_factor
+                )
+                dq = dq + self_motion.dq
             if task.singular:
                 limits += ("singularity",)
-        return memory, _Asked(dq, twists, twist, s_tool, limits, sigma_min)
+        return memory, _Asked(dq, twists, twist, s_tool, limits, sigma_min, self_motion)
 
     def _sum(
         self, memory: Memory, inputs: Inputs, k: Kinematics
@@ -182,6 +210,7 @@ class Control:
             gains["position"],
             settings.T_world_crf.R,
             settings.speed_factor,
+            inputs.paused,
         )
         wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
         force = self.force.rate(wrench, inputs.wrench_desired, gains["force"], k.T_world_mrf.R)
@@ -197,20 +226,9 @@ class Control:
         if inputs.intent is not Intent.HOLD:
             return replace(memory, hold=None, bleeding=False), np.zeros(6)
         hold = memory.hold if memory.hold is not None else k.T_world_wrist.p
-        size = 0.0 if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3]))
-        threshold = self.p.hold_threshold * (BLED_OFF if memory.bleeding else 1.0)
-        bleeding = wrench is not None and size > threshold
-        memory = replace(memory, hold=hold, bleeding=bleeding)
-        if not bleeding:
-            return memory, np.zeros(6)
         away = k.T_world_wrist.p - hold
-        distance = math.sqrt(float(away @ away))
-        if float(force[:3] @ away) > 0.0:
-            room = max(0.0, self.p.hold_leash - distance)
-            force = force * min(1.0, room / (0.2 * self.p.hold_leash + 1e-12))
-        force = force.copy()
-        force[3:] = 0.0
-        return memory, force
+        bled = bleed(memory.bleeding, wrench, force, away, self.p.hold_threshold, self.p.hold_leash)
+        return replace(memory, hold=hold, bleeding=bled.bleeding), bled.twist
 
     def _joint_rates(self, memory: Memory, inputs: Inputs) -> Array | None:
         """Return joint rates (n,) where joints are commanded directly: jog, then posture."""
@@ -226,15 +244,6 @@ class Control:
             self.room.approach(size), inputs.settings.speed_factor * self.p.velocity
         )
         return error * min(POSTURE_GAIN, float((fastest / size).min()))
-
-    def _self_motion(self, q: Array, null_projector: Array, inputs: Inputs) -> Array:
-        """Return the objectives' joint rates (n,), projected and bounded on their own."""
-        z = np.zeros(self.p.n)
-        for objective in self.objectives:
-            z = z + objective.rate(q)
-        dq = null_projector @ z
-        bound = self.p.redundancy.max_rate * inputs.settings.speed_factor * self.p.velocity
-        return np.asarray(dq / max(1.0, float((np.abs(dq) / np.maximum(bound, 1e-12)).max())))
 
     def _tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
@@ -284,18 +293,6 @@ class Control:
         return self.limiter.step(memory.motion, memory.stop, asked.dq, inputs.settings.speed_factor)
 
     # --- what is remembered ------------------------------------------------------------------
-
-    def _ramp(self, memory: Memory, inputs: Inputs) -> dict[str, Array]:
-        """Return the gains in effect: on their way to the set ones, so that no change jumps."""
-        target = inputs.settings.gains
-        if inputs.intent is not Intent.MOVE or memory.gains.keys() != target.keys():
-            return target
-        part = 1.0 - math.exp(-self.p.period_s / GAIN_TIME_S)
-        ramped = {}
-        for name, now in memory.gains.items():
-            way = target[name] - now
-            ramped[name] = target[name] if np.abs(way).max() < 1e-7 else now + part * way
-        return ramped
 
     def _remember(self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked) -> Memory:
         granted = 0.0 if limited.stopped else asked.scale

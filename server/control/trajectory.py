@@ -124,11 +124,14 @@ class VelocityPlanner:
 class PositionPlanner:
     """Position targets for n degrees of freedom, ending at rest, in straight lines where it can."""
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, straight: bool = True) -> None:
+        """Build for n freedoms; not `straight`, each goes its own way, which is always feasible."""
         self._n = n
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
-        self._input.synchronization = ruckig.Synchronization.Phase
+        self._input.synchronization = (
+            ruckig.Synchronization.Phase if straight else ruckig.Synchronization.No
+        )
         self._input.target_velocity = [0.0] * n
         self._input.target_acceleration = [0.0] * n
 

@@ -198,3 +198,16 @@ def test_a_default_script_that_is_not_there_is_named(small):
 def test_an_endpoint_names_its_protocol(small):
     path = small.replace("[timing]", '[zenoh]\nlisten = "127.0.0.1:7447"\n\n[timing]')
     assert "zenoh.listen: value '127.0.0.1:7447'" in refusal(path)
+
+
+def test_a_pull_to_a_posture_that_is_not_named_is_an_error(small):
+    small.cell.write_text(small.cell.read_text() + '\n[redundancy]\nposture_name = "redy"\n')
+    with pytest.raises(ConfigError, match=r"redundancy.posture_name: value 'redy'.*'ready'"):
+        load_cell(small.cell)
+
+
+def test_a_schedule_that_falls_back_is_an_error(small):
+    table = '\n[[schedules]]\nsource = "force"\nby = "time"\nat = [1.0, 0.5]\nfactor = [0.0, 1.0]\n'
+    small.cell.write_text(small.cell.read_text() + table)
+    with pytest.raises(ConfigError, match=r"schedules\[0\].*must rise"):
+        load_cell(small.cell)

@@ -322,11 +322,11 @@ def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
     envelope = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
     target = m.PositionTarget(**envelope, xyz=(0.1, 0, 0), rpy=(0, 0, 0))
     ann.orders.take(target, 0.0, ann.orders.T_world_crf)
-    serial = ann.orders.goal.serial
+    attempt = ann.orders.goal.attempt
     ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=False)
-    assert ann.orders.goal.serial == serial
+    assert ann.orders.goal.attempt == attempt
     ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=True)
-    assert ann.orders.goal.serial > serial
+    assert ann.orders.goal.attempt > attempt
 
 
 def test_frame_and_speed_are_set(ann):

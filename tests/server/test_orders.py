@@ -213,7 +213,7 @@ def test_a_path_that_is_begun_anew_leads_to_the_same_target(orders):
     take(orders, m.PositionTarget, **POSE)
     before = orders.goal
     orders.restart_path()
-    assert orders.goal.serial > before.serial
+    assert orders.goal.attempt > before.attempt
     assert orders.goal.T_world_target is before.T_world_target
 
 

@@ -13,6 +13,7 @@ from ...config.load import Cell
 from ...server.control.frames import Array, Pose
 from ...server.control.mechanism import Mechanism
 from ...server.control.parameters import Parameters
+from ...server.control.redundancy import Pulls
 from ...server.control.sources.position import PathGoal
 from ...server.control.state import Inputs, Intent, Settings, StickCommand
 from ...server.control.tick import Control
@@ -27,6 +28,8 @@ PAUSE_S = 0.0005
 """Between two ticks: the kernel stops a real-time process that never sleeps [s]."""
 TURN_EVERY = 120
 """Ticks between two changes of stick and target [1]."""
+EVERY_OBJECTIVE = {"mid_range": 0.2, "manipulability": 1.0, "posture": 0.2, "least_energy": 0.5}
+"""Gains of the redundancy objectives while it is measured."""
 
 
 def bench(cell: Cell, ticks: int = TICKS) -> Figures:
@@ -105,4 +108,5 @@ def _settings(cell: Cell) -> Settings:
         T_wrist_mrf=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),
         T_world_crf=Pose.from_xyz_rpy(crf.xyz, crf.rpy),
         wrench_bias=np.zeros(6),
+        pulls=Pulls(EVERY_OBJECTIVE, np.array(config.mechanism.postures["ready"])),
     )

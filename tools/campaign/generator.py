@@ -15,7 +15,7 @@ import numpy as np
 from ...config.load import Cell
 from ..script import Script, Step
 from .feasible import Judge
-from .hostile import SEGMENTS, Draw, disturbance, step
+from .hostile import SEGMENTS, Draw, disturbance, schedules, step
 from .poses import Array, difference, rotation
 
 HOSTILE_S = (5.8, 7.4)
@@ -28,6 +28,8 @@ SETTLE_S = 2.6
 """After a path, and after a nudge, the error feedback has this long to settle [s]."""
 FURNISHED = 0.12
 """Part of the scenes with the cell's wall and table [1]."""
+SCHEDULED = 0.25
+"""Part of the cells whose gains follow schedules [1]."""
 INFEASIBLE = 0.2
 """Part of the target poses that are drawn without regard to feasibility [1]."""
 FRUITLESS_S = 3.0
@@ -68,6 +70,9 @@ def generate(cell: Cell, seed: int) -> Plan:
     furnished = bool(draw.random() < FURNISHED)
     if not furnished:
         cell = _opened(cell)
+    if draw.random() < SCHEDULED:
+        config = cell.config.model_copy(update={"schedules": schedules(draw)})
+        cell = replace(cell, config=config)
     judge = Judge.of(cell)
     end_s = float(draw.uniform(*HOSTILE_S))
     steps = _hostile(draw, cell, end_s) + _restored(cell, end_s)
@@ -112,10 +117,10 @@ def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
 def _restored(cell: Cell, at_s: float) -> list[Step]:
     """Return what brings order back, whatever state the hostile part has left behind."""
     sources, mrf = cell.config.sources, cell.config.mechanism.T_wrist_mrf
-    wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 16).tolist())
+    wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 21).tolist())
     steps = [
         step(at_s=at_s, link={}, fault={"silence": "force_torque", "on": False}),
-        step(at_s=at_s + 0.02, joystick={}, jog={}),
+        step(at_s=at_s + 0.02, joystick={}, jog={}, master={}),
         step(at_s=next(wait), lease="acquire"),
         step(at_s=next(wait), protective_stop=False),
         step(at_s=next(wait), speed=1.0),
@@ -128,6 +133,10 @@ def _restored(cell: Cell, at_s: float) -> list[Step]:
     ):
         steps.append(step(at_s=next(wait), gain={"source": name, "gain": gain}))
         steps.append(step(at_s=next(wait), switch={"source": name, "on": True}))
+    for name, pull in cell.config.redundancy.gains.items():
+        steps.append(step(at_s=next(wait), redundancy={"objective": name, "gain": pull}))
+    whole = {"engaged": True, "translation": 1.0, "rotation": 1.0}
+    steps.append(step(at_s=next(wait), clutch=whole))
     steps += [step(at_s=next(wait), mode="enable") for _ in range(3)]
     steps.append(step(at_s=next(wait), cancel=True))
     return steps

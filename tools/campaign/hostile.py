@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...config.load import Cell
+from ...config.schema import OBJECTIVES, Schedule
 from ...protocols.messages import Frame
 from ..script import Step
 
@@ -104,8 +105,63 @@ def postures(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     return steps
 
 
+def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
+    """Routes and timed twists, paused, resumed, aborted and replaced, with a stick in between."""
+    steps = [step(at_s=at_s, joystick={})]
+    while at_s < end_s:
+        count = int(draw.integers(1, 6))
+        if draw.random() < 0.5:
+            reach, turn = draw.uniform(-0.12, 0.12, (count, 3)), draw.uniform(-0.5, 0.5, (count, 3))
+            path: dict[str, Any] = {
+                "waypoints": np.hstack([reach, turn]).tolist(),
+                "blend": float(draw.choice([0.0, 0.02, 0.2])),
+                "relative_to": Frame.MRF,
+            }
+            if draw.random() < 0.5:
+                path["speeds"] = draw.uniform(0.02, 3.0, count).tolist()
+        else:
+            path = {
+                "twists": [[0.3 * x for x in _twist(draw)] for _ in range(count)],
+                "durations_s": draw.uniform(0.03, 0.4, count).tolist(),
+            }
+        steps.append(step(at_s=at_s, path={**path, "expressed_in": _frame(draw)}))
+        if draw.random() < 0.4:
+            steps.append(_stick(at_s + 0.1, _twist(draw), _axes(draw)))
+        action = str(draw.choice(["pause", "abort", "resume"]))
+        steps.append(step(at_s=at_s + 0.15, path_control=action))
+        if action == "pause" and draw.random() < 0.7:
+            steps.append(step(at_s=at_s + 0.35, path_control="resume"))
+        at_s += float(draw.uniform(0.25, 0.7))
+    steps.append(step(at_s=end_s - 0.01, cancel=True))
+    return steps
+
+
+def master(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
+    """A master's pose, clutched, scaled, silent and resumed while it moves, beside a stick."""
+    steps = [step(at_s=at_s, joystick={}, clutch={"engaged": True})]
+    axes = _frame(draw)
+    while at_s < end_s:
+        twist = [float(draw.choice([0.2, 1.0])) * x for x in _twist(draw)]
+        steps.append(step(at_s=at_s, master={"twist": twist, "expressed_in": axes}))
+        changes: tuple[dict[str, Any], ...] = (
+            {"clutch": {"engaged": False}},
+            {"clutch": {"engaged": True}},
+            {"clutch": {"translation": float(draw.uniform(0, 5)), "rotation": 0.5}},
+            {"clutch": {"rotation": float(draw.uniform(0, 5))}},
+            {"master": {}},
+            {"joystick": {"twist": _twist(draw), **_axes(draw)}},
+        )
+        steps.append(step(at_s=at_s + 0.1, **changes[int(draw.integers(len(changes)))]))
+        steps.append(step(at_s=at_s + 0.2, clutch={"engaged": True}))
+        at_s += float(draw.uniform(0.2, 0.5))
+    steps.append(step(at_s=end_s - 0.02, master={}, cancel=True))
+    steps.append(step(at_s=end_s - 0.01, clutch={"translation": 1.0, "rotation": 1.0}))
+    return steps
+
+
 SEGMENTS: tuple[Callable[[Draw, Cell, float, float], list[Step]], ...] = (
     constant, bang_bang, bang_bang, noise, noise, aimed, jog_to_limit, goals, postures,
+    paths, paths, master, master,
 )  # fmt: skip
 
 
@@ -131,6 +187,10 @@ def disturbance(draw: Draw, cell: Cell, at_s: float) -> list[Step]:
         ({"raw": {"topic": "cmd/joystick", "hex": draw.bytes(24).hex()}}, {}),
         ({"jog": {"rates": [0.1]}}, {"jog": {}}),
         ({"force": draw.uniform(-10.0, 10.0, 6).tolist()}, {"force": [0.0] * 6}),
+        ({"redundancy": _objective(draw, cell)}, {}),
+        ({"redundancy": _objective(draw, cell)}, {"redundancy": _objective(draw, cell)}),
+        ({"path_control": str(draw.choice(["pause", "resume", "abort"]))}, {}),
+        ({"clutch": {"engaged": False}}, {"clutch": {"engaged": True}}),
         ({"frame": _redefined(draw, "crf")}, {}),
         ({"frame": _redefined(draw, "mrf")}, {}),
         (
@@ -184,3 +244,29 @@ def _redefined(draw: Draw, frame: str) -> dict[str, Any]:
         "xyz": draw.uniform(-reach, reach, 3).tolist(),
         "rpy": draw.uniform(-1.0, 1.0, 3).tolist(),
     }
+
+
+def _objective(draw: Draw, cell: Cell) -> dict[str, Any]:
+    name = str(draw.choice(OBJECTIVES))
+    most = 1.0 if name == "least_energy" else 10.0
+    found: dict[str, Any] = {"objective": name, "gain": float(draw.choice([0.0, 0.2, 1.0])) * most}
+    if name == "posture":
+        found["posture"] = str(draw.choice(sorted(cell.config.mechanism.postures)))
+    return found
+
+
+def schedules(draw: Draw) -> tuple[Schedule, ...]:
+    """Return gain schedules, some of them steep; those of the position source let it settle."""
+    found = []
+    for source in ("joystick", "position", "force"):
+        by = str(draw.choice(["distance", "time", "contact_force"][: 2 + (source != "position")]))
+        end = {"contact_force": 30.0, "distance": 0.2, "time": 6.0}[by]
+        at = np.sort(draw.uniform(0.0, end, 3)) + np.array([0.0, 1e-3, 2e-3])
+        factor = np.sort(draw.uniform(0.2, 1.0, 3))
+        if source == "position":
+            factor[-1] = 1.0
+        if by == "distance":
+            factor = factor[::-1]
+        table = {"at": tuple(at.tolist()), "factor": tuple(factor.tolist())}
+        found.append(Schedule.model_validate({"source": source, "by": by, **table}))
+    return tuple(found)

@@ -11,11 +11,11 @@ WIDEST = np.pi
 class MidRange:
     """A spring to mid-range, weaker for joints with more room."""
 
-    def __init__(self, lower: Array, upper: Array, gain: float) -> None:
+    def __init__(self, lower: Array, upper: Array) -> None:
         self._middle = 0.5 * (lower + upper)
         half = np.minimum(0.5 * (upper - lower), WIDEST)
-        self._gain = gain * (half.min() / half)
+        self._weight = half.min() / half
 
     def rate(self, q: Array) -> Array:
-        """Return the joint rates (n,) [rad/s] asked for at joint angles q (n,) [rad]."""
-        return np.asarray(self._gain * (self._middle - q))
+        """Return the joint rates (n,) at joint angles q (n,) [rad], for a gain of 1 /s [rad/s]."""
+        return np.asarray(self._weight * (self._middle - q))

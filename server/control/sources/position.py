@@ -3,7 +3,8 @@
 The path leads straight from where the MRF is to the target, the rotation along the geodesic; the
 rate is the path's own plus K_P times the pose error, rotation by logarithm. The path waits while
 the arm is held back, so that limits slow a motion without bending it; and it does not care how
-far a stick pushes the tool aside: on release the error feedback brings it home.
+far a stick pushes the tool aside: on release the error feedback brings it home. Routes, timed
+twists and a master's pose are followed by the same law: only the path differs.
 """
 
 import math
@@ -11,16 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..frames import (
-    Array,
-    Pose,
-    pose_error,
-    right_jacobian,
-    rotate_twist,
-    rotation_exp,
-    rotation_log,
-)
-from ..trajectory import Motion, PositionPlanner, Profile
+from ..frames import Array, Pose, pose_error, rotate_twist
+from ..paths.free import Free, FreePlanner
+from ..paths.goals import Goal, PathGoal, Pursuit, Route, TwistRoute
+from ..paths.straight import Path, StraightPlanner
+
+__all__ = ["Path", "PathGoal", "Position", "PositionState", "Progress"]
 
 FULL_FEED_FORWARD = 0.5
 """Gain from which the path's own rate is passed on in full [1/s]; below, in proportion."""
@@ -28,39 +25,51 @@ FULL_FEED_FORWARD = 0.5
 REACHED = (5e-4, 1e-3)
 """A goal is reached within this distance [m] and angle [rad]."""
 
-
-@dataclass(frozen=True)
-class PathGoal:
-    """A target pose of the MRF in World; `serial` tells one goal from the next."""
-
-    T_world_target: Pose
-    serial: int
-    speed: float | None = None
-    """Path speed [m/s]; the cell's when None."""
+PAUSE_TIME_S = 0.15
+"""Time constant with which a path is paused and resumed [s]."""
 
 
 @dataclass(frozen=True)
-class Path:
-    """A path under way: World position, and rotation vector from the target's attitude."""
+class Progress:
+    """How far a goal is under way."""
 
-    goal: PathGoal
-    profile: Profile
-
-    def now(self) -> tuple[Pose, Array]:
-        """Return the path's pose in World and its own twist (6,) in World axes."""
-        motion = self.profile.at()
-        r = motion.q[3:]
-        R = self.goal.T_world_target.R @ rotation_exp(r)
-        twist = np.concatenate([motion.dq[:3], R @ (right_jacobian(r) @ motion.dq[3:])])
-        return Pose(R, motion.q[:3]), twist
+    leg: int
+    """Leg or segment under way, counted from 0; that of the last one at the end."""
+    legs: int
+    part: float
+    """Part of its time that is over, 0 to 1 [1]."""
+    pace: float
+    """Part of the path's own speed that it goes at: 0 when paused [1]."""
 
 
 @dataclass(frozen=True)
 class PositionState:
-    """The path under way, if any, and whether its target is reached."""
+    """The path under way, if any, and whether its goal is reached."""
 
-    path: Path | None = None
+    path: Path | Free | None = None
     at_goal: bool = False
+    goal: Goal | None = None
+    T_world_path: Pose | None = None
+    """Where the path had the MRF in this tick."""
+    leg: int = 0
+    leg_s: float = 0.0
+    """Time since the present segment of twists began [s]."""
+    pace: float = 1.0
+    """Part of its own speed at which the path goes: falls to 0 while it is paused [1]."""
+
+    @property
+    def progress(self) -> Progress | None:
+        """How far it is, None without a goal that has an end."""
+        match self.goal:
+            case PathGoal() | Route() if isinstance(self.path, Path):
+                legs = len(self.goal.legs) if isinstance(self.goal, Route) else 1
+                return Progress(self.leg, legs, self.path.part, self.pace)
+            case TwistRoute(segments):
+                over = self.leg >= len(segments)
+                part = 1.0 if over else min(1.0, self.leg_s / segments[self.leg].duration_s)
+                leg = min(self.leg, len(segments) - 1)
+                return Progress(leg, len(segments), part, self.pace)
+        return None
 
 
 class Position:
@@ -68,20 +77,20 @@ class Position:
 
     def __init__(self, speed: Array, acceleration: Array, jerk: Array, period_s: float) -> None:
         self._speed = speed
-        self._acceleration = acceleration
-        self._jerk = jerk
         self._period_s = period_s
-        self._planner = PositionPlanner(6)
+        self._straight = StraightPlanner(speed, acceleration, jerk)
+        self._free = FreePlanner(speed, acceleration, jerk)
 
     def rate(
         self,
         state: PositionState,
-        goal: PathGoal | None,
+        goal: Goal | None,
         T_world_mrf: Pose,
         twist_now: Array,
         gain: Array,
         R_world_axes: Array,
         factor: float,
+        paused: bool = False,
     ) -> tuple[Array, PositionState]:
         """Return the twist (6,) in World axes that leads along the path to the goal.
 
@@ -91,10 +100,10 @@ class Position:
         """
         if goal is None:
             return np.zeros(6), PositionState()
-        path = state.path
-        if path is None or path.goal.serial != goal.serial:
-            path = Path(goal, self._plan(goal, T_world_mrf, twist_now, factor))
+        state, path = self._lead(state, goal, T_world_mrf, twist_now, factor, paused)
         T_world_path, twist_path = path.now()
+        if isinstance(path, Path):
+            twist_path = state.pace * twist_path
         error = rotate_twist(R_world_axes.T, pose_error(T_world_path, T_world_mrf))
         feedback = gain * error
         # The correction is no faster than the path, however far a stick has pushed the tool.
@@ -103,43 +112,107 @@ class Position:
             feedback[part] *= min(1.0, factor * float(self._speed[part][0]) / max(1e-12, size))
         share = np.minimum(gain / FULL_FEED_FORWARD, 1.0)
         feed_forward = share * rotate_twist(R_world_axes.T, twist_path)
-        away = pose_error(goal.T_world_target, T_world_mrf)
-        reached = (
-            path.profile.finished
-            and math.sqrt(float(away[:3] @ away[:3])) < REACHED[0]
-            and math.sqrt(float(away[3:] @ away[3:])) < REACHED[1]
-        )
-        return rotate_twist(R_world_axes, feedback + feed_forward), PositionState(path, reached)
+        reached = self._reached(state, path, goal, T_world_mrf)
+        state = replace(state, at_goal=reached, T_world_path=T_world_path)
+        return rotate_twist(R_world_axes, feedback + feed_forward), state
 
     def advance(self, state: PositionState, granted: float) -> PositionState:
         """Return the state with the path moved on by `granted` (0 to 1) of a period."""
-        path = state.path
-        if path is None or path.profile.finished:
-            return state
-        profile = path.profile.advanced(granted * self._period_s)
-        return replace(state, path=Path(path.goal, profile))
+        step_s = granted * self._period_s
+        match state.path:
+            case Path() as path:
+                moved = path.advanced(state.pace * step_s)
+                return state if moved is path else replace(state, path=moved)
+            case Free() as free:
+                # Reduced speed, like a pause, stretches time: the same way at a lower speed.
+                leg_s = state.leg_s + state.pace * free.factor * step_s
+                return replace(state, path=self._free.step(free, step_s), leg_s=leg_s)
+        return state
 
-    def _plan(self, goal: PathGoal, T: Pose, twist: Array, factor: float) -> Profile:
-        r = rotation_log(goal.T_world_target.R.T @ T.R)
-        # Rate of the rotation vector: ω in body axes, through the inverse right Jacobian.
-        dr = np.linalg.solve(right_jacobian(r), T.R.T @ twist[3:])
-        start = Motion(np.concatenate([T.p, r]), np.concatenate([twist[:3], dr]), np.zeros(6))
-        target = np.concatenate([goal.T_world_target.p, np.zeros(3)])
-        speed = self._speed.copy()
-        if goal.speed is not None:
-            speed[:3] = goal.speed
-        # Sharing the bounds out by direction makes them hold along the path, not per axis.
-        shares = np.full(6, 1.0 / math.sqrt(3.0))
-        if float(np.abs(twist).max()) < 1e-6:
-            start = Motion.at_rest(start.q)
-            for part in (slice(0, 3), slice(3, 6)):
-                span = target[part] - start.q[part]
-                length = math.sqrt(float(span @ span))
-                if length > 1e-9:
-                    shares[part] = np.maximum(np.abs(span) / length, 1e-3)
-        bounds = (
-            np.maximum(speed * shares * factor, np.abs(start.dq) * 1.001),
-            self._acceleration * shares,
-            self._jerk * shares,
+    # --- leading ------------------------------------------------------------------------------
+
+    def _lead(
+        self, state: PositionState, goal: Goal, T: Pose, twist: Array, factor: float, paused: bool
+    ) -> tuple[PositionState, Path | Free]:
+        """Return the state with a path to what the goal is now, begun, turned or gone on with."""
+        before = state.goal
+        if before is None or before.serial != goal.serial:
+            state, begin = PositionState(goal=goal), True
+        else:
+            begin = before.attempt != goal.attempt
+            state = replace(state, goal=goal) if goal is not before else state
+        pace, way = state.pace, (0.0 if paused else 1.0) - state.pace
+        if way:
+            part = 1.0 - math.exp(-self._period_s / PAUSE_TIME_S)
+            pace = pace + way if abs(way) < 1e-4 else pace + part * way
+            state = replace(state, pace=pace)
+        path: Path | Free
+        match goal:
+            case PathGoal() | Route():
+                state, path = self._straightly(state, goal, T, twist, factor, begin)
+            case TwistRoute():
+                state, path = self._by_twists(
+                    state, goal, self._freed(state, T, twist, factor, begin)
+                )
+            case Pursuit():
+                aim = np.zeros(6) if goal.T_world_target is None else goal.T_world_target
+                path = self._freed(state, T, twist, factor, begin)._replace(aim=aim)
+        return replace(state, path=path), path
+
+    def _straightly(
+        self,
+        state: PositionState,
+        goal: PathGoal | Route,
+        T: Pose,
+        twist: Array,
+        factor: float,
+        begin: bool,
+    ) -> tuple[PositionState, Path]:
+        legs = goal.legs if isinstance(goal, Route) else (goal,)
+        path = state.path
+        if begin or not isinstance(path, Path):
+            return state, self._straight.plan(legs[state.leg], T, twist, factor)
+        if state.leg + 1 < len(legs):
+            near = isinstance(goal, Route) and goal.blend > 0.0 and path.distance() < goal.blend
+            if path.finished or near:
+                leg = state.leg + 1
+                turned = self._straight.turn(path, legs[leg], factor)
+                if turned is not None:
+                    return replace(state, leg=leg), turned
+        return state, path
+
+    def _by_twists(
+        self, state: PositionState, goal: TwistRoute, free: Free
+    ) -> tuple[PositionState, Free]:
+        leg, leg_s = state.leg, state.leg_s
+        # What a segment runs over by is the next one's, so that none lasts too long.
+        while leg < len(goal.segments) and leg_s > goal.segments[leg].duration_s - 1e-9:
+            leg_s -= goal.segments[leg].duration_s
+            leg += 1
+        aim = np.zeros(6)
+        if leg < len(goal.segments):
+            aim = state.pace * free.factor * goal.segments[leg].twist
+            if goal.moving_axes:
+                aim = rotate_twist(free.pose.R, aim)
+        return replace(state, leg=leg, leg_s=leg_s), free._replace(aim=aim)
+
+    def _freed(
+        self, state: PositionState, T: Pose, twist: Array, factor: float, begin: bool
+    ) -> Free:
+        """Return the reference that is steered; a new one starts from where the MRF is."""
+        if begin or not isinstance(state.path, Free):
+            return Free(T, twist.copy(), np.zeros(6), np.zeros(6), factor)
+        return state.path._replace(factor=factor)
+
+    def _reached(self, state: PositionState, path: Path | Free, goal: Goal, T: Pose) -> bool:
+        if isinstance(goal, Pursuit) or not path.finished:
+            return False
+        if isinstance(goal, TwistRoute) and state.leg < len(goal.segments):
+            return False
+        if isinstance(goal, Route) and state.leg + 1 < len(goal.legs):
+            return False
+        away = pose_error(goal.T_world_target or path.now()[0], T)
+        return (
+            math.sqrt(float(away[:3] @ away[:3])) < REACHED[0]
+            and math.sqrt(float(away[3:] @ away[3:])) < REACHED[1]
         )
-        return self._planner.plan(start, target, bounds)

@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from telerobot.config.schema import OBJECTIVES
 from telerobot.server.control.frames import Pose, rotation_rpy
+from telerobot.server.control.paths.goals import Pursuit, Route, Segment, TwistRoute
+from telerobot.server.control.redundancy import Pulls
 from telerobot.server.control.sources.position import PathGoal
 from telerobot.server.control.state import Intent
 
@@ -28,7 +31,7 @@ class Hostility:
     def change(self):
         run, rng, inputs = self.run, self.rng, self.inputs
         p = run.arm.p
-        match rng.integers(12):
+        match rng.integers(16):
             case 0 | 1:
                 axes = rotation_rpy(*rng.uniform(-3, 3, 3))
                 inputs["stick"] = self.stick(*rng.choice([-2, 0, 2], 6), axes=axes)
@@ -67,6 +70,32 @@ class Hostility:
                         rotation_rpy(*rng.uniform(-3, 3, 3)), rng.uniform(-0.4, 0.4, 3)
                     ),
                 )
+            case 12:
+                self.serial += 1
+                legs = tuple(
+                    PathGoal(Pose(rotation_rpy(*rng.uniform(-1, 1, 3)), p_), self.serial)
+                    for p_ in run.pose.p + rng.uniform(-0.3, 0.3, (4, 3))
+                )
+                inputs["goal"] = Route(legs, self.serial, float(rng.choice([0.0, 0.05])))
+            case 13:
+                self.serial += 1
+                segments = tuple(
+                    Segment(rng.choice([-1, 0, 1], 6) * rng.uniform(0, 1), rng.uniform(0.01, 0.5))
+                    for _ in range(5)
+                )
+                moving_axes = bool(rng.random() < 0.5)
+                inputs["goal"] = TwistRoute(segments, self.serial, moving_axes)
+            case 14:
+                inputs["paused"] = not inputs.get("paused", False)
+                if not isinstance(inputs.get("goal"), Pursuit):
+                    self.serial += 1
+                away = Pose(rotation_rpy(*rng.uniform(-1, 1, 3)), rng.uniform(-0.2, 0.2, 3))
+                target = None if rng.random() < 0.3 else run.pose @ away
+                inputs["goal"] = Pursuit(target, self.serial)
+            case 15:
+                gains = {name: float(rng.choice([0.0, 1.0])) * 10.0 for name in OBJECTIVES}
+                gains["least_energy"] *= 0.1
+                run.set(pulls=Pulls(gains, rng.uniform(p.lower, p.upper)))
             case 11:
                 # HOLD follows rest only, as in the daemon's modes.
                 rest = run.outputs[-1].at_rest if run.outputs else False

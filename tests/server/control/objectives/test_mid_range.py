@@ -6,7 +6,7 @@ MIDDLE = np.array([0.0, 0.0, 2.0, 0.0])
 
 
 def test_every_joint_is_drawn_to_the_middle_of_its_range(rng):
-    objective = MidRange(LOWER, UPPER, 0.2)
+    objective = MidRange(LOWER, UPPER)
     assert not objective.rate(MIDDLE).any()
     for q in rng.uniform(LOWER, UPPER, (20, 4)):
         rate = objective.rate(q)
@@ -14,8 +14,8 @@ def test_every_joint_is_drawn_to_the_middle_of_its_range(rng):
 
 
 def test_a_joint_with_more_room_is_drawn_less():
-    rates = MidRange(LOWER, UPPER, 0.2).rate(MIDDLE - 0.5)
-    np.testing.assert_allclose(rates, [0.1, 0.05, 0.05, 0.1 / np.pi])
+    rates = MidRange(LOWER, UPPER).rate(MIDDLE - 0.5)
+    np.testing.assert_allclose(rates, [0.5, 0.25, 0.25, 0.5 / np.pi])
 
 
 def test_self_motion_goes_to_mid_range_and_leaves_the_tool_where_it_is(pa10, start, rng):
@@ -23,7 +23,7 @@ def test_self_motion_goes_to_mid_range_and_leaves_the_tool_where_it_is(pa10, sta
     swung = pa10.posture("ready") + np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0])
     run = start(pa10, swung)
     middle = 0.5 * (pa10.p.lower + pa10.p.upper)
-    pull = MidRange(pa10.p.lower, pa10.p.upper, 1.0)
+    pull = MidRange(pa10.p.lower, pa10.p.upper)
 
     def strain():
         """What the pull is the downward slope of."""

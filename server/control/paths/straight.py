@@ -1,0 +1,124 @@
+"""Straight, jerk-limited paths to a pose: translation in a line, rotation by the geodesic."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..frames import Array, Pose, right_jacobian, rotation_exp, rotation_log
+from ..trajectory import Motion, PositionPlanner, Profile, TrajectoryError
+from .goals import PathGoal
+
+_LEAST_SHARE = 1e-3
+"""Every axis gets some of the bounds, so that it can be corrected [1]."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """A path under way: World position, and rotation vector from the target's attitude."""
+
+    goal: PathGoal
+    profile: Profile
+
+    def now(self) -> tuple[Pose, Array]:
+        """Return the path's pose in World and its own twist (6,) in World axes."""
+        motion = self.profile.at()
+        r = motion.q[3:]
+        R = self.goal.T_world_target.R @ rotation_exp(r)
+        twist = np.concatenate([motion.dq[:3], R @ (right_jacobian(r) @ motion.dq[3:])])
+        return Pose(R, motion.q[:3]), twist
+
+    @property
+    def finished(self) -> bool:
+        """True once it stands on its target."""
+        return self.profile.finished
+
+    @property
+    def part(self) -> float:
+        """How much of its time is over, 0 to 1 [1]."""
+        duration_s = self.profile.duration_s
+        return 1.0 if self.finished else self.profile.elapsed_s / max(duration_s, 1e-9)
+
+    def advanced(self, by_s: float) -> "Path":
+        """Return the same path, further along."""
+        return self if self.finished else replace(self, profile=self.profile.advanced(by_s))
+
+    def distance(self) -> float:
+        """Return how far from its target the path is now [m]."""
+        away = self.goal.T_world_target.p - self.profile.at().q[:3]
+        return math.sqrt(float(away @ away))
+
+
+class StraightPlanner:
+    """Plans paths under speed, acceleration and jerk bounds (6,)."""
+
+    def __init__(self, speed: Array, acceleration: Array, jerk: Array) -> None:
+        self._speed = speed
+        self._acceleration = acceleration
+        self._jerk = jerk
+        self._planner = PositionPlanner(6)
+
+    def plan(self, goal: PathGoal, T: Pose, twist: Array, factor: float) -> Path:
+        """Return the path from a pose in World and its twist (6,), at `factor` of the speed."""
+        start = self._start(goal, T, twist, np.zeros(3))
+        # Sharing the bounds out by direction makes them hold along the path, not per axis.
+        shares = np.full(6, 1.0 / math.sqrt(3.0))
+        if float(np.abs(twist).max()) < 1e-6:
+            start = Motion.at_rest(start.q)
+            shares = along(self._span(goal, start), shares)
+        try:
+            return self._planned(goal, start, shares, factor)
+        except TrajectoryError:  # from rest there is always a way; the limits ease the change
+            return self._planned(goal, Motion.at_rest(start.q), shares, factor)
+
+    def turn(self, path: Path, goal: PathGoal, factor: float) -> Path | None:
+        """Return the path that leaves another one in full motion for the next target.
+
+        None where there is none from this very state; the end of the old one is at rest.
+        """
+        T, twist = path.now()
+        start = self._start(goal, T, twist, path.profile.at().ddq[:3])
+        if path.finished:
+            start = Motion.at_rest(start.q)
+        shares = np.full(6, 1.0 / math.sqrt(3.0))
+        span = along(self._span(goal, start), shares)
+        shares = along(np.maximum(span, along(start.dq, np.zeros(6))), shares)
+        try:
+            return self._planned(goal, start, shares, factor)
+        except TrajectoryError:
+            return None
+
+    def _span(self, goal: PathGoal, start: Motion) -> Array:
+        return np.concatenate([goal.T_world_target.p, np.zeros(3)]) - start.q
+
+    def _start(self, goal: PathGoal, T: Pose, twist: Array, acceleration: Array) -> Motion:
+        r = rotation_log(goal.T_world_target.R.T @ T.R)
+        # Rate of the rotation vector: ω in body axes, through the inverse right Jacobian.
+        dr = np.linalg.solve(right_jacobian(r), T.R.T @ twist[3:])
+        return Motion(
+            np.concatenate([T.p, r]),
+            np.concatenate([twist[:3], dr]),
+            np.concatenate([acceleration, np.zeros(3)]),
+        )
+
+    def _planned(self, goal: PathGoal, start: Motion, shares: Array, factor: float) -> Path:
+        target = np.concatenate([goal.T_world_target.p, np.zeros(3)])
+        speed = self._speed.copy()
+        if goal.speed is not None:
+            speed[:3] = goal.speed
+        bounds = (
+            np.maximum(speed * shares * factor, np.abs(start.dq) * 1.001),
+            np.maximum(self._acceleration * shares, np.abs(start.ddq) * 1.001),
+            self._jerk * shares,
+        )
+        return Path(goal, self._planner.plan(start, target, bounds))
+
+
+def along(way: Array, otherwise: Array) -> Array:
+    """Return the share of each axis in a way (6,), of translation and rotation apart."""
+    shares = otherwise.copy()
+    for part in (slice(0, 3), slice(3, 6)):
+        length = math.sqrt(float(way[part] @ way[part]))
+        if length > 1e-9:
+            shares[part] = np.maximum(np.abs(way[part]) / length, _LEAST_SHARE)
+    return shares

@@ -1,0 +1,101 @@
+"""What the spare degrees of freedom do: the objectives' rates, summed, projected and bounded.
+
+Williams 1997, eq. 7: dq = J⁺ẋ + (I − J⁺J) z. Every objective has a gain, which is ramped like the
+sources' gains; one whose gain is zero is not computed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .frames import Array
+from .mechanism import Mechanism
+from .objectives import least_energy, manipulability, posture
+from .objectives.mid_range import MidRange
+from .parameters import Parameters
+
+TASK = 6
+"""Freedoms of the task: with no more joints than these, nothing is spare."""
+
+
+class Pulls(NamedTuple):
+    """How strongly each objective acts."""
+
+    gains: dict[str, float]
+    posture: Array
+    """Joint angles (n,) that the posture objective pulls to [rad]."""
+
+
+class SelfMotion(NamedTuple):
+    """What the null space is asked to do."""
+
+    dq: Array
+    """Joint rates (n,) in the null space [rad/s]."""
+    norms: dict[str, float]
+    """Size of each objective's own part of it [rad/s]; they may cancel."""
+
+
+class Redundancy:
+    """Composes the objectives of one mechanism."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._mid_range = MidRange(p.lower, p.upper)
+        self._spare = p.n > TASK
+        self._bound = p.redundancy.max_rate * p.velocity
+        self.pulls = Pulls(p.redundancy.gains, p.pull_posture)
+        """Those of the cell file."""
+
+    def none(self) -> SelfMotion:
+        """Return an idle null space."""
+        return SelfMotion(np.zeros(len(self._bound)), {})
+
+    def ramped(self, now: Pulls, target: Pulls, part: float) -> Pulls:
+        """Return the pulls a `part` (0 to 1) of the way from those in effect to the set ones."""
+        if now is target:
+            return target
+        gains = {}
+        for name, goal in target.gains.items():
+            way = goal - now.gains[name]
+            gains[name] = goal if abs(way) < 1e-6 else now.gains[name] + part * way
+        away = target.posture - now.posture
+        if not now.gains["posture"] or float(np.abs(away).max()) < 1e-6:
+            part = 1.0  # a pull that does not act yet may be aimed anew at once
+        if gains == target.gains and part == 1.0:
+            return target
+        return Pulls(gains, now.posture + part * away)
+
+    def rate(
+        self, q: Array, J: Array, dq_task: Array, N: Array, pulls: Pulls, factor: float
+    ) -> SelfMotion:
+        """Return the self-motion at q (n,), with J (6, n), the task's rates (n,) and N (n, n).
+
+        `factor` is the reduced-speed setting; it scales the bound of the self-motion.
+        """
+        if not self._spare:
+            return self.none()
+        parts = {
+            name: gain * (N @ self._part(name, q, J, dq_task, N, pulls))
+            for name, gain in pulls.gains.items()
+            if gain > 0.0
+        }
+        dq = np.zeros(len(q))
+        for part in parts.values():
+            dq = dq + part
+        bound = np.maximum(factor * self._bound, 1e-12)
+        share = 1.0 / max(1.0, float((np.abs(dq) / bound).max()))
+        norms = {name: share * math.sqrt(float(z @ z)) for name, z in parts.items()}
+        return SelfMotion(share * dq, norms)
+
+    def _part(self, name: str, q: Array, J: Array, dq_task: Array, N: Array, pulls: Pulls) -> Array:
+        """Return what an objective asks for (n,) at gain 1."""
+        match name:
+            case "mid_range":
+                return self._mid_range.rate(q)
+            case "manipulability":
+                return manipulability.rate(J)
+            case "posture":
+                return posture.rate(q, pulls.posture)
+            case _:
+                return least_energy.rate(dq_task, N, self._mechanism.mass_matrix(q))

@@ -1,0 +1,169 @@
+"""Paths, clutch and objectives at the desk: what is taken, refused, told, and what ends them."""
+
+import numpy as np
+import pytest
+from telerobot.protocols import messages as m
+from telerobot.protocols.motion import (
+    ClutchRequest,
+    MasterPose,
+    PathMotion,
+    PathRequest,
+    RedundancyRequest,
+)
+from telerobot.server.admission import Refused, Why
+from telerobot.server.control.frames import Pose, rotation_rpy
+from telerobot.server.control.paths.goals import Pursuit, Route, TwistRoute
+from telerobot.server.orders import Orders
+
+ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+MRF = Pose.from_xyz_rpy((0.7, 0.1, 0.4), (0.2, -0.5, 1.1))
+WAYPOINTS = ((0.1, -0.2, 0.3, 0.3, 0.2, -0.4), (0.0, 0.1, 0.0, 0.0, 0.0, 0.5))
+TWIST = (0.1, 0.2, 0.0, 0.0, 0.0, 0.3)
+
+
+@pytest.fixture
+def orders(pa10):
+    return Orders(pa10.cell)
+
+
+def take(orders, kind, now_s=0.0, T=MRF, **fields):
+    orders.take(kind(**ENVELOPE, **fields), now_s, T)
+    return orders.goal
+
+
+def lead(orders, now_s=0.0, xyz=(0.0, 0.0, 0.0), T=MRF):
+    return take(orders, MasterPose, now_s, T, xyz=xyz, rpy=(0.0, 0.0, 0.0))
+
+
+def path(orders, action):
+    orders.set_path(PathRequest(**ENVELOPE, action=action))
+
+
+def clutch(orders, **fields):
+    orders.set_clutch(ClutchRequest(**ENVELOPE, **fields))
+
+
+@pytest.mark.parametrize("relative_to", m.Frame)
+@pytest.mark.parametrize("expressed_in", [None, *m.Frame])
+def test_every_waypoint_is_placed_as_a_target_is(orders, relative_to, expressed_in):
+    frames = {"relative_to": relative_to, "expressed_in": expressed_in}
+    goal = take(orders, PathMotion, waypoints=WAYPOINTS, speeds=(0.1, 0.2), **frames)
+    assert isinstance(goal, Route)
+    assert [leg.speed for leg in goal.legs] == [0.1, 0.2]
+    for leg, waypoint in zip(goal.legs, WAYPOINTS, strict=True):
+        alone = take(orders, m.PositionTarget, xyz=waypoint[:3], rpy=waypoint[3:], **frames)
+        np.testing.assert_allclose(leg.T_world_target.p, alone.T_world_target.p, atol=1e-12)
+        np.testing.assert_allclose(leg.T_world_target.R, alone.T_world_target.R, atol=1e-12)
+
+
+def test_twists_are_turned_into_world_or_left_to_the_moving_tool(orders):
+    given = {"twists": (TWIST,), "durations_s": (2.0,)}
+    orders.T_world_crf = Pose(rotation_rpy(0.0, 0.0, np.pi / 2), np.ones(3))
+    fixed = take(orders, PathMotion, **given)
+    assert isinstance(fixed, TwistRoute)
+    np.testing.assert_allclose(fixed.segments[0].twist, [-0.2, 0.1, 0, 0, 0, 0.3], atol=1e-12)
+    moving = take(orders, PathMotion, **given, expressed_in=m.Frame.MRF)
+    assert moving.moving_axes
+    np.testing.assert_array_equal(moving.segments[0].twist, TWIST)
+
+
+def test_pause_resume_and_abort_need_a_path(orders):
+    for action in ("pause", "resume", "abort"):
+        with pytest.raises(Refused) as caught:
+            path(orders, action)
+        assert caught.value.reason == Why.NOT_NOW
+    take(orders, PathMotion, waypoints=WAYPOINTS)
+    path(orders, "pause")
+    assert orders.paused
+    path(orders, "resume")
+    assert not orders.paused
+    path(orders, "abort")
+    assert orders.goal is None
+
+
+def test_a_new_path_is_not_paused(orders):
+    take(orders, PathMotion, waypoints=WAYPOINTS)
+    path(orders, "pause")
+    take(orders, PathMotion, waypoints=WAYPOINTS)
+    assert not orders.paused
+
+
+def test_taking_up_again_keeps_the_goal(orders):
+    before = take(orders, PathMotion, waypoints=WAYPOINTS)
+    orders.restart_path()
+    assert orders.goal.serial == before.serial
+    assert orders.goal.attempt == before.attempt + 1
+
+
+def test_a_master_leads_once_engaged_and_stands_when_it_is_not(orders):
+    assert lead(orders) is None
+    clutch(orders, engaged=True)
+    goal = lead(orders)
+    assert isinstance(goal, Pursuit)
+    np.testing.assert_allclose(goal.T_world_target.p, MRF.p)
+    moved = lead(orders, 0.01, (0.01, 0.0, 0.0))
+    assert moved.serial == goal.serial
+    np.testing.assert_allclose(moved.T_world_target.p - MRF.p, [0.01, 0.0, 0.0], atol=1e-12)
+    clutch(orders, engaged=False)
+    assert orders.goal.T_world_target is None
+    assert orders.goal.serial == goal.serial
+
+
+def test_a_masters_silence_is_told_once_and_stops_its_lead(orders):
+    clutch(orders, engaged=True)
+    lead(orders)
+    assert orders.expired(0.1) == []
+    assert orders.expired(0.2) == ["master_pose"]
+    assert orders.goal.T_world_target is None
+    assert orders.expired(0.3) == []
+
+
+@pytest.mark.parametrize("what", ["target", "path", "posture", "cancel", "mrf", "clear"])
+def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(orders, what):
+    clutch(orders, engaged=True)
+    lead(orders)
+    match what:
+        case "target":
+            take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
+        case "path":
+            take(orders, PathMotion, waypoints=WAYPOINTS)
+        case "posture":
+            take(orders, m.PostureMove, posture="ready")
+        case "cancel":
+            take(orders, m.CancelGoals)
+        case "mrf":
+            orders.set_frame(
+                m.FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0, 0.1), rpy=(0, 0, 0))
+            )
+        case "clear":
+            orders.clear()
+    before = orders.goal
+    assert lead(orders, 0.01, (0.01, 0, 0)) is before
+    assert not isinstance(before, Pursuit)
+    clutch(orders, engaged=True)
+    lead(orders, 0.02, (0.02, 0, 0))
+    np.testing.assert_allclose(orders.goal.T_world_target.p, MRF.p)
+
+
+def test_a_stick_goes_through_the_clutch(orders):
+    take(orders, m.JoystickTwist, twist=TWIST)
+    clutch(orders, translation=0.5, rotation=2.0)
+    np.testing.assert_allclose(orders.stick(0.0, MRF).twist, [0.05, 0.1, 0, 0, 0, 0.6])
+    clutch(orders, engaged=False)
+    assert orders.stick(0.0, MRF) is None
+
+
+def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(orders, pa10):
+    def ask(**fields):
+        orders.set_objective(RedundancyRequest(**ENVELOPE, **fields))
+
+    ask(objective="posture", gain=2.0, posture="park")
+    ask(objective="mid_range", gain=0.0)
+    pulls = orders.settings().pulls
+    assert pulls.gains["posture"] == 2.0
+    assert pulls.gains["mid_range"] == 0.0
+    np.testing.assert_array_equal(pulls.posture, pa10.posture("park"))
+    with pytest.raises(Refused) as caught:
+        ask(objective="posture", gain=1.0, posture="bed")
+    assert caught.value.reason == Why.UNKNOWN_POSTURE
+    assert orders.settings().pulls is pulls or orders.settings().pulls == pulls
