@@ -161,6 +161,13 @@ class ForceTorque(Section):
     bias: Vector6 = Field(
         (0.0,) * 6, description="reading without load, in the Sensor frame [N, N·m]"
     )
+    calibration: tuple[Vector6, Vector6, Vector6, Vector6, Vector6, Vector6] | None = Field(
+        None,
+        description="reading less bias to wrench, row by row, against cross-talk; none: as it is",
+    )
+    inertia: bool = Field(
+        True, description="take off the payload's inertial forces: one period of delay"
+    )
     filter_hz: float = Field(
         40.0, gt=0, le=500, description="first-order low-pass of the wrench [Hz]"
     )
@@ -187,6 +194,9 @@ class Mechanism(Section):
     )
     drives: tuple[Drive, ...] = Field(min_length=1, max_length=64, description="one per joint")
     force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
+    payloads: dict[Name, Payload] = Field(
+        default_factory=dict, description="named payloads to switch to, as a whole"
+    )
     postures: dict[Name, tuple[float, ...]] = Field(
         description="named joint postures [rad]; 'start' and 'ready' are required"
     )
@@ -291,6 +301,12 @@ class RigForceTorque(Section):
         (0.05, 0.05, 0.05, 0.002, 0.002, 0.002), description="standard deviation [N, N·m]"
     )
     bias: Vector6 = Field((0.0,) * 6, description="reading without load [N, N·m]")
+    mounting_rpy: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="how far the sensor is turned from T_wrist_sensor [rad]"
+    )
+    cross_talk: float = Field(
+        0.0, ge=0, le=0.2, description="part of each axis that shows in the others, signs by seed [1]"
+    )
 
 
 class Wall(Section):

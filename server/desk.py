@@ -145,7 +145,9 @@ class Desk:
             case m.GainRequest():
                 reason = view.gain_bound(message.source, message.gain)
                 if reason is not None:
-                    raise Refused(Why.UNSTABLE_GAIN, reason)
+                    if not message.forced:
+                        raise Refused(Why.UNSTABLE_GAIN, reason)
+                    self._events.warning("gain_forced", reason, source=message.source)
                 self._orders.gains[message.source] = np.array(message.gain)
                 self._events.info("gain_set", message.source, gain=str(list(message.gain)))
             case m.SwitchRequest():
@@ -159,6 +161,9 @@ class Desk:
             case m.SpeedRequest():
                 self._orders.speed_factor = message.factor
                 self._events.info("speed_set", "", factor=message.factor)
+            case m.PayloadRequest():
+                self._orders.set_payload(message)
+                self._tell_payload(message.name)
             case m.TareRequest():
                 self._tare(view)
             case _:
@@ -212,6 +217,12 @@ class Desk:
                 raise Refused(Why.NOT_YOURS, f"asked by {asker}: {asker} or the lease holder may")
         self.protective_stop = None
         self._events.info("protective_stop_cleared", f"by {message.operator}")
+
+    def _tell_payload(self, name: str | None) -> None:
+        payload = self._orders.payload
+        if payload is not None:
+            com = str(np.round(payload.com, 4).tolist())
+            self._events.info("payload_set", name or "", mass=payload.mass, com=com)
 
     def _tare(self, view: View) -> None:
         if not view.at_rest:

@@ -15,7 +15,7 @@ from ..protocols import messages as m
 from .admission import Refused, Why
 from .control.frames import Array, Pose, rotation_rpy
 from .control.sources.position import PathGoal
-from .control.state import Settings, StickCommand
+from .control.state import Payload, Settings, StickCommand
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
 
@@ -60,6 +60,13 @@ class Orders:
         }
         sensor = config.mechanism.force_torque
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
+        self._payloads = {
+            name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
+        }
+        self.payload = (
+            None if sensor is None else Payload(sensor.payload.mass, np.array(sensor.payload.com))
+        )
+        """What hangs on the sensor; None without a sensor."""
         self.speed_factor = config.limits.speed_factor
         self._stick: _Stream[m.JoystickTwist] | None = None
         self._jog: _Stream[m.JointJog] | None = None
@@ -170,6 +177,20 @@ class Orders:
             self.T_wrist_mrf = pose
             self.goal = None
 
+    def set_payload(self, request: m.PayloadRequest) -> None:
+        """Redefine what hangs on the sensor. Raises `Refused` for a name that the cell lacks."""
+        if self.payload is None:
+            raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")
+        if request.name is None:
+            self.payload = Payload(request.mass or 0.0, np.array(request.com))
+        elif request.name in self._payloads:
+            self.payload = self._payloads[request.name]
+        else:
+            known = ", ".join(self._payloads) or "none in this cell"
+            raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
+        if request.bias is not None:
+            self.wrench_bias = -np.array(request.bias)
+
     def settings(self) -> Settings:
         """Return what the tick shall use now."""
         off = np.zeros(6)
@@ -179,6 +200,7 @@ class Orders:
             T_world_crf=self.T_world_crf,
             wrench_bias=self.wrench_bias,
             speed_factor=self.speed_factor,
+            payload=self.payload,
         )
 
     # --- what is in force now ----------------------------------------------------------------

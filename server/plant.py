@@ -30,6 +30,8 @@ class PlantReading:
     wrench: Array | None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float | None
+    wrench_lag_s: float
+    """How much older the sample is than the joints' angles, by the bus' own stamps [s]."""
     trouble: Trouble | None
 
     @property
@@ -59,6 +61,7 @@ class Plant:
         self.opened = False
         self._commanded = False
         self._sensor_timeout_s = sensor_timeout_s
+        self._wrench_lag_s = 0.0
 
     def open(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`.
@@ -102,6 +105,7 @@ class Plant:
             states=tuple(r.state for r in readings),
             wrench=wrench,
             wrench_age_s=age,
+            wrench_lag_s=self._wrench_lag_s,
             trouble=trouble if self.opened else None,
         )
 
@@ -144,6 +148,8 @@ class Plant:
         if self.sensor is None or not self.opened:
             return None, None
         reading = self.sensor.read(now_s)
+        # The first drive's answer comes right after the SYNC at which all of them sampled.
+        self._wrench_lag_s = self.drives[0].answer_stamp - reading.stamp
         fresh = (
             reading.wrench is not None
             and reading.trouble is None

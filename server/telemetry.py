@@ -7,7 +7,7 @@ from ..config.load import Cell
 from ..protocols.messages import VERSION, Description, State, Vector6
 from .admission import Admission
 from .control.frames import Array
-from .control.state import Output
+from .control.state import Output, Payload
 from .mode import Mode
 from .orders import Orders
 from .plant import PlantReading
@@ -69,6 +69,8 @@ def report(
         pose_crf=orders.T_world_crf.to_xyz_rpy(),
         target_mrf=None if orders.goal is None else orders.goal.T_world_target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
+        wrench_sensor=None if reading.wrench is None else _six(reading.wrench),
+        payload=None if orders.payload is None else _four(orders.payload),
         sources={name: _six(twist) for name, twist in output.twists.items()},
         gains={name: _six(gain) for name, gain in orders.settings().gains.items()},
         twist=_six(output.twist),
@@ -85,6 +87,11 @@ def report(
         command_age_ticks=admission.age_ticks,
         overruns=overruns,
     )
+
+
+def _four(payload: Payload) -> tuple[float, float, float, float]:
+    x, y, z = payload.com.tolist()
+    return (payload.mass, x, y, z)
 
 
 def _six(values: Array) -> Vector6:

@@ -147,6 +147,8 @@ class Player:
             ask(t.SWITCH, **dict(step.switch))
         if step.frame is not None:
             ask(t.FRAME, **dict(step.frame))
+        if step.payload is not None:
+            ask(t.PAYLOAD, **dict(step.payload))
         if step.tare:
             ask(t.TARE)
         if step.cancel:

@@ -52,7 +52,7 @@ class Rig:
         self._loop = PositionLoop(mechanism.drives, rig.drive, self.dt)
         generators = (
             np.random.default_rng(s)
-            for s in np.random.SeedSequence(rig.seed).spawn(len(mechanism.drives) + 2)
+            for s in np.random.SeedSequence(rig.seed).spawn(len(mechanism.drives) + 3)
         )
         nodes = [d.node for d in mechanism.drives]
         if len(set(nodes)) < len(nodes):
@@ -77,6 +77,7 @@ class Rig:
                 rig.force_torque,
                 NodeLink(bus, self.now, next(generators)),
                 self.world.sensor_wrench,
+                next(generators),
                 next(generators),
                 self.now,
             )

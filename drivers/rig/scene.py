@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ...config.load import Cell
 from ...config.schema import Mechanism, Pose, Rig, Wall
@@ -57,6 +58,13 @@ def quaternion(pose: Pose) -> tuple[float, float, float, float]:
     mujoco.mju_euler2Quat(quat, np.array(pose.rpy), "XYZ")
     w, x, y, z = quat.tolist()
     return w, x, y, z
+
+
+def rotation(rpy: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Return R (3, 3) of a roll, pitch, yaw about the fixed x, y, z axes [rad]."""
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.array(quaternion(Pose(rpy=rpy))))
+    return matrix.reshape(3, 3)
 
 
 def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:

@@ -37,6 +37,16 @@ class StickCommand:
 
 
 @dataclass(frozen=True)
+class Payload:
+    """What hangs outboard of the sensor."""
+
+    mass: float
+    """Mass [kg]."""
+    com: Array
+    """Centre of mass in the Sensor frame (3,) [m]."""
+
+
+@dataclass(frozen=True)
 class Settings:
     """What an operator may change while running; the tick ramps every change."""
 
@@ -47,6 +57,8 @@ class Settings:
     wrench_bias: Array
     """Sensor reading without load, Sensor axes, sign of the exerted wrench (6,) [N, N·m]."""
     speed_factor: float = 1.0
+    payload: Payload | None = None
+    """None: the cell's own."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +73,8 @@ class Inputs:
     """Which drives (n,) are already on while the arm is being enabled: they keep their command."""
     wrench_sensor: Array | None = None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
+    wrench_age_s: float = 0.0
+    """How much older the wrench's sample is than the joints' [s]."""
     stick: StickCommand | None = None
     jog: Array | None = None
     goal: PathGoal | None = None
@@ -85,6 +99,8 @@ class Memory:
     joystick: JoystickState
     position: PositionState
     force: ForceState
+    load: Array | None = None
+    """Payload and bias in effect (10,), see `sources.force.load_of`."""
     hold: Array | None = None
     """Where the Wrist was in World when HOLD began (3,) [m]."""
     bleeding: bool = False

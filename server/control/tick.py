@@ -21,14 +21,14 @@ from .mechanism import Kinematics, Mechanism
 from .objectives.mid_range import MidRange
 from .parameters import Parameters
 from .resolve import Travel, resolve
-from .sources.force import Force, ForceState
+from .sources.force import Force, ForceState, load_of
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState
-from .state import Inputs, Intent, Memory, Output
+from .state import Inputs, Intent, Memory, Output, Settings
 from .trajectory import Motion
 
 GAIN_TIME_S = 0.15
-"""Time constant with which a changed gain takes effect [s]."""
+"""Time constant with which a changed gain, payload or bias takes effect [s]."""
 
 POSTURE_GAIN = 4.0
 """Approach to a joint posture close to it [1/s]."""
@@ -62,7 +62,12 @@ class Control:
         self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
         self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
         self.force = Force(
-            p.T_wrist_sensor or Pose.identity(), p.payload_mass, p.payload_com, p.wrench_smoothing
+            p.T_wrist_sensor or Pose.identity(),
+            p.wrench_smoothing,
+            T,
+            p.wrench_calibration,
+            p.wrench_inertia,
+            p.limits.acceleration,
         )
         self.objectives = (MidRange(p.lower, p.upper, p.redundancy.mid_range),)
         self.room = JointRoom(p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T)
@@ -86,23 +91,30 @@ class Control:
         """Return where the command has the MRF, in World."""
         return self.mechanism.pose_wrist(memory.motion.q) @ T_wrist_mrf
 
-    def weight(self, T_world_mrf: Pose, T_wrist_mrf: Pose) -> Array:
+    def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
         """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
-        T_world_wrist = T_world_mrf @ T_wrist_mrf.inverse()
-        return self.force.weight(T_world_wrist.R @ self.force.T_wrist_sensor.R)
+        T_world_wrist = T_world_mrf @ settings.T_wrist_mrf.inverse()
+        R_world_sensor = T_world_wrist.R @ self.force.T_wrist_sensor.R
+        return self.force.weight(R_world_sensor, self._load(settings))
 
     def tick(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Output]:
         """Return the next memory and what to send: one period of control."""
         T_world_wrist_measured = self.mechanism.pose_wrist(inputs.q_measured)
+        load = self._ramp_load(memory, inputs)
         force = self.force.measure(
-            memory.force, inputs.wrench_sensor, inputs.settings.wrench_bias, T_world_wrist_measured
+            memory.force,
+            inputs.wrench_sensor,
+            load,
+            T_world_wrist_measured,
+            inputs.time_s,
+            inputs.wrench_age_s,
         )
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
             if inputs.energised is not None:
                 q = np.where(inputs.energised, memory.motion.q, q)
             memory = self.seed(q)
-        memory = replace(memory, force=force, gains=self._ramp(memory, inputs))
+        memory = replace(memory, force=force, load=load, gains=self._ramp(memory, inputs))
         kinematics = self.mechanism.kinematics(memory.motion.q, inputs.settings.T_wrist_mrf)
 
         memory, asked = self._ask(memory, inputs, kinematics)
@@ -296,6 +308,19 @@ class Control:
             way = target[name] - now
             ramped[name] = target[name] if np.abs(way).max() < 1e-7 else now + part * way
         return ramped
+
+    def _ramp_load(self, memory: Memory, inputs: Inputs) -> Array:
+        """Return payload and bias in effect (10,): a tool picked up or a tare never jumps."""
+        target = self._load(inputs.settings)
+        if memory.load is None or inputs.intent is Intent.SEED:
+            return target
+        return memory.load + (1.0 - math.exp(-self.p.period_s / GAIN_TIME_S)) * (
+            target - memory.load
+        )
+
+    def _load(self, settings: Settings) -> Array:
+        payload = settings.payload or self.p.payload
+        return load_of(payload.mass, payload.com, settings.wrench_bias)
 
     def _remember(self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked) -> Memory:
         granted = 0.0 if limited.stopped else asked.scale

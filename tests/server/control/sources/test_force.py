@@ -2,16 +2,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.server.control.frames import Pose
-from telerobot.server.control.sources.force import Force, ForceState
+from telerobot.server.control.sources.force import Force, ForceState, load_of
 
 MASS, COM = 1.3, np.array([0.01, -0.02, 0.06])
 GAIN = np.array([7e-4] * 3 + [0.03] * 3)
 NONE = np.zeros(6)
+LOAD, NO_LOAD = load_of(MASS, COM, NONE), load_of(0.0, NONE[:3], NONE)
+T = 0.01
 
 
 @pytest.fixture
 def force(random_pose):
-    return Force(random_pose(0.1), MASS, COM, 1.0)
+    return Force(random_pose(0.1), 1.0, T)
 
 
 def weight(R_world_sensor):
@@ -25,15 +27,15 @@ def test_in_every_attitude_the_payloads_weight_is_taken_off(force, random_pose):
     for _ in range(50):
         T_world_wrist = random_pose()
         R = T_world_wrist.R @ force.T_wrist_sensor.R
-        np.testing.assert_allclose(force.weight(R), weight(R), atol=1e-12)
-        state = force.measure(ForceState(), weight(R), NONE, T_world_wrist)
+        np.testing.assert_allclose(force.weight(R, LOAD), weight(R), atol=1e-12)
+        state = force.measure(ForceState(), weight(R), LOAD, T_world_wrist)
         np.testing.assert_allclose(state.wrench, 0.0, atol=1e-12)
 
 
 def test_bias_is_taken_off_in_the_sensors_axes(force, rng, random_pose):
     bias, contact, T_world_wrist = rng.normal(size=6), rng.normal(size=6), random_pose()
     reading = contact + bias + weight(T_world_wrist.R @ force.T_wrist_sensor.R)
-    state = force.measure(ForceState(), reading, bias, T_world_wrist)
+    state = force.measure(ForceState(), reading, load_of(MASS, COM, bias), T_world_wrist)
     np.testing.assert_allclose(state.wrench, contact, atol=1e-12)
 
 
@@ -50,8 +52,8 @@ def test_the_wrench_at_the_mrf_is_pinocchios(force, rng, random_pose):
 
 def test_pressing_a_wall_at_plus_x_with_20_newtons_backs_off_to_minus_x():
     pressed = np.array([20.0, 0, 0, 0, 0, 0])
-    force = Force(Pose.identity(), 0.0, np.zeros(3), 1.0)
-    state = force.measure(ForceState(), pressed, NONE, Pose.identity())
+    force = Force(Pose.identity(), 1.0, T)
+    state = force.measure(ForceState(), pressed, NO_LOAD, Pose.identity())
     wrench = force.wrench_mrf(state, Pose.identity())
     twist = force.rate(wrench, NONE, GAIN, np.eye(3))
     np.testing.assert_allclose(twist, [-0.014, 0, 0, 0, 0, 0], atol=1e-15)
@@ -71,16 +73,16 @@ def test_a_wrench_that_is_as_desired_asks_for_nothing(force, rng):
 
 
 def test_a_stale_sensor_asks_for_nothing_even_when_a_wrench_is_desired(force):
-    state = force.measure(ForceState(np.ones(6)), None, NONE, Pose.identity())
+    state = force.measure(ForceState(np.ones(6)), None, LOAD, Pose.identity())
     assert state.wrench is None
     assert force.wrench_mrf(state, Pose.identity()) is None
     assert not force.rate(None, 10 * np.ones(6), GAIN, np.eye(3)).any()
 
 
 def test_the_filter_starts_at_the_first_sample_and_then_smooths():
-    force = Force(Pose.identity(), 0.0, np.zeros(3), 0.25)
+    force = Force(Pose.identity(), 0.25, T, inertia=False)
     state, found = ForceState(), []
     for value in (8.0, 0.0, 0.0):
-        state = force.measure(state, np.full(6, value), NONE, Pose.identity())
+        state = force.measure(state, np.full(6, value), NO_LOAD, Pose.identity())
         found.append(state.wrench[0])
     assert found == pytest.approx([8.0, 6.0, 4.5])
