@@ -301,11 +301,16 @@ class RigForceTorque(Section):
         (0.05, 0.05, 0.05, 0.002, 0.002, 0.002), description="standard deviation [N, N·m]"
     )
     bias: Vector6 = Field((0.0,) * 6, description="reading without load [N, N·m]")
-    mounting_rpy: Vector3 = Field(
-        (0.0, 0.0, 0.0), description="how far the sensor is turned from T_wrist_sensor [rad]"
+    mounting_rpy: Vector3 | None = Field(
+        None,
+        description="true attitude of the Sensor frame in the Wrist; none: as T_wrist_sensor says "
+        "[rad]",
     )
     cross_talk: float = Field(
-        0.0, ge=0, le=0.2, description="part of each axis that shows in the others, signs by seed [1]"
+        0.0,
+        ge=0,
+        le=0.2,
+        description="part of each axis that shows in the others, signs by seed [1]",
     )
 
 
@@ -343,7 +348,7 @@ class Rig(Section):
     )
     payload_mass: float = Field(0.0, ge=0, le=500, description="true mass outboard of sensor [kg]")
     payload_com: Vector3 = Field(
-        (0.0, 0.0, 0.0), description="its true centre of mass in the Sensor frame [m]"
+        (0.0, 0.0, 0.0), description="its true centre of mass in the true Sensor frame [m]"
     )
     wall: Wall | None = Field(None, description="a wall of known stiffness")
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...config.schema import ForceTorque, RigForceTorque
-from .imperfection import response
 from ...protocols import robotous
 from ...protocols.can301 import FrameError
 from ...protocols.robotous import Command
+from .cross_talk import response
 from .link import NodeLink
 
 _EPSILON_S = 1e-7
@@ -29,7 +29,7 @@ class SimulatedForceTorque:
         link: NodeLink,
         load: Callable[[], NDArray[np.float64]],
         rng: np.random.Generator,
-        imperfection: np.random.Generator,
+        response_rng: np.random.Generator,
         clock: Callable[[], float],
     ) -> None:
         self.command_id = config.command_id
@@ -41,7 +41,7 @@ class SimulatedForceTorque:
         self._clock = clock
         self._noise = np.array(truth.noise)
         self._bias = np.array(truth.bias)
-        self._response = response(truth, imperfection)
+        self._response = response(truth.cross_talk, response_rng)
         self._offset = np.zeros(6)
         self._period_s = 1.0 / config.rate_hz
         self.due_s = float("inf")

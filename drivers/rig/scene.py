@@ -2,7 +2,6 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from ...config.load import Cell
 from ...config.schema import Mechanism, Pose, Rig, Wall
@@ -60,13 +59,6 @@ def quaternion(pose: Pose) -> tuple[float, float, float, float]:
     return w, x, y, z
 
 
-def rotation(rpy: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Return R (3, 3) of a roll, pitch, yaw about the fixed x, y, z axes [rad]."""
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.array(quaternion(Pose(rpy=rpy))))
-    return matrix.reshape(3, 3)
-
-
 def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
     tip = arm.body(mechanism.tip_link)
     if tip is None:
@@ -111,6 +103,8 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
 def _add_sensor(arm: mujoco.MjSpec, tip: mujoco.MjsBody, mechanism: Mechanism, rig: Rig) -> None:
     sensor = mechanism.force_torque
     place = sensor.T_wrist_sensor if sensor is not None else Pose()
+    if rig.force_torque.mounting_rpy is not None:
+        place = Pose(xyz=place.xyz, rpy=rig.force_torque.mounting_rpy)
     tip.add_site(name="sensor", pos=place.xyz, quat=quaternion(place))
     for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
         arm.add_sensor(

@@ -36,6 +36,9 @@ POSTURE_GAIN = 4.0
 POSTURE_REACHED = 2e-4
 """A posture is reached within this angle of every joint [rad]."""
 
+STANDING = 1e-9
+"""Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
+
 BLED_OFF = 0.3
 """Bleeding off contact in HOLD ends at this part of its threshold [1]."""
 
@@ -126,7 +129,8 @@ class Control:
             q=limited.motion.q,
             dq=limited.motion.dq,
             refusal=refusal,
-            at_rest=not (limited.motion.dq.any() or limited.motion.ddq.any()),
+            at_rest=max(np.abs(limited.motion.dq).max(), np.abs(limited.motion.ddq).max())
+            < STANDING,
             following_error=error,
             T_world_mrf=kinematics.T_world_mrf,
             T_world_mrf_measured=T_world_wrist_measured @ inputs.settings.T_wrist_mrf,

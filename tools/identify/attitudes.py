@@ -65,7 +65,7 @@ class _Space:
 
     def up(self, q: Array) -> Array:
         """Return the upward direction (3,) in the Wrist."""
-        return self._mechanism.pose_wrist(q).R[2]
+        return np.asarray(self._mechanism.pose_wrist(q).R[2])
 
     def candidates(self) -> Iterator[Array]:
         """Yield postures (n,) that can be reached from home within the room."""
@@ -105,7 +105,8 @@ class _Space:
 
 def _spread(rows: Array, count: int) -> list[int]:
     """Return the indices of `count` rows (k, 4) whose information has the greatest determinant."""
-    information, chosen = 1e-3 * np.eye(rows.shape[1]), []
+    chosen: list[int] = []
+    information = 1e-3 * np.eye(rows.shape[1])
     for _ in range(count):
         gain = np.einsum("ki,ij,kj->k", rows, np.linalg.inv(information), rows)
         gain[chosen] = -np.inf

@@ -22,10 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--attitudes",
-        type=int,
+        type=_count,
         default=24,
         metavar="N",
-        choices=range(6, 201),
         help="so many are measured, 6 to 200 (default: %(default)s)",
     )
     parser.add_argument(
@@ -68,6 +67,13 @@ def _driven(cell: Cell, stops: list[Stop]) -> list[Sample]:
         operator.acquire()
         operator.enable()
         return identify(operator, stops, _say)
+
+
+def _count(text: str) -> int:
+    count = int(text)
+    if not 6 <= count <= 200:
+        raise argparse.ArgumentTypeError(f"{count} is not within 6 to 200")
+    return count
 
 
 def _say(line: str) -> None:

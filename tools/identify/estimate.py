@@ -5,9 +5,9 @@ free-fall acceleration turned round, seen from the Wrist (3,),
 
     force = A u + b,    moment = D u + d,    and without cross-talk    A = m R,    D = [c]× m R
 
-with the payload's mass m and centre c in the Sensor's axes and R = R_sensor_wrist. Least squares give
-A, b, D, d. A polar decomposition A = S (m R) with trace S = 3 then separates the rotation from a
-symmetric S: the cross-talk among forces. It is a definition as much as an estimate, for an
+with the payload's mass m and centre c in the Sensor's axes and R = R_sensor_wrist. Least squares
+give A, b, D, d. A polar decomposition A = S (m R) with trace S = 3 then separates the rotation from
+a symmetric S: the cross-talk among forces. It is a definition as much as an estimate, for an
 antisymmetric cross-talk *is* a rotation. Of D (m R)⁻¹ the antisymmetric part is the centre of mass,
 the symmetric part K how forces leak into moments. Wrenches are those exerted by the arm.
 """

@@ -52,9 +52,9 @@ class ForceState:
 class Force:
     """Accommodates the measured wrench.
 
-    `calibration` (6, 6) maps a reading without bias to the wrench in the Sensor's axes; the inertial
-    acceleration is trusted up to `max_acceleration` [m/s²]: beyond it, SYNC was late, not the tool
-    quick. Without `inertia`, nothing is delayed and only weight is taken off.
+    `calibration` (6, 6) maps a reading without bias to the wrench in the Sensor's axes. The
+    payload's acceleration is believed up to `max_acceleration` [m/s²]: beyond it, SYNC was late,
+    not the tool quick. Without `inertia`, only weight is taken off, and nothing is delayed.
     """
 
     def __init__(

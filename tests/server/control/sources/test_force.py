@@ -1,8 +1,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from telerobot.server.control.frames import Pose
-from telerobot.server.control.sources.force import Force, ForceState, load_of
+from telerobot.server.control.frames import Pose, rotation_exp
+from telerobot.server.control.sources.force import INERTIA_PERIODS, Force, ForceState, load_of
 
 MASS, COM = 1.3, np.array([0.01, -0.02, 0.06])
 GAIN = np.array([7e-4] * 3 + [0.03] * 3)
@@ -86,3 +86,82 @@ def test_the_filter_starts_at_the_first_sample_and_then_smooths():
         state = force.measure(state, np.full(6, value), NO_LOAD, Pose.identity())
         found.append(state.wrench[0])
     assert found == pytest.approx([8.0, 6.0, 4.5])
+
+
+# --- a payload in motion --------------------------------------------------------------------------
+
+
+def wrist_at(t):
+    """A wrist that swings and turns: up to 0.6 m/s² and 1.6 rad/s²."""
+    swing = 0.1 * np.array([np.sin(2.0 * t), np.cos(2.4 * t), np.sin(1.7 * t + 1)])
+    return Pose(rotation_exp(0.5 * np.array([np.sin(1.8 * t), np.cos(1.5 * t), 0.3 * t])), swing)
+
+
+def held_at(force, t, h=1e-4):
+    """The reading that holds up and accelerates the payload at a time, by fine differences."""
+    places = [wrist_at(t + k * h) @ force.T_wrist_sensor for k in (-1, 0, 1)]
+    x0, x1, x2 = (T.R @ COM + T.p for T in places)
+    f = MASS * places[1].R.T @ ((x0 - 2 * x1 + x2) / h**2 + [0, 0, 9.81])
+    return np.concatenate([f, np.cross(COM, f)])
+
+
+def seen(force, times, age_s=0.0, load=LOAD):
+    """The wrenches (k, 6) that are taken for contact while nothing is touched."""
+    state, found = ForceState(), []
+    for t in times:
+        sample = held_at(force, t - age_s)
+        state = force.measure(state, sample, load, wrist_at(t), t, age_s)
+        found.append(state.wrench)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.0025, 0.005, 0.009])
+def test_a_swinging_payload_is_no_contact_however_old_its_sample(force, age_s):
+    contact = np.abs(seen(force, np.arange(0, 6, T), age_s))[4:]
+    assert contact[:, :3].max() < 0.02
+    assert contact[:, 3:].max() < 0.002
+
+
+def test_without_inertia_the_swing_is_felt(force):
+    plain = Force(force.T_wrist_sensor, 1.0, T, inertia=False)
+    assert np.abs(seen(plain, np.arange(0, 6, T))[:, :3]).max() > 0.5
+
+
+def test_a_wrench_comes_as_late_as_it_is_said_to(force):
+    state, found = ForceState(), []
+    for k in range(40):
+        sample = held_at(force, 0.0) + np.array([k, 0, 0, 0, 0, 0.0])
+        state = force.measure(state, sample, LOAD, wrist_at(0.0), k * T)
+        found.append(state.wrench[0] - state.contact[0])
+    assert found[-1] == pytest.approx(-INERTIA_PERIODS)
+
+
+def test_ticks_that_were_missed_are_no_acceleration(force):
+    times = np.concatenate([np.arange(0, 1, T), 1.03 + np.arange(0, 1, T)])
+    contact = np.abs(seen(force, times))[4:]
+    assert contact[:, :3].max() < 1.2  # without inertia for three ticks, never v / T
+
+
+def test_what_no_tool_can_do_is_taken_for_a_late_sync(force):
+    """A SYNC 3 ms late looks like 1.5 m/s² and more."""
+    bounded = Force(force.T_wrist_sensor, 1.0, T, max_acceleration=0.3)
+    state = ForceState()
+    worst = 0.0
+    for k in range(100):
+        late = 0.003 if k == 50 else 0.0
+        place = Pose(np.eye(3), np.array([0.5 * (k * T + late), 0.0, 0.0]))
+        reading = weight(place.R @ force.T_wrist_sensor.R)
+        state = bounded.measure(state, reading, LOAD, place, k * T)
+        worst = max(worst, np.abs(state.wrench[:3]).max())
+    assert 0.0 < worst < 1.01 * 0.3 * MASS
+
+
+def test_cross_talk_is_taken_off_by_the_calibration(force, rng, random_pose):
+    response = np.eye(6) + 0.02 * rng.normal(size=(6, 6))
+    corrected = Force(force.T_wrist_sensor, 1.0, T, np.linalg.inv(response))
+    contact, bias, T_world_wrist = rng.normal(size=6), rng.normal(size=6), random_pose()
+    R = T_world_wrist.R @ force.T_wrist_sensor.R
+    reading = response @ (contact + weight(R)) + bias
+    state = corrected.measure(ForceState(), reading, load_of(MASS, COM, bias), T_world_wrist)
+    np.testing.assert_allclose(state.wrench, contact, atol=1e-12)
+    np.testing.assert_allclose(corrected.weight(R, LOAD), response @ weight(R), atol=1e-12)
