@@ -182,6 +182,18 @@ class ForceTorque(Section):
     )
 
 
+class Gripper(Section):
+    """A gripper on a digital output of a CiA 401 module, on the same CAN bus."""
+
+    node: NodeId = Field(description="CANopen node id of the module [1]")
+    output: int = Field(0, ge=0, le=7, description="its bit in 6200h:01 [1]")
+    closed: Literal[0, 1] = Field(1, description="the bit's value when the gripper is closed")
+    open_payload: Name | None = Field(
+        None, description="payload to switch to when it opens; none: as it is"
+    )
+    closed_payload: Name | None = Field(None, description="the same when it closes")
+
+
 class Mechanism(Section):
     """One kinematic chain: a URDF, its place in the World, its drives and its tool."""
 
@@ -194,6 +206,7 @@ class Mechanism(Section):
     )
     drives: tuple[Drive, ...] = Field(min_length=1, max_length=64, description="one per joint")
     force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
+    gripper: Gripper | None = Field(None, description="gripper at the tool, if any")
     payloads: dict[Name, Payload] = Field(
         default_factory=dict, description="named payloads to switch to, as a whole"
     )
@@ -314,6 +327,15 @@ class RigForceTorque(Section):
     )
 
 
+class RigGripper(Section):
+    """What the simulated gripper takes hold of when it closes."""
+
+    mass: float = Field(0.0, ge=0, le=500, description="its mass [kg]")
+    com: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="its centre of mass in the true Sensor frame [m]"
+    )
+
+
 class Wall(Section):
     """A plate on a sprung, damped slide: its stiffness is a number."""
 
@@ -349,6 +371,9 @@ class Rig(Section):
     payload_mass: float = Field(0.0, ge=0, le=500, description="true mass outboard of sensor [kg]")
     payload_com: Vector3 = Field(
         (0.0, 0.0, 0.0), description="its true centre of mass in the true Sensor frame [m]"
+    )
+    gripper: RigGripper = Field(
+        default_factory=RigGripper, description="what the gripper takes hold of"
     )
     wall: Wall | None = Field(None, description="a wall of known stiffness")
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")

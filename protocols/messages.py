@@ -222,6 +222,12 @@ class PayloadRequest(Command):
         return self
 
 
+class GripperRequest(Command):
+    """Closes or opens the gripper; the payload that the cell has for either follows, ramped."""
+
+    closed: bool
+
+
 class TareRequest(Command):
     """Takes the present force/torque reading as that of no contact; refused while moving."""
 
@@ -249,7 +255,7 @@ class State(Message):
     picture was that the last accepted command was based on.
     `limits` names what is limiting now. `wrench_sensor` is the sensor's reading, sign turned but
     with weight and bias in it; `payload` the mass [kg] and centre of mass in the Sensor frame [m]
-    that are taken off it.
+    that are taken off it; `gripper_closed` what the gripper was told, if it was.
     """
 
     tick: Count
@@ -267,6 +273,7 @@ class State(Message):
     wrench_mrf: Vector6 | None
     wrench_sensor: Vector6 | None = None
     payload: tuple[float, float, float, float] | None = None
+    gripper_closed: bool | None = None
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]
     twist: Vector6

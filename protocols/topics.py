@@ -86,6 +86,7 @@ FRAME = _request("frame", m.FrameRequest)
 SPEED = _request("speed", m.SpeedRequest)
 TARE = _request("tare", m.TareRequest)
 PAYLOAD = _request("payload", m.PayloadRequest)
+GRIPPER = _request("gripper", m.GripperRequest)
 
 STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
@@ -99,7 +100,7 @@ RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100,
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, CANCEL,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
-    PAYLOAD,
+    PAYLOAD, GRIPPER,
     STATE, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_TRUTH,
 )  # fmt: skip

@@ -311,6 +311,7 @@ class Cycle:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
         self.plant.write(self.output.q)
+        self.plant.grip(orders.gripper_closed)
         if self.output.at_goal and orders.posture is not None:
             orders.finish_posture()
             self._events.info("posture_reached")

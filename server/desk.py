@@ -164,6 +164,9 @@ class Desk:
             case m.PayloadRequest():
                 self._orders.set_payload(message)
                 self._tell_payload(message.name)
+            case m.GripperRequest():
+                self._orders.set_gripper(message.closed)
+                self._events.info("gripper_closed" if message.closed else "gripper_opened")
             case m.TareRequest():
                 self._tare(view)
             case _:

@@ -67,6 +67,9 @@ class Orders:
             None if sensor is None else Payload(sensor.payload.mass, np.array(sensor.payload.com))
         )
         """What hangs on the sensor; None without a sensor."""
+        self._gripper = config.mechanism.gripper
+        self.gripper_closed: bool | None = None
+        """None until an operator has said so: what it holds at start is held on."""
         self.speed_factor = config.limits.speed_factor
         self._stick: _Stream[m.JoystickTwist] | None = None
         self._jog: _Stream[m.JointJog] | None = None
@@ -190,6 +193,15 @@ class Orders:
             raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
         if request.bias is not None:
             self.wrench_bias = -np.array(request.bias)
+
+    def set_gripper(self, closed: bool) -> None:
+        """Close or open the gripper, and switch to the payload that the cell has for that."""
+        if self._gripper is None:
+            raise Refused(Why.NOT_NOW, "the cell has no gripper")
+        self.gripper_closed = closed
+        name = self._gripper.closed_payload if closed else self._gripper.open_payload
+        if name is not None and self.payload is not None:
+            self.payload = self._payloads[name]
 
     def settings(self) -> Settings:
         """Return what the tick shall use now."""

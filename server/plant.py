@@ -7,6 +7,7 @@ import numpy as np
 from ..drivers.device import DeviceError, Trouble
 from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import RobotousSensor
+from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
 from ..protocols.cia402 import DriveState
 from .control.frames import Array
@@ -54,10 +55,12 @@ class Plant:
         drives: tuple[ServoDrive, ...],
         sensor: RobotousSensor | None,
         sensor_timeout_s: float,
+        gripper: GripperOutput | None = None,
     ) -> None:
         self.fieldbus = fieldbus
         self.drives = drives
         self.sensor = sensor
+        self.gripper = gripper
         self.opened = False
         self._commanded = False
         self._sensor_timeout_s = sensor_timeout_s
@@ -78,6 +81,8 @@ class Plant:
             drive.open()
         if self.sensor is not None:
             self.sensor.open()
+        if self.gripper is not None:
+            self.gripper.open()
         self.opened = True
 
     def sync(self) -> None:
@@ -98,6 +103,8 @@ class Plant:
         trouble = self.fieldbus.trouble
         for reading in readings:
             trouble = trouble or reading.trouble
+        if self.gripper is not None:
+            trouble = trouble or self.gripper.read().trouble
         wrench, age = self._wrench(now_s)
         return PlantReading(
             q=np.array(angles, dtype=float) if heard else None,
@@ -113,6 +120,11 @@ class Plant:
         """Send one setpoint (n,) [rad] to every drive."""
         for drive, angle in zip(self.drives, q.tolist(), strict=True):
             drive.write(angle)
+
+    def grip(self, closed: bool | None) -> None:
+        """Keep the gripper closed or open; None: nobody has said, it stays as it is."""
+        if self.gripper is not None and closed is not None:
+            self.gripper.write(closed)
 
     def enable(self) -> None:
         """Ask every drive for Operation enabled."""
@@ -142,6 +154,8 @@ class Plant:
                 drive.close()
             if self.sensor is not None:
                 self.sensor.close()
+            if self.gripper is not None:
+                self.gripper.close()
         self.fieldbus.close()
 
     def _wrench(self, now_s: float) -> tuple[Array | None, float | None]:

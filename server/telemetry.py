@@ -70,6 +70,7 @@ def report(
         target_mrf=None if orders.goal is None else orders.goal.T_world_target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
         wrench_sensor=None if reading.wrench is None else _six(reading.wrench),
+        gripper_closed=orders.gripper_closed,
         payload=None if orders.payload is None else _four(orders.payload),
         sources={name: _six(twist) for name, twist in output.twists.items()},
         gains={name: _six(gain) for name, gain in orders.settings().gains.items()},

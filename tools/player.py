@@ -149,6 +149,8 @@ class Player:
             ask(t.FRAME, **dict(step.frame))
         if step.payload is not None:
             ask(t.PAYLOAD, **dict(step.payload))
+        if step.gripper is not None:
+            ask(t.GRIPPER, closed=step.gripper == "close")
         if step.tare:
             ask(t.TARE)
         if step.cancel:

@@ -145,6 +145,7 @@ class Step(Part):
     switch: Switch | None = None
     frame: FrameStep | None = None
     payload: PayloadStep | None = None
+    gripper: Literal["close", "open"] | None = None
     tare: bool = False
     cancel: bool = False
     joystick: Stick | None = None

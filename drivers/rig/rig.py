@@ -15,6 +15,7 @@ from ...protocols.messages import RigFault, RigTruth
 from .can_node import CanNode
 from .faults import Faults
 from .force_torque_node import SimulatedForceTorque
+from .gripper_node import SimulatedGripper
 from .link import NodeLink
 from .position_loop import PositionLoop
 from .servo_node import SimulatedDrive
@@ -81,8 +82,14 @@ class Rig:
                 next(generators),
                 self.now,
             )
+        self.gripper: SimulatedGripper | None = None
+        if mechanism.gripper is not None:
+            link = NodeLink(bus, self.now, np.random.default_rng(rig.seed))
+            self.gripper = SimulatedGripper(mechanism.gripper, link, self.world.grasp, self.now)
         self._faults = Faults(self.world, self.drives, self.force_torque)
         self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
+        if self.gripper is not None:
+            self._nodes = (*self._nodes, self.gripper)
         self._links = [node.link for node in self._nodes]
         if self.force_torque is not None:
             self._links.append(self.force_torque.link)

@@ -198,3 +198,26 @@ def test_a_default_script_that_is_not_there_is_named(small):
 def test_an_endpoint_names_its_protocol(small):
     path = small.replace("[timing]", '[zenoh]\nlisten = "127.0.0.1:7447"\n\n[timing]')
     assert "zenoh.listen: value '127.0.0.1:7447'" in refusal(path)
+
+
+GRIPPER = "[mechanism.payloads]\nbare = {{ mass = 0.4 }}\n[mechanism.gripper]\nnode = {0}\n{1}\n"
+
+
+@pytest.mark.parametrize(
+    ("node", "more", "words"),
+    [
+        (2, "", "mechanism.gripper.node: value 2: already the node of the drive of 'j2'"),
+        (127, "", "mechanism.gripper.node: value 127: already the node of the daemon"),
+        (20, 'closed_payload = "bar"', "mechanism.gripper.closed_payload: value 'bar'"),
+    ],
+)
+def test_a_gripper_agrees_with_nodes_and_payloads(small, node, more, words):
+    block = GRIPPER.format(node, more)
+    text = refusal(small.replace("[rig.drive]", f"{block}\n[rig.drive]"))
+    assert words in text
+
+
+def test_a_sound_gripper_is_taken(small):
+    block = GRIPPER.format(20, 'open_payload = "bare"')
+    cell = load_cell(small.replace("[rig.drive]", f"{block}\n[rig.drive]"))
+    assert cell.config.mechanism.gripper.open_payload == "bare"
