@@ -38,12 +38,12 @@ def changed(cell, sensor=None, rig=None, truth=None, limits=None):
     return dataclasses.replace(cell, config=config.model_copy(update=update))
 
 
-def unknown_tool(pa10, seed):
+def unknown_tool(pa10):
     """A cell that knows nothing of its 2 kg tool nor of what is wrong with its sensor."""
     return changed(
         pa10,
         sensor={"payload": Payload(), "bias": (0.0,) * 6},
-        rig={"payload_mass": ADDED[0], "payload_com": tuple(ADDED[1]), "seed": seed},
+        rig={"payload_mass": ADDED[0], "payload_com": tuple(ADDED[1])},
         truth={"mounting_rpy": tuple(MOUNTING), "cross_talk": 0.02, "bias": BIAS},
     )
 
@@ -90,9 +90,9 @@ def through_all_attitudes(cell):
     return steps
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_tool_on_a_bad_sensor_is_identified_and_then_weighs_nothing(pa10, seed):
-    cell = unknown_tool(pa10, seed)
+@pytest.mark.slow
+def test_a_tool_on_a_bad_sensor_is_identified_and_then_weighs_nothing(pa10):
+    cell = unknown_tool(pa10)
     found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 24, 0.15)))
     off = np.rad2deg(np.linalg.norm(frames.rotation_log(TRUE.T @ found.R_wrist_sensor)))
     assert found.mass == pytest.approx(MASS, rel=0.01)
