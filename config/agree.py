@@ -32,6 +32,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
         )
     yield from _postures(config, robot)
     yield from _sensor_ids(config)
+    yield from _gripper(config)
     if config.rig is not None:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):
@@ -113,6 +114,23 @@ def _postures(config: CellConfig, robot: Robot) -> Iterator[str]:
         yield f"redundancy.posture_name: value '{pulled_to}': no such posture{hint}"
 
 
+def _gripper(config: CellConfig) -> Iterator[str]:
+    mechanism = config.mechanism
+    gripper = mechanism.gripper
+    if gripper is None:
+        return
+    where = "mechanism.gripper"
+    nodes = {d.node: f"the drive of '{d.joint}'" for d in mechanism.drives}
+    nodes[MASTER_NODE] = "the daemon"
+    if gripper.node in nodes:
+        yield f"{where}.node: value {gripper.node}: already the node of {nodes[gripper.node]}"
+    for key in ("open_payload", "closed_payload"):
+        name = getattr(gripper, key)
+        if name is not None and name not in mechanism.payloads:
+            hint = nearest(name, list(mechanism.payloads))
+            yield f"{where}.{key}: value '{name}': no such payload in mechanism.payloads{hint}"
+
+
 def _sensor_ids(config: CellConfig) -> Iterator[str]:
     sensor = config.mechanism.force_torque
     if sensor is None:
@@ -120,6 +138,9 @@ def _sensor_ids(config: CellConfig) -> Iterator[str]:
     taken = {0x000: "NMT", 0x080: "SYNC", 0x700 + MASTER_NODE: "the daemon's heartbeat"}
     for drive in config.mechanism.drives:
         taken |= {base + drive.node: f"the drive of '{drive.joint}'" for base in CANOPEN_BASES}
+    if config.mechanism.gripper is not None:
+        node = config.mechanism.gripper.node
+        taken |= {base + node: "the gripper" for base in CANOPEN_BASES}
     where = "mechanism.force_torque"
     for key, can_id in (
         ("command_id", sensor.command_id),

@@ -166,6 +166,13 @@ class ForceTorque(Section):
     bias: Vector6 = Field(
         (0.0,) * 6, description="reading without load, in the Sensor frame [N, N·m]"
     )
+    calibration: tuple[Vector6, Vector6, Vector6, Vector6, Vector6, Vector6] | None = Field(
+        None,
+        description="reading less bias to wrench, row by row, against cross-talk; none: as it is",
+    )
+    inertia: bool = Field(
+        True, description="take off the payload's inertial forces: one period of delay"
+    )
     filter_hz: float = Field(
         40.0, gt=0, le=500, description="first-order low-pass of the wrench [Hz]"
     )
@@ -180,6 +187,18 @@ class ForceTorque(Section):
     )
 
 
+class Gripper(Section):
+    """A gripper on a digital output of a CiA 401 module, on the same CAN bus."""
+
+    node: NodeId = Field(description="CANopen node id of the module [1]")
+    output: int = Field(0, ge=0, le=7, description="its bit in 6200h:01 [1]")
+    closed: Literal[0, 1] = Field(1, description="the bit's value when the gripper is closed")
+    open_payload: Name | None = Field(
+        None, description="payload to switch to when it opens; none: as it is"
+    )
+    closed_payload: Name | None = Field(None, description="the same when it closes")
+
+
 class Mechanism(Section):
     """One kinematic chain: a URDF, its place in the World, its drives and its tool."""
 
@@ -192,6 +211,10 @@ class Mechanism(Section):
     )
     drives: tuple[Drive, ...] = Field(min_length=1, max_length=64, description="one per joint")
     force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
+    gripper: Gripper | None = Field(None, description="gripper at the tool, if any")
+    payloads: dict[Name, Payload] = Field(
+        default_factory=dict, description="named payloads to switch to, as a whole"
+    )
     postures: dict[Name, tuple[float, ...]] = Field(
         description="named joint postures [rad]; 'start' and 'ready' are required"
     )
@@ -338,6 +361,26 @@ class RigForceTorque(Section):
         (0.05, 0.05, 0.05, 0.002, 0.002, 0.002), description="standard deviation [N, N·m]"
     )
     bias: Vector6 = Field((0.0,) * 6, description="reading without load [N, N·m]")
+    mounting_rpy: Vector3 | None = Field(
+        None,
+        description="true attitude of the Sensor frame in the Wrist; none: as T_wrist_sensor says "
+        "[rad]",
+    )
+    cross_talk: float = Field(
+        0.0,
+        ge=0,
+        le=0.2,
+        description="part of each axis that shows in the others, signs by seed [1]",
+    )
+
+
+class RigGripper(Section):
+    """What the simulated gripper takes hold of when it closes."""
+
+    mass: float = Field(0.0, ge=0, le=500, description="its mass [kg]")
+    com: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="its centre of mass in the true Sensor frame [m]"
+    )
 
 
 class Wall(Section):
@@ -374,7 +417,10 @@ class Rig(Section):
     )
     payload_mass: float = Field(0.0, ge=0, le=500, description="true mass outboard of sensor [kg]")
     payload_com: Vector3 = Field(
-        (0.0, 0.0, 0.0), description="its true centre of mass in the Sensor frame [m]"
+        (0.0, 0.0, 0.0), description="its true centre of mass in the true Sensor frame [m]"
+    )
+    gripper: RigGripper = Field(
+        default_factory=RigGripper, description="what the gripper takes hold of"
     )
     wall: Wall | None = Field(None, description="a wall of known stiffness")
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")

@@ -79,6 +79,8 @@ class ServoDrive:
         self._timing = timing
         self._limits = (lower, upper)
         dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
+        self.answer_stamp = 0.0
+        """The bus' stamp of the newest TPDO1, which a SYNC asked for [s], on the bus' own clock."""
         self._node = fieldbus.add_node(drive.node, dictionary)
         self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
         self._node.emcy.add_callback(self._on_emcy)
@@ -266,7 +268,8 @@ class ServoDrive:
     def _wrong(self, cause: Cause, detail: str, **values: str | int | float) -> Trouble:
         return Trouble(cause, self.name, detail, {"node": self.drive.node, **values})
 
-    def _on_feedback(self, data: bytes, _stamp: float) -> None:
+    def _on_feedback(self, data: bytes, stamp: float) -> None:
+        self.answer_stamp = stamp
         self._feedback = feedback = cia402.unpack_feedback(data)
         self._answered_sync = self._bus.sync_count
         try:

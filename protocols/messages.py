@@ -172,10 +172,14 @@ class ProtectiveClear(Message):
 
 
 class GainRequest(Command):
-    """Sets the gain vector of one source; the change is ramped."""
+    """Sets the gain vector of one source; the change is ramped.
+
+    Gains beyond the bound of sampled stability are refused, unless they are `forced`.
+    """
 
     source: SourceName
     gain: Gains
+    forced: bool = False
 
 
 class SwitchRequest(Command):
@@ -197,6 +201,31 @@ class SpeedRequest(Command):
     """Sets the reduced-speed factor, one factor on all limits [1]."""
 
     factor: float = Field(ge=0.01, le=1.0)
+
+
+class PayloadRequest(Command):
+    """Says what hangs on the force/torque sensor now; the change is ramped.
+
+    Either a name from the cell, or mass [kg] and centre of mass in the Sensor frame [m]. `bias` is
+    the sensor's reading without load [N, N·m], as in the cell; absent, the one in force stays.
+    """
+
+    name: str | None = Field(None, max_length=32)
+    mass: float | None = Field(None, ge=0, le=500)
+    com: Place = (0.0, 0.0, 0.0)
+    bias: Wrench | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> "PayloadRequest":
+        if (self.name is None) == (self.mass is None):
+            raise ValueError("give either name or mass")
+        return self
+
+
+class GripperRequest(Command):
+    """Closes or opens the gripper; the payload that the cell has for either follows, ramped."""
+
+    closed: bool
 
 
 class TareRequest(Command):
@@ -224,7 +253,10 @@ class State(Message):
     position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
     origin in World axes; `twist` is the sum before limiting. `command_age_ticks` is how old the
     picture was that the last accepted command was based on.
-    `limits` names what is limiting now. `gains` are those in effect, ramped and as their schedules
+    `limits` names what is limiting now. `wrench_sensor` is the sensor's reading, sign turned but
+    with weight and bias in it; `payload` the mass [kg] and centre of mass in the Sensor frame [m]
+    that are taken off it; `gripper_closed` what the gripper was told, if it was.
+    `gains` are those in effect, ramped and as their schedules
     say, `on` the sources' switches. `self_motion` is what the null space was asked to do [rad/s],
     `objectives` each redundancy objective's gain and the size of its part [rad/s].
 
@@ -247,6 +279,9 @@ class State(Message):
     pose_crf: Vector6
     target_mrf: Vector6 | None
     wrench_mrf: Vector6 | None
+    wrench_sensor: Vector6 | None = None
+    payload: tuple[float, float, float, float] | None = None
+    gripper_closed: bool | None = None
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]
     on: dict[str, bool]

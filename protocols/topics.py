@@ -88,6 +88,8 @@ SWITCH = _request("switch", m.SwitchRequest)
 FRAME = _request("frame", m.FrameRequest)
 SPEED = _request("speed", m.SpeedRequest)
 TARE = _request("tare", m.TareRequest)
+PAYLOAD = _request("payload", m.PayloadRequest)
+GRIPPER = _request("gripper", m.GripperRequest)
 REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
 CLUTCH = _request("clutch", motion.ClutchRequest)
@@ -104,6 +106,7 @@ RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100,
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
+    PAYLOAD, GRIPPER,
     REDUNDANCY, PATH_CONTROL, CLUTCH,
     STATE, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_TRUTH,

@@ -29,6 +29,7 @@ class Why(StrEnum):
     OUT_OF_RANGE = "out_of_range"
     WRONG_JOINTS = "wrong_joints"
     UNKNOWN_POSTURE = "unknown_posture"
+    UNKNOWN_PAYLOAD = "unknown_payload"
     LEASE_TAKEN = "lease_taken"
     PROTECTIVE_STOP = "protective_stop"
     NOT_YOURS = "not_yours"

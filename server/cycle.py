@@ -170,7 +170,7 @@ class Cycle:
             weight = None
             if self.output is not None:
                 T_world_mrf = self.output.T_world_mrf_measured
-                weight = self._control.weight(T_world_mrf, self._orders.T_wrist_mrf)
+                weight = self._control.weight(T_world_mrf, self._orders.settings())
             self._sensor.look(reading, weight)
         return View(
             now=Now(now_s, self.tick, self._enabled_since),
@@ -296,6 +296,7 @@ class Cycle:
             settings=orders.settings(),
             energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
             wrench_sensor=reading.wrench,
+            wrench_age_s=reading.wrench_lag_s,
             stick=orders.stick(now_s, T_world_mrf) if moving else None,
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,
@@ -311,6 +312,7 @@ class Cycle:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
         self.plant.write(self.output.q)
+        self.plant.grip(orders.gripper_closed)
         if self.output.at_goal and orders.posture is not None:
             orders.finish_posture()
             self._events.info("posture_reached")

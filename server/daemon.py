@@ -13,6 +13,7 @@ from ..drivers.bus import open_bus
 from ..drivers.device import DeviceError
 from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import RobotousSensor
+from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
 from .clock import Clock, MonotonicClock
 from .control.mechanism import Mechanism
@@ -39,17 +40,21 @@ def build(
     """Return the cycle of a cell over a bus and an operators' link; no device is opened yet."""
     config = cell.config
     by_joint = {d.joint: d for d in config.mechanism.drives}
-    eds = Path(__file__).resolve().parent.parent / "config" / "devices" / "simulated_drive.eds"
+    devices = Path(__file__).resolve().parent.parent / "config" / "devices"
+    eds = devices / "simulated_drive.eds"
     drives = tuple(
         ServoDrive(fieldbus, by_joint[j.name], config.timing, lower=j.lower, upper=j.upper, eds=eds)
         for j in cell.robot.joints
     )
-    sensor = config.mechanism.force_torque
+    sensor, gripper = config.mechanism.force_torque, config.mechanism.gripper
     plant = Plant(
         fieldbus,
         drives,
         None if sensor is None else RobotousSensor(fieldbus, sensor),
         0.0 if sensor is None else sensor.timeout_s,
+        None
+        if gripper is None
+        else GripperOutput(fieldbus, gripper, config.timing, devices / "simulated_output.eds"),
     )
     control = Control(Parameters.from_cell(cell), Mechanism.from_cell(cell))
     return Cycle(cell, control, plant, link, clock, new_token, gain_judge(cell))

@@ -148,7 +148,9 @@ class Desk:
             case m.GainRequest():
                 reason = view.gain_bound(message.source, message.gain)
                 if reason is not None:
-                    raise Refused(Why.UNSTABLE_GAIN, reason)
+                    if not message.forced:
+                        raise Refused(Why.UNSTABLE_GAIN, reason)
+                    self._events.warning("gain_forced", reason, source=message.source)
                 self._orders.gains[message.source] = np.array(message.gain)
                 self._events.info("gain_set", message.source, gain=str(list(message.gain)))
             case m.SwitchRequest():
@@ -162,6 +164,12 @@ class Desk:
             case m.SpeedRequest():
                 self._orders.speed_factor = message.factor
                 self._events.info("speed_set", "", factor=message.factor)
+            case m.PayloadRequest():
+                self._orders.set_payload(message)
+                self._tell_payload(message.name)
+            case m.GripperRequest():
+                self._orders.set_gripper(message.closed)
+                self._events.info("gripper_closed" if message.closed else "gripper_opened")
             case motion.RedundancyRequest():
                 self._orders.set_objective(message)
                 self._events.info("objective_set", message.objective, gain=message.gain)
@@ -231,6 +239,12 @@ class Desk:
                 raise Refused(Why.NOT_YOURS, f"asked by {asker}: {asker} or the lease holder may")
         self.protective_stop = None
         self._events.info("protective_stop_cleared", f"by {message.operator}")
+
+    def _tell_payload(self, name: str | None) -> None:
+        payload = self._orders.payload
+        if payload is not None:
+            com = str(np.round(payload.com, 4).tolist())
+            self._events.info("payload_set", name or "", mass=payload.mass, com=com)
 
     def _tare(self, view: View) -> None:
         if not view.at_rest:

@@ -16,6 +16,7 @@ from ..protocols import motion
 from .admission import Refused, Why
 from .control.frames import Array, Pose
 from .control.paths.goals import Goal, PathGoal, Pursuit
+from .control.payload import Payload
 from .control.redundancy import Pulls
 from .control.state import Settings, StickCommand
 from .master import Master
@@ -64,6 +65,16 @@ class Orders:
         }
         sensor = config.mechanism.force_torque
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
+        self._payloads = {
+            name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
+        }
+        self.payload = (
+            None if sensor is None else Payload(sensor.payload.mass, np.array(sensor.payload.com))
+        )
+        """What hangs on the sensor; None without a sensor."""
+        self._gripper = config.mechanism.gripper
+        self.gripper_closed: bool | None = None
+        """None until an operator has said so: what it holds at start is held on."""
         self.speed_factor = config.limits.speed_factor
         self._stick: _Stream[m.JoystickTwist] | None = None
         self._jog: _Stream[m.JointJog] | None = None
@@ -226,6 +237,29 @@ class Orders:
             self.goal = None
         self.paused = request.action == "pause"
 
+    def set_payload(self, request: m.PayloadRequest) -> None:
+        """Redefine what hangs on the sensor. Raises `Refused` for a name that the cell lacks."""
+        if self.payload is None:
+            raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")
+        if request.name is None:
+            self.payload = Payload(request.mass or 0.0, np.array(request.com))
+        elif request.name in self._payloads:
+            self.payload = self._payloads[request.name]
+        else:
+            known = ", ".join(self._payloads) or "none in this cell"
+            raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
+        if request.bias is not None:
+            self.wrench_bias = -np.array(request.bias)
+
+    def set_gripper(self, closed: bool) -> None:
+        """Close or open the gripper, and switch to the payload that the cell has for that."""
+        if self._gripper is None:
+            raise Refused(Why.NOT_NOW, "the cell has no gripper")
+        self.gripper_closed = closed
+        name = self._gripper.closed_payload if closed else self._gripper.open_payload
+        if name is not None and self.payload is not None:
+            self.payload = self._payloads[name]
+
     def settings(self) -> Settings:
         """Return what the tick shall use now."""
         off = np.zeros(6)
@@ -235,6 +269,7 @@ class Orders:
             T_world_crf=self.T_world_crf,
             wrench_bias=self.wrench_bias,
             speed_factor=self.speed_factor,
+            payload=self.payload,
             pulls=self.pulls,
         )
 

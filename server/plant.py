@@ -7,6 +7,7 @@ import numpy as np
 from ..drivers.device import DeviceError, Trouble
 from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import RobotousSensor
+from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
 from ..protocols.cia402 import DriveState
 from .control.frames import Array
@@ -30,6 +31,8 @@ class PlantReading:
     wrench: Array | None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float | None
+    wrench_lag_s: float
+    """How much older the sample is than the joints' angles, by the bus' own stamps [s]."""
     trouble: Trouble | None
 
     @property
@@ -52,13 +55,16 @@ class Plant:
         drives: tuple[ServoDrive, ...],
         sensor: RobotousSensor | None,
         sensor_timeout_s: float,
+        gripper: GripperOutput | None = None,
     ) -> None:
         self.fieldbus = fieldbus
         self.drives = drives
         self.sensor = sensor
+        self.gripper = gripper
         self.opened = False
         self._commanded = False
         self._sensor_timeout_s = sensor_timeout_s
+        self._wrench_lag_s = 0.0
 
     def open(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`.
@@ -75,6 +81,8 @@ class Plant:
             drive.open()
         if self.sensor is not None:
             self.sensor.open()
+        if self.gripper is not None:
+            self.gripper.open()
         self.opened = True
 
     def sync(self) -> None:
@@ -95,6 +103,8 @@ class Plant:
         trouble = self.fieldbus.trouble
         for reading in readings:
             trouble = trouble or reading.trouble
+        if self.gripper is not None:
+            trouble = trouble or self.gripper.read().trouble
         wrench, age = self._wrench(now_s)
         return PlantReading(
             q=np.array(angles, dtype=float) if heard else None,
@@ -102,6 +112,7 @@ class Plant:
             states=tuple(r.state for r in readings),
             wrench=wrench,
             wrench_age_s=age,
+            wrench_lag_s=self._wrench_lag_s,
             trouble=trouble if self.opened else None,
         )
 
@@ -109,6 +120,11 @@ class Plant:
         """Send one setpoint (n,) [rad] to every drive."""
         for drive, angle in zip(self.drives, q.tolist(), strict=True):
             drive.write(angle)
+
+    def grip(self, closed: bool | None) -> None:
+        """Keep the gripper closed or open; None: nobody has said, it stays as it is."""
+        if self.gripper is not None and closed is not None:
+            self.gripper.write(closed)
 
     def enable(self) -> None:
         """Ask every drive for Operation enabled."""
@@ -138,12 +154,16 @@ class Plant:
                 drive.close()
             if self.sensor is not None:
                 self.sensor.close()
+            if self.gripper is not None:
+                self.gripper.close()
         self.fieldbus.close()
 
     def _wrench(self, now_s: float) -> tuple[Array | None, float | None]:
         if self.sensor is None or not self.opened:
             return None, None
         reading = self.sensor.read(now_s)
+        # The first drive's answer comes right after the SYNC at which all of them sampled.
+        self._wrench_lag_s = self.drives[0].answer_stamp - reading.stamp
         fresh = (
             reading.wrench is not None
             and reading.trouble is None

@@ -14,6 +14,7 @@ import numpy as np
 from ..config.load import Cell
 from .control.frames import Pose
 from .control.mechanism import Mechanism
+from .control.sources.force import INERTIA_PERIODS
 
 BUS_PERIODS = 2.0
 """From what a SYNC samples to what a later SYNC applies [periods]."""
@@ -82,6 +83,7 @@ def force_axis(cell: Cell, axis: int, gain: float) -> ForceAxis | None:
             "bus": BUS_PERIODS,
             "drive": DRIVE_PERIODS,
             "sensor": 0.5 / (sensor.rate_hz * period),
+            "inertia": INERTIA_PERIODS if sensor.inertia else 0.0,
             "filter": filter_periods(sensor.filter_hz, period),
             "jerk limit": jerk_lag_s(step, *reach) / period,
         },

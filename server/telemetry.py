@@ -7,6 +7,7 @@ from ..config.load import Cell
 from ..protocols.messages import VERSION, Description, State, Vector6
 from .admission import Admission
 from .control.frames import Array
+from .control.payload import Payload
 from .control.sources.position import Progress
 from .control.state import Output
 from .mode import Mode
@@ -70,6 +71,9 @@ def report(
         pose_crf=orders.T_world_crf.to_xyz_rpy(),
         target_mrf=None if orders.target is None else orders.target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
+        wrench_sensor=None if reading.wrench is None else _six(reading.wrench),
+        gripper_closed=orders.gripper_closed,
+        payload=None if orders.payload is None else _four(orders.payload),
         sources={name: _six(twist) for name, twist in output.twists.items()},
         gains={name: _six(gain) for name, gain in output.gains.items()},
         on=dict(orders.on),
@@ -100,6 +104,11 @@ def report(
         command_age_ticks=admission.age_ticks,
         overruns=overruns,
     )
+
+
+def _four(payload: Payload) -> tuple[float, float, float, float]:
+    x, y, z = payload.com.tolist()
+    return (payload.mass, x, y, z)
 
 
 def _numbers(path: Progress) -> dict[str, float]:

@@ -40,6 +40,8 @@ COMMANDS: Final = (
             ("telerobot drive pa10", "telerobot drive pa10 pose_move")),
     Command("check", "check", "judge a cell: timeouts, bus load, drives, stability, postures",
             ("telerobot check pa10", "telerobot check my/cell.toml --json")),
+    Command("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
+            ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
     Command("doctor", "doctor", "is this machine fit: rights, timer, CAN, packages",
             ("telerobot doctor", "telerobot doctor --json")),
     Command("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",

@@ -150,6 +150,10 @@ class Player:
             ask(t.SWITCH, **dict(step.switch))
         if step.frame is not None:
             ask(t.FRAME, **dict(step.frame))
+        if step.payload is not None:
+            ask(t.PAYLOAD, **dict(step.payload))
+        if step.gripper is not None:
+            ask(t.GRIPPER, closed=step.gripper == "close")
         if step.tare:
             ask(t.TARE)
         if step.redundancy is not None:

@@ -102,6 +102,7 @@ class Gain(Part):
 
     source: m.SourceName
     gain: m.Gains
+    forced: bool = False
 
 
 class Switch(Part):
@@ -109,6 +110,15 @@ class Switch(Part):
 
     source: m.SourceName
     on: bool
+
+
+class PayloadStep(Part):
+    """What hangs on the sensor: a name from the cell, or mass [kg] and centre of mass [m]."""
+
+    name: str | None = None
+    mass: float | None = None
+    com: m.Vector3 = (0.0, 0.0, 0.0)
+    bias: m.Vector6 | None = None
 
 
 class FrameStep(Part):
@@ -179,6 +189,8 @@ class Step(Part):
     gain: Gain | None = None
     switch: Switch | None = None
     frame: FrameStep | None = None
+    payload: PayloadStep | None = None
+    gripper: Literal["close", "open"] | None = None
     tare: bool = False
     redundancy: Objective | None = None
     clutch: ClutchStep | None = None

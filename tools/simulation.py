@@ -119,7 +119,9 @@ class Simulation:
         self.rig.poll()
         self.cycle.finish()
         self._compute.append(self.cycle.compute_s)
-        self.rig.advance(period)
+        for _ in range(round(period / self.rig.dt)):
+            self.hub.time_s = self.rig.time_s + self.rig.dt  # nodes send at the end of a step
+            self.rig.step()
         self._judge()
         if self.on_tick is not None:
             self.on_tick(self)

@@ -1,12 +1,13 @@
 """A simulated CANopen slave (CiA 301): network management, SDO, PDOs, SYNC, heartbeats, EMCY."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from ...protocols import can301
 from ...protocols.can301 import CommunicationObject as Com
 from ...protocols.can301 import EmcyCode, NmtCommand, NmtState
 from .link import NodeLink
-from .objects import NodeSdoServer, ObjectStore, WrongStateError
+from .objects import EDS, NodeSdoServer, ObjectStore, WrongStateError
 from .pdo import Pdo, existing_pdos, is_mapping_of_existing, is_pdo_object
 
 NEVER = float("inf")
@@ -26,12 +27,14 @@ class CanNode:
     effect at the next SYNC, after the TPDOs of that SYNC have been sampled and sent.
     """
 
-    def __init__(self, node: int, link: NodeLink, clock: Callable[[], float]) -> None:
+    def __init__(
+        self, node: int, link: NodeLink, clock: Callable[[], float], eds: Path = EDS
+    ) -> None:
         self.node = node
         self.link = link
         self.clock = clock
         link.on_frame = self.receive
-        self.objects = ObjectStore(node, self._before_write)
+        self.objects = ObjectStore(node, self._before_write, eds)
         self._sdo = NodeSdoServer(node, self.objects, link.send)
         self.nmt = NmtState.BOOT_UP
         self.master_lost = False

@@ -9,6 +9,7 @@ from ...config.schema import ForceTorque, RigForceTorque
 from ...protocols import robotous
 from ...protocols.can301 import FrameError
 from ...protocols.robotous import Command
+from .cross_talk import response
 from .link import NodeLink
 
 _EPSILON_S = 1e-7
@@ -28,6 +29,7 @@ class SimulatedForceTorque:
         link: NodeLink,
         load: Callable[[], NDArray[np.float64]],
         rng: np.random.Generator,
+        response_rng: np.random.Generator,
         clock: Callable[[], float],
     ) -> None:
         self.command_id = config.command_id
@@ -39,6 +41,7 @@ class SimulatedForceTorque:
         self._clock = clock
         self._noise = np.array(truth.noise)
         self._bias = np.array(truth.bias)
+        self._response = response(truth.cross_talk, response_rng)
         self._offset = np.zeros(6)
         self._period_s = 1.0 / config.rate_hz
         self.due_s = float("inf")
@@ -84,5 +87,5 @@ class SimulatedForceTorque:
             self.link.send(can_id, half)
 
     def _reading(self) -> NDArray[np.float64]:
-        reading: NDArray[np.float64] = self._load() + self._bias
+        reading: NDArray[np.float64] = self._response @ self._load() + self._bias
         return reading

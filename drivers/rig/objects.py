@@ -25,8 +25,8 @@ class WrongStateError(Exception):
 
 
 @cache
-def _dictionary(node: int) -> canopen.ObjectDictionary:
-    return canopen.import_od(str(EDS), node)
+def _dictionary(eds: Path, node: int) -> canopen.ObjectDictionary:
+    return canopen.import_od(str(eds), node)
 
 
 class ObjectStore:
@@ -36,8 +36,10 @@ class ObjectStore:
     and may refuse it with `WrongStateError`.
     """
 
-    def __init__(self, node: int, on_write: Callable[[int, int, int], None]) -> None:
-        self.object_dictionary = _dictionary(node)
+    def __init__(
+        self, node: int, on_write: Callable[[int, int, int], None], eds: Path = EDS
+    ) -> None:
+        self.object_dictionary = _dictionary(eds, node)
         self._on_write = on_write
         self._values: dict[tuple[int, int], int] = {}
         self.live: dict[tuple[int, int], Callable[[], int]] = {}

@@ -15,6 +15,7 @@ from ...protocols.messages import RigFault, RigTruth
 from .can_node import CanNode
 from .faults import Faults
 from .force_torque_node import SimulatedForceTorque
+from .gripper_node import SimulatedGripper
 from .link import NodeLink
 from .position_loop import PositionLoop
 from .servo_node import SimulatedDrive
@@ -52,7 +53,7 @@ class Rig:
         self._loop = PositionLoop(mechanism.drives, rig.drive, self.dt)
         generators = (
             np.random.default_rng(s)
-            for s in np.random.SeedSequence(rig.seed).spawn(len(mechanism.drives) + 2)
+            for s in np.random.SeedSequence(rig.seed).spawn(len(mechanism.drives) + 3)
         )
         nodes = [d.node for d in mechanism.drives]
         if len(set(nodes)) < len(nodes):
@@ -78,10 +79,17 @@ class Rig:
                 NodeLink(bus, self.now, next(generators)),
                 self.world.sensor_wrench,
                 next(generators),
+                next(generators),
                 self.now,
             )
+        self.gripper: SimulatedGripper | None = None
+        if mechanism.gripper is not None:
+            link = NodeLink(bus, self.now, np.random.default_rng(rig.seed))
+            self.gripper = SimulatedGripper(mechanism.gripper, link, self.world.grasp, self.now)
         self._faults = Faults(self.world, self.drives, self.force_torque)
         self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
+        if self.gripper is not None:
+            self._nodes = (*self._nodes, self.gripper)
         self._links = [node.link for node in self._nodes]
         if self.force_torque is not None:
             self._links.append(self.force_torque.link)

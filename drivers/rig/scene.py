@@ -9,6 +9,9 @@ from ...config.schema import Mechanism, Pose, Rig, Wall
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""
 
+HELD = "held"
+"""Body of what the gripper holds, at the sensor's site."""
+
 _ARM, _FIXED = 1, 2
 """Contact groups: arm against arm and arm against fixed things; fixed things never meet."""
 _SOLREF = (0.004, 1.0)
@@ -17,7 +20,7 @@ _LOCK_SOLREF = (0.002, 1.0)
 _LOCK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """A closed brake gives way by microradians: MuJoCo's constraints are springs, this one is hard."""
 _PLATE_HALF_THICKNESS = 0.02
-_POINT_INERTIA = 2e-4
+POINT_INERTIA = 2e-4
 """About each axis of the payload's centre of mass, per kilogram [m²]."""
 
 
@@ -103,15 +106,25 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
 def _add_sensor(arm: mujoco.MjSpec, tip: mujoco.MjsBody, mechanism: Mechanism, rig: Rig) -> None:
     sensor = mechanism.force_torque
     place = sensor.T_wrist_sensor if sensor is not None else Pose()
+    if rig.force_torque.mounting_rpy is not None:
+        place = Pose(xyz=place.xyz, rpy=rig.force_torque.mounting_rpy)
     tip.add_site(name="sensor", pos=place.xyz, quat=quaternion(place))
     for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
         arm.add_sensor(
             name=kind.name.lower(), type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="sensor"
         )
+    if mechanism.gripper is not None:
+        _add_held(tip, place)
     if rig.payload_mass > 0:
         body = tip.add_body(name="payload", pos=place.xyz, quat=quaternion(place))
         body.mass, body.ipos, body.explicitinertial = rig.payload_mass, rig.payload_com, True
-        body.inertia = [_POINT_INERTIA * rig.payload_mass] * 3
+        body.inertia = [POINT_INERTIA * rig.payload_mass] * 3
+
+
+def _add_held(tip: mujoco.MjsBody, place: Pose) -> None:
+    """Add what a gripper may hold: without mass until it does."""
+    body = tip.add_body(name=HELD, pos=place.xyz, quat=quaternion(place))
+    body.explicitinertial = True
 
 
 def _exclude_neighbours(arm: mujoco.MjSpec) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...config.load import Cell
-from .scene import WALL_SLIDE, build_model
+from .scene import HELD, POINT_INERTIA, WALL_SLIDE, build_model
 
 Vector = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ class World:
         self._bodies = [int(j.bodyid[0]) for j in joints]
         self._tip = int(self.model.body(mechanism.tip_link).id)
         self._mrf = int(self.model.site("mrf").id)
+        self._held = cell.config.rig.gripper
         self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
         self._friction = self.model.dof_frictionloss[: self.n].copy()
         self._pushes: dict[int, Vector] = {}
@@ -69,6 +70,12 @@ class World:
     def set_extra_friction(self, joint: int, torque: float) -> None:
         """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
         self.model.dof_frictionloss[joint] = self._friction[joint] + torque
+
+    def grasp(self, closed: bool) -> None:
+        """Take hold of the cell's object, where it is, or let go of it."""
+        held, mass = self.model.body(HELD), self._held.mass if closed else 0.0
+        held.mass[:], held.inertia[:] = mass, POINT_INERTIA * mass
+        held.ipos[:] = self._held.com
 
     def push_joint(self, joint: int, force: Vector | None) -> None:
         """Push a joint's link at its centre of mass with a World force (3,) [N]; None: let go."""

@@ -7,6 +7,7 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema import CellConfig, Limits, Redundancy, Resolve, Schedule
 from .frames import Array, Pose
+from .payload import Payload
 
 
 def _bounds(translation: float, rotation: float) -> Array:
@@ -38,9 +39,11 @@ class Parameters:
     shaping_acceleration: Array
     shaping_jerk: Array
     T_wrist_sensor: Pose | None
-    payload_mass: float
-    payload_com: Array
-    """Centre of mass outboard of the sensor, in the Sensor frame (3,) [m]."""
+    payload: Payload
+    """What hangs on the sensor, unless an operator says otherwise."""
+    wrench_calibration: Array
+    """Reading without bias to wrench in the Sensor's axes (6, 6)."""
+    wrench_inertia: bool
     wrench_smoothing: float
     """Share of the new sample in the filtered wrench, per tick [1]."""
     hold_threshold: float
@@ -84,8 +87,13 @@ class Parameters:
             T_wrist_sensor=None
             if sensor is None
             else Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy),
-            payload_mass=0.0 if sensor is None else sensor.payload.mass,
-            payload_com=np.array((0.0,) * 3 if sensor is None else sensor.payload.com),
+            payload=Payload(0.0, np.zeros(3))
+            if sensor is None
+            else Payload(sensor.payload.mass, np.array(sensor.payload.com)),
+            wrench_calibration=np.eye(6)
+            if sensor is None or sensor.calibration is None
+            else np.array(sensor.calibration),
+            wrench_inertia=sensor is not None and sensor.inertia,
             wrench_smoothing=smoothing,
             hold_threshold=c.sources.force.hold_threshold,
             hold_leash=c.sources.force.hold_leash,

@@ -10,6 +10,7 @@ import numpy as np
 
 from .frames import Array, Pose
 from .paths.goals import Goal
+from .payload import Payload
 from .redundancy import Pulls, SelfMotion
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
@@ -49,6 +50,8 @@ class Settings:
     wrench_bias: Array
     """Sensor reading without load, Sensor axes, sign of the exerted wrench (6,) [N, N·m]."""
     speed_factor: float = 1.0
+    payload: Payload | None = None
+    """None: the cell's own."""
     pulls: Pulls | None = None
     """How strongly each redundancy objective acts; as the cell says when None."""
 
@@ -65,6 +68,8 @@ class Inputs:
     """Which drives (n,) are already on while the arm is being enabled: they keep their command."""
     wrench_sensor: Array | None = None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
+    wrench_age_s: float = 0.0
+    """How much older the wrench's sample is than the joints' [s]."""
     stick: StickCommand | None = None
     jog: Array | None = None
     goal: Goal | None = None
@@ -94,6 +99,8 @@ class Memory:
     joystick: JoystickState
     position: PositionState
     force: ForceState
+    load: Array | None = None
+    """Payload and bias in effect (10,), see `sources.force.load_of`."""
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
     hold: Array | None = None

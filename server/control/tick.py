@@ -16,17 +16,17 @@ from .avoidance.joint_room import JointRoom
 from .avoidance.nearest import nearest
 from .bleed import bleed
 from .frames import Array, Pose
-from .gains import Gains, Quantities
+from .gains import GAIN_TIME_S, Gains, Quantities
 from .gate import Gate
 from .limit import Limited, Limiter
 from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
 from .redundancy import Redundancy, SelfMotion
 from .resolve import Travel, resolve
-from .sources.force import Force, ForceState
+from .sources.force import Force, ForceState, load_of
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState
-from .state import Inputs, Intent, Memory, Output
+from .state import Inputs, Intent, Memory, Output, Settings
 from .trajectory import Motion
 
 POSTURE_GAIN = 4.0
@@ -34,6 +34,9 @@ POSTURE_GAIN = 4.0
 
 POSTURE_REACHED = 2e-4
 """A posture is reached within this angle of every joint [rad]."""
+
+STANDING = 1e-9
+"""Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,12 @@ class Control:
         self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
         self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
         self.force = Force(
-            p.T_wrist_sensor or Pose.identity(), p.payload_mass, p.payload_com, p.wrench_smoothing
+            p.T_wrist_sensor or Pose.identity(),
+            p.wrench_smoothing,
+            T,
+            p.wrench_calibration,
+            p.wrench_inertia,
+            p.limits.acceleration,
         )
         self.gains = Gains(p.schedules, T)
         self.redundancy = Redundancy(p, mechanism)
@@ -85,16 +93,23 @@ class Control:
         """Return where the command has the MRF, in World."""
         return self.mechanism.pose_wrist(memory.motion.q) @ T_wrist_mrf
 
-    def weight(self, T_world_mrf: Pose, T_wrist_mrf: Pose) -> Array:
+    def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
         """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
-        T_world_wrist = T_world_mrf @ T_wrist_mrf.inverse()
-        return self.force.weight(T_world_wrist.R @ self.force.T_wrist_sensor.R)
+        T_world_wrist = T_world_mrf @ settings.T_wrist_mrf.inverse()
+        R_world_sensor = T_world_wrist.R @ self.force.T_wrist_sensor.R
+        return self.force.weight(R_world_sensor, self._load(settings))
 
     def tick(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Output]:
         """Return the next memory and what to send: one period of control."""
         T_world_wrist_measured = self.mechanism.pose_wrist(inputs.q_measured)
+        load = self._ramp_load(memory, inputs)
         force = self.force.measure(
-            memory.force, inputs.wrench_sensor, inputs.settings.wrench_bias, T_world_wrist_measured
+            memory.force,
+            inputs.wrench_sensor,
+            load,
+            T_world_wrist_measured,
+            inputs.time_s,
+            inputs.wrench_age_s,
         )
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
@@ -102,7 +117,7 @@ class Control:
                 q = np.where(inputs.energised, memory.motion.q, q)
             memory = self.seed(q)
         kinematics = self.mechanism.kinematics(memory.motion.q, inputs.settings.T_wrist_mrf)
-        memory = self._tune(replace(memory, force=force), inputs, kinematics)
+        memory = self._tune(replace(memory, force=force, load=load), inputs, kinematics)
         memory, asked = self._ask(memory, inputs, kinematics)
         error = memory.sent[1] - inputs.q_measured
         asked = self._allow(memory, inputs, kinematics, asked, error)
@@ -112,7 +127,8 @@ class Control:
             q=limited.motion.q,
             dq=limited.motion.dq,
             refusal=refusal,
-            at_rest=not (limited.motion.dq.any() or limited.motion.ddq.any()),
+            at_rest=max(np.abs(limited.motion.dq).max(), np.abs(limited.motion.ddq).max())
+            < STANDING,
             following_error=error,
             T_world_mrf=kinematics.T_world_mrf,
             T_world_mrf_measured=T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
@@ -293,6 +309,19 @@ class Control:
         return self.limiter.step(memory.motion, memory.stop, asked.dq, inputs.settings.speed_factor)
 
     # --- what is remembered ------------------------------------------------------------------
+
+    def _ramp_load(self, memory: Memory, inputs: Inputs) -> Array:
+        """Return payload and bias in effect (10,): a tool picked up or a tare never jumps."""
+        target = self._load(inputs.settings)
+        if memory.load is None or inputs.intent is Intent.SEED:
+            return target
+        return memory.load + (1.0 - math.exp(-self.p.period_s / GAIN_TIME_S)) * (
+            target - memory.load
+        )
+
+    def _load(self, settings: Settings) -> Array:
+        payload = settings.payload or self.p.payload
+        return load_of(payload.mass, payload.com, settings.wrench_bias)
 
     def _remember(self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked) -> Memory:
         granted = 0.0 if limited.stopped else asked.scale

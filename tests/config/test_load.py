@@ -211,3 +211,26 @@ def test_a_schedule_that_falls_back_is_an_error(small):
     small.cell.write_text(small.cell.read_text() + table)
     with pytest.raises(ConfigError, match=r"schedules\[0\].*must rise"):
         load_cell(small.cell)
+
+
+GRIPPER = "[mechanism.payloads]\nbare = {{ mass = 0.4 }}\n[mechanism.gripper]\nnode = {0}\n{1}\n"
+
+
+@pytest.mark.parametrize(
+    ("node", "more", "words"),
+    [
+        (2, "", "mechanism.gripper.node: value 2: already the node of the drive of 'j2'"),
+        (127, "", "mechanism.gripper.node: value 127: already the node of the daemon"),
+        (20, 'closed_payload = "bar"', "mechanism.gripper.closed_payload: value 'bar'"),
+    ],
+)
+def test_a_gripper_agrees_with_nodes_and_payloads(small, node, more, words):
+    block = GRIPPER.format(node, more)
+    text = refusal(small.replace("[rig.drive]", f"{block}\n[rig.drive]"))
+    assert words in text
+
+
+def test_a_sound_gripper_is_taken(small):
+    block = GRIPPER.format(20, 'open_payload = "bare"')
+    cell = load_cell(small.replace("[rig.drive]", f"{block}\n[rig.drive]"))
+    assert cell.config.mechanism.gripper.open_payload == "bare"

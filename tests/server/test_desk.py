@@ -337,6 +337,34 @@ def test_frame_and_speed_are_set(ann):
     assert settings.speed_factor == 0.25
 
 
+def test_gains_that_would_be_unstable_can_be_forced_and_that_is_told(ann):
+    reply = ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(6.0,) * 6, forced=True)
+    assert reply.ok
+    np.testing.assert_array_equal(ann.orders.gains["force"], [6.0] * 6)
+    assert "gain_forced" in names(ann)
+    assert ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(3.0,) * 6, forced=True).ok
+    assert "gain_forced" not in names(ann)
+
+
+def test_a_payload_is_switched_by_mass_and_centre(ann):
+    bias = (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
+    assert ann.ask(t.PAYLOAD, mass=2.5, com=(0.0, 0.01, 0.1), bias=bias).ok
+    settings = ann.orders.settings()
+    assert settings.payload.mass == 2.5
+    np.testing.assert_array_equal(settings.payload.com, (0.0, 0.01, 0.1))
+    np.testing.assert_array_equal(settings.wrench_bias, -np.array(bias))
+    assert names(ann)[-1] == "payload_set"
+    assert ann.ask(t.PAYLOAD, mass=0.0).ok
+    np.testing.assert_array_equal(ann.orders.settings().wrench_bias, -np.array(bias))
+
+
+def test_a_payload_that_the_cell_does_not_name_is_refused(ann):
+    before = ann.orders.settings().payload
+    reply = ann.ask(t.PAYLOAD, name="anvil")
+    assert (reply.ok, reply.reason) == (False, Why.UNKNOWN_PAYLOAD)
+    assert ann.orders.settings().payload is before
+
+
 def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
     assert ann.ask(t.TARE).ok
     np.testing.assert_array_equal(ann.orders.settings().wrench_bias, np.arange(6.0))

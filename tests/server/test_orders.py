@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config import schema
+from telerobot.config.load import load_cell
 from telerobot.protocols import messages as m
 from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, rotation_rpy
@@ -276,6 +277,25 @@ def test_a_source_that_is_off_has_no_gain_and_gets_back_its_own(orders):
     assert not orders.settings().gains["force"].any()
     orders.on["force"] = True
     np.testing.assert_array_equal(orders.settings().gains["force"], own)
+
+
+def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
+    block = "\n[mechanism.payloads]\nempty = { mass = 0.4 }\n\n[mechanism.force_torque]"
+    cell = load_cell(small.replace("\n[mechanism.force_torque]", block))
+    orders = Orders(cell)
+    assert orders.settings().payload.mass == 0.0
+    envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
+    orders.set_payload(m.PayloadRequest(**envelope, name="empty"))
+    assert orders.settings().payload.mass == 0.4
+
+
+def test_a_cell_without_a_sensor_takes_no_payload(small):
+    bare = small.replace("[mechanism.force_torque]\nrate_hz = 200", "")
+    orders = Orders(load_cell(bare))
+    envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
+    with pytest.raises(Refused) as refused:
+        orders.set_payload(m.PayloadRequest(**envelope, mass=1.0))
+    assert refused.value.reason == Why.NOT_NOW
 
 
 def test_the_bias_of_the_cell_file_is_the_sensors_and_turned_to_what_the_arm_exerts(orders, pa10):

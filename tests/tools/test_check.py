@@ -138,7 +138,7 @@ def test_a_force_gain_too_high_for_the_wall_is_an_error(small):
 def test_every_part_of_the_delay_is_stated(small):
     values = findings(small.cell)["force gain x"].values
     parts = [v for k, v in values.items() if k.startswith("delay_") and k != "delay_periods"]
-    assert len(parts) == 5
+    assert len(parts) == 6
     assert sum(parts) == pytest.approx(values["delay_periods"])
 
 

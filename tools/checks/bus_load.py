@@ -31,7 +31,8 @@ def bus_load(cell: Cell) -> Iterator[Finding]:
         worst_case_bits(RPDO_BYTES) + worst_case_bits(TPDO_BYTES)
     )
     cyclic = per_period / timing.period_s
-    heartbeats = (n + 1) * worst_case_bits(HEARTBEAT_BYTES) / timing.heartbeat_period_s
+    others = 1 if cell.config.mechanism.gripper is None else 2
+    heartbeats = (n + others) * worst_case_bits(HEARTBEAT_BYTES) / timing.heartbeat_period_s
     sensor = cell.config.mechanism.force_torque
     samples = 0.0 if sensor is None else SAMPLE_FRAMES * worst_case_bits(8) * sensor.rate_hz
     load = (cyclic + heartbeats + samples) / bitrate

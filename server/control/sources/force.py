@@ -1,11 +1,17 @@
 """Force control by accommodation (Williams 1997, section 2.5): twist = K_F (F_desired − F).
 
-F is the wrench that the arm exerts on its environment, at and in the MRF, after the weight and
-gravity moment of everything outboard of the sensor are taken off. With F_desired = 0 this is
+F is the wrench that the arm exerts on its environment, at and in the MRF, after the weight and the
+inertial forces of everything outboard of the sensor are taken off. With F_desired = 0 this is
 force–moment accommodation (FMA): pressing on a wall, the arm backs off. Together with a stick it
 turns a rate into a force by itself: F = K_HC u / K_F.
+
+Both are taken from the *measured* joints, at the instant of the sample. An acceleration is a second
+difference, so it is known one period late; half of that is bridged by its own trend, and the wrench
+is brought to the same instant as a mean of two: `INERTIA_PERIODS` of delay, which the stability
+bound counts.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,46 +21,115 @@ from ..frames import Array, Pose, cross, rotate_twist, wrench_to
 GRAVITY = np.array([0.0, 0.0, -9.81])
 """Free-fall acceleration in World (3,) [m/s²]."""
 
+INERTIA_PERIODS = 0.5
+"""Delay of the wrench where inertial forces are taken off [periods]."""
+
+_OLDEST = 1.0
+"""An instant is interpolated between the last two SYNCs, so at most this old [periods]."""
+
+
+def load_of(mass: float, com: Array, bias: Array) -> Array:
+    """Return what the sensor carries and adds by itself (10,): m [kg], m·com (3,), bias (6,).
+
+    All that is taken off a reading is linear in these ten numbers, so that ramping them ramps it.
+    """
+    return np.concatenate([[mass], mass * com, bias])
+
 
 @dataclass(frozen=True)
 class ForceState:
-    """Filtered contact wrench (6,) at and in the Sensor frame; None before the first sample."""
+    """What the next sample is seen with; empty before the first one and after a stale one."""
 
     wrench: Array | None = None
+    """Filtered contact wrench (6,) at and in the Sensor frame."""
+    contact: Array | None = None
+    """The newest wrench (6,) without weight, not filtered."""
+    places: tuple[Pose, ...] = ()
+    """T_world_sensor at the newest SYNCs, newest first."""
+    time_s: float = 0.0
 
 
 class Force:
-    """Accommodates the measured wrench."""
+    """Accommodates the measured wrench.
+
+    `calibration` (6, 6) maps a reading without bias to the wrench in the Sensor's axes. The
+    payload's acceleration is believed up to `max_acceleration` [m/s²]: beyond it, SYNC was late,
+    not the tool quick. Without `inertia`, only weight is taken off, and nothing is delayed.
+    """
 
     def __init__(
-        self, T_wrist_sensor: Pose, payload_mass: float, payload_com: Array, smoothing: float
+        self,
+        T_wrist_sensor: Pose,
+        smoothing: float,
+        period_s: float,
+        calibration: Array | None = None,
+        inertia: bool = True,
+        max_acceleration: float = math.inf,
     ) -> None:
         self.T_wrist_sensor = T_wrist_sensor
-        self._mass = payload_mass
-        self._com = payload_com
+        self.inertia = inertia
         self._smoothing = smoothing
+        self._period_s = period_s
+        self._calibration = np.eye(6) if calibration is None else calibration
+        self._reading_of = np.linalg.inv(self._calibration)
+        self._max_acceleration = max_acceleration
 
-    def weight(self, R_world_sensor: Array) -> Array:
-        """Return the reading (6,) of the payload's weight alone, Sensor axes, exerted sign.
-
-        The payload hangs on the sensor, so the arm's side carries it: what the arm exerts to hold
-        it up is minus its weight, and a sensor that only carries weight reads just that.
-        """
-        # Load on the sensor is m g; the exerted wrench is its negative.
-        force = -self._mass * (R_world_sensor.T @ GRAVITY)
-        return np.concatenate([force, cross(self._com, force)])
+    def weight(self, R_world_sensor: Array, load: Array) -> Array:
+        """Return the reading (6,) that the payload's weight alone makes, exerted sign."""
+        return np.asarray(self._reading_of @ _held(load, R_world_sensor.T @ -GRAVITY))
 
     def measure(
-        self, state: ForceState, sample: Array | None, bias: Array, T_world_wrist: Pose
+        self,
+        state: ForceState,
+        sample: Array | None,
+        load: Array,
+        T_world_wrist: Pose,
+        time_s: float = 0.0,
+        age_s: float = 0.0,
     ) -> ForceState:
-        """Return the state after one sample (6,) at the measured Wrist pose; None when stale."""
+        """Return the state after one sample (6,), None when stale.
+
+        `T_world_wrist` is the measured Wrist pose at the last SYNC, `age_s` how much older the
+        sample is [s], `time_s` the tick's time [s].
+        """
         if sample is None:
             return ForceState()
-        R_world_sensor = T_world_wrist.R @ self.T_wrist_sensor.R
-        contact = sample - bias - self.weight(R_world_sensor)
-        if state.wrench is None:
-            return ForceState(contact)
-        return ForceState(state.wrench + self._smoothing * (contact - state.wrench))
+        if time_s - state.time_s > 1.5 * self._period_s:
+            state = ForceState(state.wrench)  # ticks were missed: differences would be wrong
+        place = T_world_wrist @ self.T_wrist_sensor
+        older = min(max(age_s / self._period_s, 0.0), _OLDEST)
+        up = place.R.T @ -GRAVITY
+        if state.places and older > 0.0:
+            up = up + older * (state.places[0].R.T @ -GRAVITY - up)
+        contact = self._calibration @ (sample - load[4:]) - _held(load, up)
+        places, last = (place, *state.places[:3]), state.contact
+        newest = contact
+        if self.inertia and last is not None:
+            contact = 0.5 * (contact + last)
+            if len(places) == 4:
+                contact = contact - self._inertial(load, places, older)
+        if state.wrench is not None:
+            contact = state.wrench + self._smoothing * (contact - state.wrench)
+        return ForceState(contact, newest, places, time_s)
+
+    def _inertial(self, load: Array, places: tuple[Pose, ...], older: float) -> Array:
+        """Return the wrench (6,) that accelerates the payload, `INERTIA_PERIODS` before the sample.
+
+        The second difference of the centre of mass itself holds all of
+        `a + α × r + ω × (ω × r)`.
+        """
+        mass = float(load[0])
+        if mass <= 0.0:
+            return np.zeros(6)
+        com = load[1:4] / mass
+        x0, x1, x2, x3 = (R @ com + p for R, p in places)
+        newer, before = x0 - 2.0 * x1 + x2, x1 - 2.0 * x2 + x3  # one and two periods ago
+        ahead = 1.0 - INERTIA_PERIODS - older
+        acceleration = (newer + ahead * (newer - before)) / self._period_s**2
+        size = math.sqrt(float(acceleration @ acceleration))
+        if size > self._max_acceleration:
+            acceleration = acceleration * (self._max_acceleration / size)
+        return _held(load, places[1].R.T @ acceleration)
 
     def wrench_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
         """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
@@ -69,3 +144,14 @@ class Force:
         if wrench_mrf is None:
             return np.zeros(6)
         return rotate_twist(R_world_mrf, gain * (desired - wrench_mrf))
+
+
+def _held(load: Array, acceleration: Array) -> Array:
+    """Return the wrench (6,) exerted on the load to give it an acceleration (3,), Sensor axes.
+
+    Holding it up against gravity is accelerating it upwards by 9.81 m/s².
+    """
+    out = np.empty(6)
+    out[:3] = load[0] * acceleration
+    out[3:] = cross(load[1:4], acceleration)
+    return out

@@ -1,8 +1,12 @@
 """The simulated force/torque sensor through its frames."""
 
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from telerobot.config.load import load_cell
 from telerobot.protocols import robotous
 from telerobot.protocols.messages import RigFault
 
@@ -22,6 +26,27 @@ def samples(master: Master, seconds: float) -> NDArray[np.float64]:
             halves[can_id].append(data)
     found = [robotous.join_sample(a, b) for a, b in zip(*halves.values(), strict=True)]
     return np.array([(*s.force, *s.torque) for s in found]).reshape(-1, 6)
+
+
+@pytest.fixture
+def pa10_with() -> Iterator[Callable[..., Master]]:
+    """Make a master of a PA-10 whose sensor has some imperfections of its own."""
+    made: list[Master] = []
+
+    def make(**truth: object) -> Master:
+        cell = load_cell("pa10")
+        rig = cell.config.rig
+        assert rig is not None
+        sensor = rig.force_torque.model_copy(update=truth)
+        config = cell.config.model_copy(
+            update={"rig": rig.model_copy(update={"force_torque": sensor})}
+        )
+        made.append(Master(replace(cell, config=config)))
+        return made[-1]
+
+    yield make
+    for master in made:
+        master.close()
 
 
 @pytest.fixture
@@ -58,6 +83,27 @@ def test_it_reads_payload_and_bias_with_the_noise_of_the_cell(running: Master) -
     expected = np.array([0.98 * 9.81, 0, 0, 0, 0.98 * 9.81 * 0.051, 0]) + rig.force_torque.bias
     np.testing.assert_allclose(read.mean(axis=0), expected, atol=0.02)
     assert read[:, 1].std() == pytest.approx(rig.force_torque.noise[1], rel=0.3)
+
+
+def test_one_that_sits_askew_reads_in_its_own_axes(pa10_with) -> None:
+    turned = pa10_with(mounting_rpy=(0.0, 0.0, np.pi / 2), bias=(0.0,) * 6)
+    turned.rig.advance(0.05)
+    turned.send(COMMAND, robotous.start())
+    read = samples(turned, 1.0).mean(axis=0)
+    expected = [0, -0.98 * 9.81, 0, 0.98 * 9.81 * 0.051, 0, 0]
+    np.testing.assert_allclose(read, expected, atol=0.02)
+
+
+def test_cross_talk_shows_each_force_in_the_others(pa10_with) -> None:
+    mixed = pa10_with(cross_talk=0.02, bias=(0.0,) * 6)
+    mixed.rig.advance(0.05)
+    mixed.send(COMMAND, robotous.start())
+    read = samples(mixed, 4.0).mean(axis=0)
+    weight = 0.98 * 9.81
+    np.testing.assert_allclose(np.abs(read[:3]), [weight, 0.02 * weight, 0.02 * weight], atol=0.01)
+    small = 0.02 * weight * (0.051 + 0.025)
+    assert read[4] == pytest.approx(weight * 0.051, abs=0.02 * weight * 0.025 + 1e-3)
+    assert 0 < np.abs(read[[3, 5]]).max() < small + 1e-3
 
 
 def test_readings_are_whole_steps(running: Master) -> None:

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 import pinocchio as pin
 import pytest
-from telerobot.server.control.state import Intent
+from telerobot.server.control.state import Intent, Payload
 
 DELAY = 2
 """Periods from a command to the wrench that it causes."""
@@ -26,7 +26,7 @@ class Wall:
         M = settings.T_wrist_mrf.inverse() @ control.force.T_wrist_sensor
         at_mrf = pin.Force(self.run.pose.R.T @ [self.forces[0], 0, 0], np.zeros(3))
         at_sensor = pin.SE3(M.R, M.p).actInv(at_mrf).vector
-        weight = control.weight(self.run.pose, settings.T_wrist_mrf)
+        weight = control.weight(self.run.pose, settings)
         return at_sensor + weight + settings.wrench_bias
 
     def press(self, seconds, **inputs):
@@ -109,7 +109,7 @@ def test_in_hold_a_gentle_touch_moves_nothing(run):
 def test_in_hold_a_force_without_end_gets_no_further_than_the_leash(run):
     """As from a sensor that drifted: FMA alone would walk away."""
     at = run.arm.mechanism.pose_wrist(run.q).p
-    wrench = run.arm.control.weight(run.pose, run.settings.T_wrist_mrf)
+    wrench = run.arm.control.weight(run.pose, run.settings)
     wrench[2] += 80.0
     run.go(6.0, intent=Intent.HOLD, wrench_sensor=wrench)
     moved = np.linalg.norm(run.arm.mechanism.pose_wrist(run.memory.motion.q).p - at)
@@ -122,3 +122,28 @@ def test_while_stopping_contact_moves_nothing(run):
     wall = Wall(run, 20_000.0, -0.004)
     output = wall.press(0.5, intent=Intent.STOP)
     np.testing.assert_array_equal(output.q, run.q)
+
+
+def test_a_payload_that_is_switched_never_jumps(run):
+    """The operator says 2 kg more than there is: the arm sets off gently, to a steady drift."""
+    wall = Wall(run, 20_000.0, 10.0)
+    wall.press(0.2)
+    reading = wall.reading()
+    payload = run.arm.p.payload
+    run.set(payload=Payload(payload.mass + 2.0, payload.com))
+    twists = [run.tick(wrench_sensor=reading).twists["force"] for _ in range(200)]
+    steps = np.abs(np.diff(twists, axis=0, prepend=np.zeros((1, 6)))).max(axis=0)
+    assert (steps <= 0.1 * np.abs(twists).max(axis=0) + 1e-6).all()
+    drift = run.settings.gains["force"][0] * 2.0 * 9.81
+    assert np.linalg.norm(twists[-1][:3]) == pytest.approx(drift, rel=0.02)
+    run.observe()
+
+
+def test_a_tare_never_jumps(run):
+    wall = Wall(run, 20_000.0, 10.0)
+    wall.press(0.2)
+    reading = wall.reading()
+    before = run.tick(wrench_sensor=reading).twists["force"]
+    run.set(wrench_bias=np.array([10.0, 0, 0, 0, 0, 0]))
+    after = run.tick(wrench_sensor=reading).twists["force"]
+    assert np.abs(after - before)[:3].max() < 0.1 * run.settings.gains["force"][0] * 10.0

@@ -1,0 +1,110 @@
+"""A tool of unknown weight on a sensor that sits askew: found out by a guided motion, then gone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from telerobot.config.schema import Payload, Pose
+from telerobot.server.control import frames
+from telerobot.server.control.mechanism import Mechanism
+from telerobot.tools.identify.attitudes import attitudes
+from telerobot.tools.identify.run import identify_simulated, judge
+from telerobot.tools.script import Script
+from telerobot.tools.simulation import Simulation
+
+HAND = 0.98, np.array([0.0, 0.0, 0.051])
+"""Body 8 of the PA-10's URDF, at the flange."""
+MOUNTING = np.deg2rad([1.9, -1.6, 1.7])
+"""3 degrees in all."""
+TRUE = frames.rotation_rpy(*MOUNTING)
+ADDED = 1.02, np.array([0.07, -0.05, 0.10])
+MASS = HAND[0] + ADDED[0]
+COM = (HAND[0] * TRUE.T @ HAND[1] + ADDED[0] * ADDED[1]) / MASS
+BIAS = (1.4, -2.3, 3.6, 0.11, -0.22, 0.15)
+FREE = {"acceleration": 0.25, "angular_acceleration": 2.0, "jerk": 5.0, "angular_jerk": 40.0}
+
+
+def changed(cell, sensor=None, rig=None, truth=None, limits=None):
+    """Return a cell with some keys of these sections replaced."""
+    config = cell.config
+    ft = config.mechanism.force_torque.model_copy(update=sensor or {})
+    truth = config.rig.force_torque.model_copy(update=truth or {})
+    rig = config.rig.model_copy(update={**(rig or {}), "force_torque": truth})
+    update = {
+        "mechanism": config.mechanism.model_copy(update={"force_torque": ft}),
+        "limits": config.limits.model_copy(update=limits or {}),
+        "rig": rig,
+    }
+    return dataclasses.replace(cell, config=config.model_copy(update=update))
+
+
+def unknown_tool(pa10):
+    """A cell that knows nothing of its 2 kg tool nor of what is wrong with its sensor."""
+    return changed(
+        pa10,
+        sensor={"payload": Payload(), "bias": (0.0,) * 6},
+        rig={"payload_mass": ADDED[0], "payload_com": tuple(ADDED[1])},
+        truth={"mounting_rpy": tuple(MOUNTING), "cross_talk": 0.02, "bias": BIAS},
+    )
+
+
+def told(cell, found, **sections):
+    """The cell with what was found written into it."""
+    sensor = {
+        "T_wrist_sensor": Pose(rpy=found.rpy()),
+        "payload": Payload(mass=found.mass, com=tuple(found.com)),
+        "bias": tuple(found.bias),
+        "calibration": None if found.calibration is None else tuple(map(tuple, found.calibration)),
+    }
+    return changed(cell, sensor=sensor, **sections)
+
+
+def residuals(simulation):
+    """Return norms of force (k,) and moment (k,) at the sensor, in free motion."""
+    mechanism = simulation.cell.config.mechanism
+    T_wrist_mrf = frames.Pose.from_xyz_rpy(mechanism.T_wrist_mrf.xyz, mechanism.T_wrist_mrf.rpy)
+    sensor = mechanism.force_torque.T_wrist_sensor
+    T_sensor_mrf = frames.Pose.from_xyz_rpy(sensor.xyz, sensor.rpy).inverse() @ T_wrist_mrf
+    start = simulation.player.start_s + 0.1
+    wrenches = np.array(
+        [
+            frames.wrench_to(T_sensor_mrf, np.array(s.wrench_mrf))
+            for s in simulation.states
+            if s.mode == "enabled" and s.time_s > start
+        ]
+    )
+    return np.linalg.norm(wrenches[:, :3], axis=1), np.linalg.norm(wrenches[:, 3:], axis=1)
+
+
+def through_all_attitudes(cell):
+    """Targets with gravity from every side that the wrist can turn to, and travel between them."""
+    mechanism = Mechanism.from_cell(cell)
+    tool = cell.config.mechanism.T_wrist_mrf
+    T_wrist_mrf = frames.Pose.from_xyz_rpy(tool.xyz, tool.rpy)
+    steps = []
+    for i, stop in enumerate(attitudes(cell, "ready", 8, 0.15)):
+        x, y, z, *rpy = (mechanism.pose_wrist(stop.q) @ T_wrist_mrf).to_xyz_rpy()
+        place = [x - 0.12, y + (0.08, -0.08)[i % 2], z + 0.12]
+        target = {"xyz": place, "rpy": rpy, "relative_to": "world", "speed": 0.25}
+        steps.append({"at_s": 0.1 + 5.0 * i, "position": target})
+    return steps
+
+
+@pytest.mark.slow
+def test_a_tool_on_a_bad_sensor_is_identified_and_then_weighs_nothing(pa10):
+    cell = unknown_tool(pa10)
+    found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 24, 0.15)))
+    off = np.rad2deg(np.linalg.norm(frames.rotation_log(TRUE.T @ found.R_wrist_sensor)))
+    assert found.mass == pytest.approx(MASS, rel=0.01)
+    assert np.linalg.norm(COM - found.com) < 0.005
+    assert off < 0.5
+
+    free = told(cell, found, limits=FREE)
+    script = Script.model_validate({"duration_s": 45.0, "step": through_all_attitudes(cell)})
+    simulation = Simulation(free, script)
+    result = simulation.run()
+    assert result.summary["failure"] is None
+    assert result.summary["refused"] == []
+    force, moment = residuals(simulation)
+    assert np.percentile(force, 99) < 0.5
+    assert np.percentile(moment, 99) < 0.05

@@ -1,0 +1,1 @@
+"""Identification of payload, sensor bias, mounting and cross-talk by a guided motion."""

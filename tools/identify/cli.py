@@ -1,0 +1,80 @@
+"""`telerobot identify CELL`: payload, sensor bias, mounting and cross-talk by a guided motion."""
+
+import argparse
+import json
+import sys
+
+from ...config.load import Cell
+from ..address import add_cell_arguments, cell_from
+from ..operator import Operator, OperatorError
+from .attitudes import Stop, attitudes
+from .estimate import NotIdentified
+from .guide import Sample
+from .report import as_dict, snippet, table
+from .run import identify, identify_simulated, judge
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser, bus=False)
+    parser.add_argument(
+        "--posture", default="ready", help="the wrist turns about this one (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--attitudes",
+        type=_count,
+        default=24,
+        metavar="N",
+        help="so many are measured, 6 to 200 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--room",
+        type=float,
+        default=0.15,
+        metavar="METRES",
+        help="the tool stays within this distance of where the posture has it; nothing else keeps "
+        "it from touching things (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--simulate", action="store_true", help="the cell's virtual hardware, in virtual time"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify; print what was found and the lines for the cell. Raises `ConfigError`."""
+    cell = cell_from(args)
+    stops = attitudes(cell, args.posture, args.attitudes, args.room)
+    try:
+        samples = _simulated(cell, stops) if args.simulate else _driven(cell, stops)
+        found = judge(cell, samples)
+    except (NotIdentified, OperatorError) as error:
+        print(f"telerobot: not identified: {error}", file=sys.stderr)
+        return 1
+    if args.json:
+        print(json.dumps(as_dict(cell, found)))
+    else:
+        print(f"{table(found)}\n\n{snippet(cell, found)}")
+    return 0
+
+
+def _simulated(cell: Cell, stops: list[Stop]) -> list[Sample]:
+    return identify_simulated(cell, stops, _say)
+
+
+def _driven(cell: Cell, stops: list[Stop]) -> list[Sample]:
+    with Operator(cell, name="identify") as operator:
+        operator.acquire()
+        operator.enable()
+        return identify(operator, stops, _say)
+
+
+def _count(text: str) -> int:
+    count = int(text)
+    if not 6 <= count <= 200:
+        raise argparse.ArgumentTypeError(f"{count} is not within 6 to 200")
+    return count
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

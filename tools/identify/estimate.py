@@ -1,0 +1,132 @@
+"""What a force/torque sensor carries, and how it sits, from its readings at rest in many attitudes.
+
+At rest a reading depends on the attitude alone, and linearly: with u = −R_world_wristᵀ g, the
+free-fall acceleration turned round, seen from the Wrist (3,),
+
+    force = A u + b,    moment = D u + d,    and without cross-talk    A = m R,    D = [c]× m R
+
+with the payload's mass m and centre c in the Sensor's axes and R = R_sensor_wrist. Least squares
+give A, b, D, d. A polar decomposition A = S (m R) with trace S = 3 then separates the rotation from
+a symmetric S: the cross-talk among forces. It is a definition as much as an estimate, for an
+antisymmetric cross-talk *is* a rotation. Of D (m R)⁻¹ the antisymmetric part is the centre of mass,
+the symmetric part K how forces leak into moments. Wrenches are those exerted by the arm.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...server.control.frames import Array, Pose, skew
+from ...server.control.sources.force import GRAVITY
+
+WORST_CONDITION = 12.0
+"""Attitudes whose directions of gravity are worse spread tell too little [1]."""
+LEAST_WEIGHT = 2.0
+"""A payload that weighs less says nothing about the mounting [N]."""
+NEEDED = 1.5
+"""Cross-talk is worth correcting when the residual is so many times smaller with it [1]."""
+
+
+class NotIdentified(Exception):
+    """The readings do not tell what was asked: says why."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What a model leaves of the readings, root of the mean square over the attitudes."""
+
+    force: float
+    """Norm of the force [N]."""
+    moment: float
+    """Norm of the moment [N·m]."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What was found; as a cell says it."""
+
+    mass: float
+    """[kg]"""
+    com: Array
+    """Centre of mass in the Sensor frame (3,) [m]."""
+    bias: Array
+    """The sensor's own reading without load (6,) [N, N·m], the load's sign."""
+    R_wrist_sensor: Array
+    """Mounting (3, 3)."""
+    mounting_known: bool
+    """False where the payload is too light to show it: the cell's own is kept."""
+    calibration: Array | None
+    """Reading less bias to wrench (6, 6); None where it is not needed."""
+    residual: Residual
+    rigid_residual: Residual
+    """The same without a correction of cross-talk."""
+    condition: float
+    """Condition number of the least squares: 2 is as good as attitudes can be [1]."""
+    attitudes: int
+
+    def rpy(self) -> tuple[float, float, float]:
+        """Return the mounting as fixed-axis roll, pitch, yaw [rad]."""
+        return Pose(self.R_wrist_sensor, np.zeros(3)).to_xyz_rpy()[3:]
+
+
+def estimate(R_world_wrist: Array, readings: Array, R_nominal: Array) -> Estimate:
+    """Estimate from attitudes (k, 3, 3) and mean readings (k, 6) at rest, exerted sign.
+
+    `R_nominal` (3, 3) is the mounting R_wrist_sensor that the cell assumes. Raises `NotIdentified`
+    where the attitudes are too few or too alike, or the readings are no weight's.
+    """
+    up = -np.einsum("kji,j->ki", R_world_wrist, GRAVITY)
+    regressor = np.column_stack([up / 9.81, np.ones(len(up))])
+    condition = float(np.linalg.cond(regressor)) if len(up) >= 4 else np.inf
+    if condition > WORST_CONDITION:
+        raise NotIdentified(
+            f"{len(up)} attitudes are too few or too alike: condition {condition:.1f}, at most "
+            f"{WORST_CONDITION:g}"
+        )
+    found, *_ = np.linalg.lstsq(regressor, readings, rcond=None)
+    A, D = found[:3, :3].T / 9.81, found[:3, 3:].T / 9.81
+    U, sizes, Vt = np.linalg.svd(A)
+    mass, R_sensor_wrist = float(sizes.mean()), U @ Vt
+    known = bool(9.81 * sizes.min() > LEAST_WEIGHT)
+    if not known:
+        R_sensor_wrist = R_nominal.T
+        mass = float(np.trace(R_sensor_wrist.T @ A) / 3.0)
+    elif np.linalg.det(R_sensor_wrist) < 0.0:
+        raise NotIdentified("the readings are mirrored: the sign of a sensor axis is wrong")
+    if mass * 9.81 < 0.1 * LEAST_WEIGHT:
+        # Nothing hangs on it: bias alone.
+        mass, com, K = max(mass, 0.0), np.zeros(3), np.zeros((3, 3))
+    else:
+        B = D @ R_sensor_wrist.T / mass
+        com = 0.5 * np.array([B[2, 1] - B[1, 2], B[0, 2] - B[2, 0], B[1, 0] - B[0, 1]])
+        K = 0.5 * (B + B.T)
+    force = mass * up @ R_sensor_wrist.T
+    ideal = np.hstack([force, force @ skew(com).T])
+    rigid_bias = (readings - ideal).mean(axis=0)
+    rigid = _residual(readings - ideal - rigid_bias, 13)
+    full = _residual(readings - regressor @ found, 24)
+    gain = max(rigid.force / full.force, rigid.moment / full.moment)
+    needed = known and gain > NEEDED
+    calibration = None
+    if needed:
+        S_inverse = np.linalg.inv(U @ np.diag(sizes) @ U.T / mass)
+        calibration = np.block([[S_inverse, np.zeros((3, 3))], [-K @ S_inverse, np.eye(3)]])
+    return Estimate(
+        mass=mass,
+        com=com,
+        bias=-(found[3] if needed else rigid_bias),
+        R_wrist_sensor=R_sensor_wrist.T,
+        mounting_known=known,
+        calibration=calibration,
+        residual=full if needed else rigid,
+        rigid_residual=rigid,
+        condition=condition,
+        attitudes=len(up),
+    )
+
+
+def _residual(rest: Array, parameters: int) -> Residual:
+    """Return the residual of (k, 6) numbers that a fit of so many parameters left."""
+    freedom = max(rest.size - parameters, 1) / 6.0
+    force, moment = (np.sqrt(float((part**2).sum()) / freedom) for part in np.hsplit(rest, 2))
+    return Residual(max(force, 1e-12), max(moment, 1e-12))

@@ -1,0 +1,125 @@
+"""Leads an arm through attitudes and averages its sensor in each; told every state that comes in.
+
+The same guide leads a real daemon, in wall time, and a simulated one, in virtual time: it knows no
+clock but that of the states.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...protocols import messages as m
+from ...protocols import topics as t
+from ...server.control.frames import Array
+from ..pilot import Pilot, PilotError
+from .attitudes import Stop
+
+SETTLE_S = 0.4
+"""From arrival until the sensor is believed [s]."""
+AVERAGE_S = 0.6
+"""The sensor is averaged for this long [s]."""
+ARRIVE_S = 30.0
+"""A posture that is not reached by then will not be [s]."""
+
+
+@dataclass
+class Sample:
+    """Means over one attitude."""
+
+    q: Array
+    """Measured joints (n,) [rad]."""
+    wrench: Array
+    """The sensor's reading, exerted sign (6,) [N, N·m]."""
+
+
+@dataclass
+class Guide:
+    """Goes from stop to stop. `say` is told, in a line, how far it is."""
+
+    pilot: Pilot
+    stops: list[Stop]
+    say: Callable[[str], None] = lambda _line: None
+    samples: list[Sample] = field(default_factory=list)
+    failure: str = ""
+    """Why it could not go on."""
+    over: bool = False
+    _at: int = -1
+    _asked_seq: int = 0
+    _since_s: float = 0.0
+    _arrived_s: float | None = None
+    _heard: list[tuple[tuple[float, ...], m.Vector6]] = field(default_factory=list)
+    _force_was_on: bool = False
+    _allowed: bool = False
+
+    def run(self, state: m.State) -> None:
+        """Do what is due at a new state."""
+        if self.over:
+            return
+        try:
+            self._run(state)
+        except PilotError as error:
+            self._fail(str(error))
+
+    def _run(self, state: m.State) -> None:
+        if state.mode != "enabled":
+            self._fail(f"mode became {state.mode}")
+        elif self._at < 0:
+            # With the payload not known yet, force control would take its weight for contact.
+            self._force_was_on = any(state.gains["force"])
+            self._at = 0
+            self.pilot.request(t.SWITCH, self._on_switched, source="force", on=False)
+        elif not self._allowed:
+            return
+        elif self._since_s == 0.0:
+            self._leave(state)
+        elif self._arrived_s is None:
+            self._travel(state)
+        elif state.time_s >= self._arrived_s + SETTLE_S:
+            self._listen(state)
+
+    def _on_switched(self, reply: m.Reply) -> None:
+        self._allowed = reply.ok
+        if not reply.ok:
+            self._fail(f"{reply.reason}: {reply.detail}")
+
+    def _leave(self, state: m.State) -> None:
+        self.pilot.command(t.POSTURE, q=tuple(self.stops[self._at].q.tolist()))
+        self._asked_seq, self._since_s = self.pilot.seq, state.time_s
+        self._arrived_s = None
+        self._heard.clear()
+
+    def _travel(self, state: m.State) -> None:
+        if state.last_seq.get(t.POSTURE.key, 0) >= self._asked_seq and state.at_goal:
+            self._arrived_s = state.time_s
+            if not self.stops[self._at].measure:
+                self._next()
+        elif state.time_s > self._since_s + ARRIVE_S:
+            self._fail(f"posture not reached within {ARRIVE_S:g} s")
+
+    def _listen(self, state: m.State) -> None:
+        if state.wrench_sensor is None:
+            self._fail("the force/torque sensor is stale or missing")
+            return
+        self._heard.append((state.q, state.wrench_sensor))
+        if self._arrived_s is not None and state.time_s >= self._arrived_s + SETTLE_S + AVERAGE_S:
+            q, wrench = (np.mean(part, axis=0) for part in zip(*self._heard, strict=True))
+            self.samples.append(Sample(q, wrench))
+            wanted = sum(stop.measure for stop in self.stops)
+            self.say(f"attitude {len(self.samples)} of {wanted}")
+            self._next()
+
+    def _next(self) -> None:
+        self._at += 1
+        self._since_s = 0.0
+        if self._at == len(self.stops):
+            self._end()
+
+    def _fail(self, why: str) -> None:
+        self.failure = why
+        self._end()
+
+    def _end(self) -> None:
+        self.over = True
+        if self._force_was_on and self.pilot.token is not None:
+            self.say("force control is off: switch it on when the cell knows what was found")
