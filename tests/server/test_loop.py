@@ -1,7 +1,9 @@
 from itertools import pairwise
 
 import pytest
-from telerobot.server.loop import next_deadline
+from telerobot.server.clock import VirtualClock
+from telerobot.server.loop import next_deadline, run
+from telerobot.server.mode import Mode
 
 T = 0.01
 
@@ -44,3 +46,43 @@ def test_after_a_stall_no_tick_follows_another_in_less_than_half_a_period(rng):
     assert min(gaps) >= 0.5 * T - 1e-9
     assert skipped > 0
     assert round((deadline - start) / T) == served + skipped
+
+
+class _Clock(VirtualClock):
+    """Virtual time that a sleep moves on."""
+
+    def sleep_until(self, deadline_s):
+        self.time_s = max(self.time_s, deadline_s)
+
+
+class _Plant:
+    """Drives that answer at once."""
+
+    def answered(self):
+        return True
+
+
+class _Stalling:
+    """A cycle whose third tick takes almost five periods, on a clock that it moves."""
+
+    mode, output, compute_s = Mode.READY, None, 0.0
+
+    def __init__(self, clock):
+        self.plant, self.clock, self.tick, self.told = _Plant(), clock, 0, []
+
+    def begin(self):
+        self.tick += 1
+
+    def finish(self):
+        self.clock.time_s += 0.047 if self.tick == 3 else 0.001
+
+    def missed(self, periods):
+        self.told.append(periods)
+
+
+def test_the_cycle_is_told_how_many_deadlines_a_stall_has_cost():
+    clock = _Clock()
+    cycle = _Stalling(clock)
+    statistics = run(cycle, clock, 0.01, lambda cycle: cycle.tick < 5)
+    assert cycle.told == [0, 0, 4, 0, 0]
+    assert (statistics.ticks, statistics.skipped) == (5, 4)

@@ -3,6 +3,7 @@
 import math
 
 import msgpack
+import numpy as np
 import pytest
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import VERSION, JointJog, JoystickTwist, PositionTarget
@@ -102,6 +103,21 @@ def test_nothing_sent_before_an_enable_is_ever_executed(play):
     )
     assert [e.values["reason"] for e in again.events("command_refused")] == ["before_enable"]
     assert again.summary["command_hash"] == run.summary["command_hash"]
+
+
+def test_what_was_ordered_before_a_hold_is_dead_after_the_resume(play):
+    target = {"xyz": [0.0, 0.2, 0.0], "rpy": [0.0, 0.0, 0.0], "relative_to": "mrf"}
+    run = play(
+        {"at_s": 0.3, "position": target},
+        {"at_s": 0.8, "mode": "hold"},
+        {"at_s": 1.5, "mode": "resume"},
+        seconds=3.0,
+    )
+    assert max(map(abs, run.at(0.75).dq_command)) > 0.01
+    assert run.summary["mode"] == "enabled"
+    assert run.states[-1].target_mrf is None
+    moved = np.array(run.states[-1].pose_mrf[:3]) - run.at(1.4).pose_mrf[:3]
+    assert np.linalg.norm(moved) < 2e-3
 
 
 def test_commands_are_refused_while_the_arm_is_not_enabled(play):

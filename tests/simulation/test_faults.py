@@ -121,6 +121,21 @@ def test_motion_away_from_a_blocked_direction_is_free(play):
     assert run.at(2.2).dq_command[3] == pytest.approx(-0.1, abs=0.01)
 
 
+def test_the_daemons_heartbeat_is_produced_by_the_tick_in_its_period(pa10):
+    simulation = Simulation(pa10, Script.model_validate({"duration_s": 2.0}))
+    beats = []
+
+    def on_sent(can_id, _data):
+        if can_id == can301.heartbeat_id(can301.MASTER_NODE):
+            beats.append(simulation.cycle.tick)
+
+    simulation.cycle.plant.fieldbus.taps.append(on_sent)
+    simulation.run()
+    timing = pa10.config.timing
+    assert set(np.diff(beats)) == {round(timing.heartbeat_period_s / timing.period_s)}
+    assert len(beats) > 1.5 / timing.heartbeat_period_s
+
+
 @pytest.mark.parametrize("way", ["killed", "hung"])
 def test_a_dead_daemon_leaves_drives_that_stop_by_themselves(pa10, way):
     """Killed: nothing comes any more. Hung: the same, for a tick makes the heartbeat too."""

@@ -50,6 +50,20 @@ def test_pushing_the_wall_settles_at_rate_over_gain_whatever_its_stiffness(pa10,
     assert run.truths[-1].contact_force[0] > 0.0
 
 
+@pytest.mark.parametrize("stiffness", [2_000.0, 20_000.0])
+def test_the_first_touch_of_the_wall_does_not_bounce(pa10, stiffness):
+    """Contact is kept from the first touch on, and never above what the stick asks for by 5 %."""
+    wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
+    rig = pa10.config.rig.model_copy(update={"wall": wall})
+    cell = dataclasses.replace(pa10, config=pa10.config.model_copy(update={"rig": rig}))
+    run = run_shipped("wall_push", cell)
+    forces = np.linalg.norm([truth.contact_force for truth in run.truths], axis=1)
+    first = int(np.argmax(forces > 0.0))
+    assert forces[first] > 0.0
+    assert (forces[first:] > 0.0).all()
+    assert forces.max() < 1.05 * 0.03 / pa10.config.sources.force.gain[0]
+
+
 def test_full_stretch_is_entered_and_left_at_once(pa10):
     run = run_shipped("stretch", pa10)
     out, held, back = run.at(6.0), run.at(13.9), run.at(15.0)
