@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from . import messages as m
+from .sightings import Sighting, StoreView
 
 PREFIX = "telerobot"
 """First part of every key."""
@@ -20,6 +21,11 @@ class Flow(Enum):
     """Put by the operator; newest wins; no answer."""
     REQUEST = auto()
     """Queried by the operator; always answered with a `Reply`."""
+    SENSOR = auto()
+    """Put by a sensor's process, read by the daemon without a lease: it is no order. It moves
+    nothing until the lease holder switches the source on that uses it, and it is used only as
+    long as the tick that it belongs to is recent. Who may put here is the network's to say
+    (Zenoh's access control, by key)."""
     TELEMETRY = auto()
     """Put by the daemon."""
     RIG_COMMAND = auto()
@@ -75,6 +81,8 @@ JOG = _command("jog", m.JointJog, Life.STREAM, 100)
 POSTURE = _command("posture", m.PostureMove, Life.GOAL)
 CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 
+SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
+
 LEASE = _request("lease", m.LeaseRequest)
 RELEASE = _request("release", m.LeaseRelease)
 MODE = _request("mode", m.ModeRequest)
@@ -85,6 +93,7 @@ SWITCH = _request("switch", m.SwitchRequest)
 FRAME = _request("frame", m.FrameRequest)
 SPEED = _request("speed", m.SpeedRequest)
 TARE = _request("tare", m.TareRequest)
+STORE_VIEW = _request("store_view", StoreView)
 
 STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
@@ -97,10 +106,13 @@ RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100,
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, CANCEL,
+    SIGHTING,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
+    STORE_VIEW,
     STATE, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_TRUTH,
 )  # fmt: skip
 
 COMMANDS = tuple(t for t in TOPICS if t.flow is Flow.COMMAND)
+SENSORS = tuple(t for t in TOPICS if t.flow is Flow.SENSOR)
 REQUESTS = tuple(t for t in TOPICS if t.flow is Flow.REQUEST)

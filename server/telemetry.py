@@ -11,6 +11,7 @@ from .control.state import Output
 from .mode import Mode
 from .orders import Orders
 from .plant import PlantReading
+from .vision_watch import VisionWatch
 
 
 def describe(cell: Cell) -> Description:
@@ -29,10 +30,11 @@ def describe(cell: Cell) -> Description:
         upper=tuple(j.upper - m for j, m in zip(joints, margins, strict=True)),
         max_velocity=tuple(drives[j.name].max_velocity for j in joints),
         postures=config.mechanism.postures,
-        sources=("joystick", "position", "force"),
+        sources=("joystick", "position", "vision", "force"),
         gains={
             "joystick": sources.joystick.gain,
             "position": sources.position.gain,
+            "vision": sources.vision.gain,
             "force": sources.force.gain,
         },
         lease_timeout_s=config.timing.lease_timeout_s,
@@ -51,10 +53,12 @@ def report(
     output: Output,
     orders: Orders,
     admission: Admission,
+    vision: VisionWatch,
     protective_stop: bool,
     overruns: int,
 ) -> State:
     """Return the state of one tick."""
+    view = vision.view
     return State.model_construct(
         tick=tick,
         time_s=time_s,
@@ -69,6 +73,8 @@ def report(
         pose_crf=orders.T_world_crf.to_xyz_rpy(),
         target_mrf=None if orders.goal is None else orders.goal.T_world_target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
+        view=None if view is None else view.to_xyz_rpy(),
+        view_age_ticks=vision.age(tick),
         sources={name: _six(twist) for name, twist in output.twists.items()},
         gains={name: _six(gain) for name, gain in orders.settings().gains.items()},
         twist=_six(output.twist),

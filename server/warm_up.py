@@ -7,6 +7,7 @@ from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
 from ..protocols.messages import JoystickTwist
 from .control.sources.position import PathGoal
+from .control.sources.vision import ViewGoal
 from .control.state import Inputs, Intent, StickCommand
 from .control.tick import Control
 from .orders import Orders
@@ -25,7 +26,8 @@ def warm_up(cell: Cell, control: Control) -> None:
         memory = control.seed(q)
         for _ in range(TICKS):
             goal = PathGoal(control.pose_mrf(memory, settings.T_wrist_mrf), 1)
-            inputs = Inputs(0.0, intent, q, settings, stick=stick, goal=goal)
+            view = ViewGoal(settings.T_wrist_mrf, goal.T_world_target)
+            inputs = Inputs(0.0, intent, q, settings, stick=stick, goal=goal, view=view)
             memory, _ = control.tick(memory, inputs)
     decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
     command = JoystickTwist(token="-", epoch=0, seq=0, seen_tick=0, twist=(0.0,) * 6)

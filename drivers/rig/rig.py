@@ -18,6 +18,7 @@ from .force_torque_node import SimulatedForceTorque
 from .link import NodeLink
 from .position_loop import PositionLoop
 from .servo_node import SimulatedDrive
+from .tags import KINDS, Tags
 from .world import World
 
 SYNC_STAMPS = 1 << 16
@@ -80,6 +81,7 @@ class Rig:
                 next(generators),
                 self.now,
             )
+        self.tags = Tags(rig.tags)
         self._faults = Faults(self.world, self.drives, self.force_torque)
         self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
         self._links = [node.link for node in self._nodes]
@@ -165,7 +167,10 @@ class Rig:
 
     def inject(self, fault: RigFault) -> None:
         """Apply a fault, or take it back. Raises `ValueError` for one that makes no sense."""
-        self._faults.inject(fault)
+        if fault.kind in KINDS:
+            self.tags.inject(fault)
+        else:
+            self._faults.inject(fault)
 
     def truth(self) -> RigTruth:
         """Return what is really the case now."""
@@ -184,4 +189,6 @@ class Rig:
             contact_force=(fx, fy, fz),
             clearance_m=self.world.clearance(),
             drives=tuple(node.state.name.lower() for node in self.drives.values()),
+            tags=self.tags.poses,
+            covered=self.tags.covered,
         )

@@ -12,6 +12,7 @@ from .frames import Array, Pose
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
 from .sources.position import PathGoal, PositionState
+from .sources.vision import ViewGoal, VisionState
 from .trajectory import Motion, Stop
 
 
@@ -64,6 +65,8 @@ class Inputs:
     stick: StickCommand | None = None
     jog: Array | None = None
     goal: PathGoal | None = None
+    view: ViewGoal | None = None
+    """Where the desired view is; None without one, or when pictures are stale."""
     posture: Array | None = None
     at_posture: bool = False
     """A posture was reached and nothing was asked for since: no self-motion leads away from it."""
@@ -84,6 +87,7 @@ class Memory:
     gains: dict[str, Array]
     joystick: JoystickState
     position: PositionState
+    vision: VisionState
     force: ForceState
     hold: Array | None = None
     """Where the Wrist was in World when HOLD began (3,) [m]."""

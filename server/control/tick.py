@@ -14,6 +14,7 @@ import numpy as np
 
 from .avoidance.joint_room import JointRoom
 from .avoidance.nearest import nearest
+from .bleed import bleed
 from .frames import Array, Pose
 from .gate import Gate
 from .limit import Limited, Limiter
@@ -24,6 +25,7 @@ from .resolve import Travel, resolve
 from .sources.force import Force, ForceState
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState
+from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Output
 from .trajectory import Motion
 
@@ -35,9 +37,6 @@ POSTURE_GAIN = 4.0
 
 POSTURE_REACHED = 2e-4
 """A posture is reached within this angle of every joint [rad]."""
-
-BLED_OFF = 0.3
-"""Bleeding off contact in HOLD ends at this part of its threshold [1]."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,7 @@ class Control:
         T = p.period_s
         self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
         self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
+        self.vision = Vision(p.vision_speed, p.shaping_acceleration, p.shaping_jerk, T)
         self.force = Force(
             p.T_wrist_sensor or Pose.identity(), p.payload_mass, p.payload_com, p.wrench_smoothing
         )
@@ -79,6 +79,7 @@ class Control:
             gains={},
             joystick=JoystickState.idle(),
             position=PositionState(),
+            vision=VisionState.idle(),
             force=ForceState(),
         )
 
@@ -183,34 +184,28 @@ class Control:
             settings.T_world_crf.R,
             settings.speed_factor,
         )
+        vision, vision_state = self.vision.rate(
+            memory.vision if moving else VisionState.idle(),
+            inputs.view if moving and inputs.posture is None and inputs.jog is None else None,
+            k.T_world_wrist,
+            k.T_world_mrf.p,
+            gains["vision"],
+            settings.speed_factor,
+        )
         wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
         force = self.force.rate(wrench, inputs.wrench_desired, gains["force"], k.T_world_mrf.R)
-        memory = replace(memory, joystick=joystick_state, position=position_state)
+        memory = replace(
+            memory, joystick=joystick_state, position=position_state, vision=vision_state
+        )
         if not moving:
-            memory, force = self._bleed(memory, inputs, k, wrench, force)
-        return memory, {"joystick": joystick, "position": position, "force": force}
-
-    def _bleed(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, wrench: Array | None, force: Array
-    ) -> tuple[Memory, Array]:
-        """In HOLD, let FMA go on alone, inside a small leash, until contact is bled off."""
-        if inputs.intent is not Intent.HOLD:
-            return replace(memory, hold=None, bleeding=False), np.zeros(6)
-        hold = memory.hold if memory.hold is not None else k.T_world_wrist.p
-        size = 0.0 if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3]))
-        threshold = self.p.hold_threshold * (BLED_OFF if memory.bleeding else 1.0)
-        bleeding = wrench is not None and size > threshold
-        memory = replace(memory, hold=hold, bleeding=bleeding)
-        if not bleeding:
-            return memory, np.zeros(6)
-        away = k.T_world_wrist.p - hold
-        distance = math.sqrt(float(away @ away))
-        if float(force[:3] @ away) > 0.0:
-            room = max(0.0, self.p.hold_leash - distance)
-            force = force * min(1.0, room / (0.2 * self.p.hold_leash + 1e-12))
-        force = force.copy()
-        force[3:] = 0.0
-        return memory, force
+            threshold, leash = self.p.hold_threshold, self.p.hold_leash
+            memory, force = bleed(memory, inputs, k, wrench, force, threshold, leash)
+        return memory, {
+            "joystick": joystick,
+            "position": position,
+            "vision": vision,
+            "force": force,
+        }
 
     def _joint_rates(self, memory: Memory, inputs: Inputs) -> Array | None:
         """Return joint rates (n,) where joints are commanded directly: jog, then posture."""
