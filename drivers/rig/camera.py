@@ -96,7 +96,7 @@ class RigCameras:
         width, height = camera.size
         try:
             return mujoco.Renderer(self._model, height, width)
-        except Exception as error:  # whatever a graphics library raises: there is no picture
+        except Exception as error:  # noqa: BLE001  graphics libraries raise whatever they like
             words = " ".join(str(error).split())[:120]
             raise DeviceError(
                 "pictures cannot be rendered here: apt-get install libosmesa6 "
@@ -164,6 +164,15 @@ def _paint(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, half: float) ->
 
 
 def _light(spec: mujoco.MjSpec) -> None:
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(0.55, 0.62, 0.70),
+        rgb2=(0.25, 0.28, 0.32),
+        width=64,
+        height=384,
+    )
     spec.visual.headlight.ambient[:] = 0.45
     spec.visual.headlight.diffuse[:] = 0.35
     spec.visual.headlight.specular[:] = 0.0

@@ -1,5 +1,7 @@
 """OpenCV, where it is installed, set up to use one thread and to be repeatable."""
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,7 @@ except ImportError as error:
         "pip install opencv-python-headless"
     ) from None
 
-__all__ = ["cv2", "dictionary", "marker"]
+__all__ = ["cells", "cv2", "dictionary", "marker", "save"]
 
 cv2.setNumThreads(1)
 
@@ -42,3 +44,13 @@ def marker(family: TagFamily, tag: int, cell_px: int) -> NDArray[np.uint8]:
 def cells(family: TagFamily) -> int:
     """Return how many cells the black square of a tag of a family has on a side."""
     return int(dictionary(family).markerSize) + 2
+
+
+def save(path: Path, picture: NDArray[np.uint8], corners: NDArray[np.float64] | None) -> None:
+    """Write a picture, grey (h, w) or RGB (h, w, 3), as PNG; outline what was found in it."""
+    code = cv2.COLOR_GRAY2BGR if picture.ndim == 2 else cv2.COLOR_RGB2BGR
+    drawn = cv2.cvtColor(picture, code)
+    if corners is not None:
+        outline = np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)
+        cv2.polylines(drawn, [outline], True, (40, 200, 40), 2, cv2.LINE_AA, 4)
+    cv2.imwrite(str(path), drawn, [cv2.IMWRITE_PNG_COMPRESSION, 9])

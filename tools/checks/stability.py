@@ -30,13 +30,13 @@ def stability(cell: Cell) -> Iterator[Finding]:
         {"loop_gain": worst, "bound": position_bound},
     )
     if cell.config.cameras:
-        gain, delay = cell.config.sources.vision.gain, vision_periods(cell)
+        gains, delay = cell.config.sources.vision.gain, vision_periods(cell)
         yield Finding(
             "vision gain",
-            _grade(min(gain), max(gain) * period, bound(delay)),
-            f"K_V T = {max(gain) * period:.3g}, stable below {bound(delay):.3g} at d = {delay:g} "
+            _grade(min(gains), max(gains) * period, bound(delay)),
+            f"K_V T = {max(gains) * period:.3g}, stable below {bound(delay):.3g} at d = {delay:g} "
             "periods, a picture's stamp being wrong by an interval between two",
-            {"loop_gain": max(gain) * period, "bound": bound(delay)},
+            {"loop_gain": max(gains) * period, "bound": bound(delay)},
         )
     if cell.config.mechanism.force_torque is None:
         yield Finding("force gain", Status.OK, "no force/torque sensor, so no force loop")

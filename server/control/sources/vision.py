@@ -46,7 +46,7 @@ class VisionState:
 
 
 class Vision:
-    """Keeps a view; `speed` (6,) bounds the Lens's rate, `acceleration` and `jerk` (6,) shape it."""
+    """Keeps a view; `speed` (6,) bounds the Lens, `acceleration`, `jerk` (6,) shape its rate."""
 
     def __init__(self, speed: Array, acceleration: Array, jerk: Array, period_s: float) -> None:
         self._speed = speed
