@@ -84,7 +84,7 @@ class Vision(Section):
         (0.02, 0.12), description="difference of two pictures that is still noise [m], [rad]"
     )
     smoothing_s: float = Field(
-        0.1, ge=0, le=2, description="time constant of the filter over the seen target [s]"
+        0.25, ge=0, le=2, description="time constant of the filter over the seen target [s]"
     )
 
 

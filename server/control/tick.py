@@ -21,6 +21,7 @@ from .limit import Limited, Limiter
 from .mechanism import Kinematics, Mechanism
 from .objectives.mid_range import MidRange
 from .parameters import Parameters
+from .ramp import ramped
 from .resolve import Travel, resolve
 from .sources.force import Force, ForceState
 from .sources.joystick import Joystick, JoystickState
@@ -28,9 +29,6 @@ from .sources.position import Position, PositionState
 from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Output
 from .trajectory import Motion
-
-GAIN_TIME_S = 0.15
-"""Time constant with which a changed gain takes effect [s]."""
 
 POSTURE_GAIN = 4.0
 """Approach to a joint posture close to it [1/s]."""
@@ -285,12 +283,7 @@ class Control:
         target = inputs.settings.gains
         if inputs.intent is not Intent.MOVE or memory.gains.keys() != target.keys():
             return target
-        part = 1.0 - math.exp(-self.p.period_s / GAIN_TIME_S)
-        ramped = {}
-        for name, now in memory.gains.items():
-            way = target[name] - now
-            ramped[name] = target[name] if np.abs(way).max() < 1e-7 else now + part * way
-        return ramped
+        return ramped(memory.gains, target, self.p.period_s)
 
     def _remember(self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked) -> Memory:
         granted = 0.0 if limited.stopped else asked.scale
