@@ -242,8 +242,8 @@ class State(Message):
     pose_crf: Vector6
     target_mrf: Vector6 | None
     wrench_mrf: Vector6 | None
-    view: Vector6 | None
-    view_age_ticks: Count | None
+    view: Vector6 | None = None
+    view_age_ticks: Count | None = None
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]
     twist: Vector6

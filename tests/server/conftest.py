@@ -12,7 +12,6 @@ from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.state import Inputs, Intent, Output, Settings, StickCommand
 from telerobot.server.control.tick import Control
 
-
 SOURCES = ("joystick", "position", "vision", "force")
 
 
