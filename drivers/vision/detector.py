@@ -27,6 +27,9 @@ PERIMETER_PX = 32.0
 """Outlines shorter than this are not looked at [px]."""
 
 
+FARTHEST_M = 50.0
+"""What is farther away is no tag but an error [m]."""
+
 SAME_RAD = 0.02
 """Two poses this close together are one [rad]."""
 
@@ -109,7 +112,7 @@ class Detector:
             R = np.asarray(cv2.Rodrigues(turn)[0], dtype=float)
             p = np.asarray(place, dtype=float).ravel()
             new = not any(_angle(R, c.R) < SAME_RAD for c in found)
-            if new and p[2] > 0.0 and math.isfinite(error):
+            if new and p[2] > 0.0 and np.abs(p).max() < FARTHEST_M and math.isfinite(error):
                 found.append(Candidate(R, p, error))
         return tuple(sorted(found, key=lambda c: c.error_px))
 

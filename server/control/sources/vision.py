@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..frames import Array, Pose, cross, pose_error, rotate_twist
+from ..frames import Array, Pose, cross, rotation_log
 from ..trajectory import Motion, VelocityPlanner
 
 
@@ -81,14 +81,20 @@ class Vision:
     def _asked(
         self, goal: ViewGoal, T_world_wrist: Pose, p_world_mrf: Array, gain: Array, factor: float
     ) -> Array:
-        T_world_point = T_world_wrist @ goal.T_wrist_point
-        axes = T_world_point.R if goal.R_world_lens is None else goal.R_world_lens
-        error = rotate_twist(axes.T, pose_error(goal.T_world_goal, T_world_point))
-        rate = gain * error
+        here = T_world_wrist @ goal.T_wrist_point
+        turn = rotation_log(here.R.T @ goal.T_world_goal.R)
+        axes = here.R
+        if goal.R_world_lens is not None:
+            axes = goal.R_world_lens
+            turn = axes.T @ (here.R @ turn)
+        v = gain[:3] * (axes.T @ (goal.T_world_goal.p - here.p))
+        w = gain[3:] * turn
         # One factor for all six: the target is to stay in the picture, so the way stays straight.
-        v = math.sqrt(float(rate[:3] @ rate[:3])) / (factor * float(self._speed[0]))
-        w = math.sqrt(float(rate[3:] @ rate[3:])) / (factor * float(self._speed[3]))
-        twist = rotate_twist(axes, rate / max(1.0, v, w))
+        fast = math.sqrt(float(v @ v)) / float(self._speed[0])
+        quick = math.sqrt(float(w @ w)) / float(self._speed[3])
+        axes = axes / max(1.0, fast / factor, quick / factor)
+        twist = np.empty(6)
+        twist[3:] = axes @ w
         # From the moved point to the MRF, both on one rigid body (eq. 1).
-        twist[:3] += cross(twist[3:], p_world_mrf - T_world_point.p)
+        twist[:3] = axes @ v + cross(twist[3:], p_world_mrf - here.p)
         return twist
