@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from .agree_cameras import camera_disagreements
 from .errors import ConfigError, nearest
 from .schema import CellConfig, Drive
 from .urdf import Robot, UrdfJoint
@@ -33,6 +34,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from _postures(config, robot)
     yield from _sensor_ids(config)
     yield from _gripper(config)
+    yield from camera_disagreements(config)
     if config.rig is not None:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):

@@ -7,14 +7,15 @@ description; `check.py` in the tools judges what a schema cannot see.
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-Vector3 = Annotated[tuple[float, float, float], Field(description="[x, y, z]")]
-Vector6 = Annotated[
-    tuple[float, float, float, float, float, float],
-    Field(description="linear x, y, z, then angular x, y, z"),
-]
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+from .cameras import Camera, RigTag, Vision
+from .section import Name as Name
+from .section import Pose as Pose
+from .section import Section as Section
+from .section import Vector3 as Vector3
+from .section import Vector6 as Vector6
+
 NodeId = Annotated[int, Field(ge=1, le=127)]
 CanId = Annotated[int, Field(ge=0, le=0x7FF)]
 Positive = Annotated[float, Field(gt=0)]
@@ -24,19 +25,6 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy")
 """The redundancy objectives."""
-
-
-class Section(BaseModel):
-    """A table of the cell file: unknown keys and non-finite numbers are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Pose(Section):
-    """A frame's pose in its parent: translation, then fixed-axis roll, pitch, yaw."""
-
-    xyz: Vector3 = Field((0.0, 0.0, 0.0), description="translation [m]")
-    rpy: Vector3 = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw about fixed x, y, z [rad]")
 
 
 class Timing(Section):
@@ -256,6 +244,7 @@ class Sources(Section):
 
     joystick: Joystick = Field(default_factory=Joystick, description="the operator's stick")
     position: Position = Field(default_factory=Position, description="target poses")
+    vision: Vision = Field(default_factory=Vision, description="a camera's view")
     force: Force = Field(default_factory=Force, description="force control")
 
 
@@ -424,6 +413,7 @@ class Rig(Section):
     )
     wall: Wall | None = Field(None, description="a wall of known stiffness")
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
+    tags: tuple[RigTag, ...] = Field((), description="planar tags that cameras can see")
 
 
 class CellConfig(Section):
@@ -438,6 +428,7 @@ class CellConfig(Section):
     bus: Bus = Field(default_factory=Bus, description="the CAN bus")
     zenoh: Zenoh = Field(default_factory=Zenoh, description="the operators' network")
     mechanism: Mechanism = Field(description="the arm")
+    cameras: tuple[Camera, ...] = Field((), description="cameras, each looking for one tag")
     T_world_crf: Pose = Field(
         default_factory=Pose, description="control reference frame in World, at start"
     )

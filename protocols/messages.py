@@ -48,6 +48,7 @@ class SourceName(StrEnum):
 
     JOYSTICK = "joystick"
     POSITION = "position"
+    VISION = "vision"
     FORCE = "force"
 
 
@@ -251,7 +252,8 @@ class State(Message):
 
     Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World; `target_mrf` is the pose that the
     position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
-    origin in World axes; `twist` is the sum before limiting. `command_age_ticks` is how old the
+    origin in World axes; `twist` is the sum before limiting. `view` is the tag in the Lens as last
+    accepted, and `view_age_ticks` how old that picture is. `command_age_ticks` is how old the
     picture was that the last accepted command was based on.
     `limits` names what is limiting now. `wrench_sensor` is the sensor's reading, sign turned but
     with weight and bias in it; `payload` the mass [kg] and centre of mass in the Sensor frame [m]
@@ -282,6 +284,8 @@ class State(Message):
     wrench_sensor: Vector6 | None = None
     payload: tuple[float, float, float, float] | None = None
     gripper_closed: bool | None = None
+    view: Vector6 | None = None
+    view_age_ticks: Count | None = None
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]
     on: dict[str, bool]
@@ -342,14 +346,15 @@ class Description(Message):
 class RigFault(Message):
     """A fault for the rig to inject, or to take back with `on = false`.
 
-    `target` is a joint name or "force_torque"; `value` depends on the kind: newtons for `push`
-    (world-frame `vector` [N] at the joint's link), probability for `drop` and `corrupt`, seconds
-    for `delay`.
+    `target` is a joint name, "force_torque", or a tag for `cover` and `move`; `value` depends on
+    the kind: probability for `drop` and `corrupt`, seconds for `delay`. `vector` is in World: the
+    force [N] at the joint's link for `push`, the tag's new place [m] for `move`.
     """
 
     kind: Literal[
-        "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy"
-    ]
+        "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
+        "cover", "move",
+    ]  # fmt: skip
     target: str = Field(max_length=64)
     on: bool = True
     value: float | None = None
@@ -360,7 +365,8 @@ class RigTruth(Message):
     """The physics' truth, for whoever judges.
 
     True MRF pose in World `[x, y, z, roll, pitch, yaw]`, joints and rates, contact force of the
-    tool [N] in World as exerted on the environment, least distance between arm and fixed things.
+    tool [N] in World as exerted on the environment, least distance between arm and fixed things,
+    poses of the tags that stand in World, names of those that are covered.
     """
 
     time_s: float
@@ -371,3 +377,5 @@ class RigTruth(Message):
     contact_force: Vector3
     clearance_m: float | None
     drives: tuple[str, ...]
+    tags: dict[str, Vector6] = Field(default_factory=dict)
+    covered: tuple[str, ...] = ()

@@ -9,6 +9,7 @@ from enum import Enum, auto
 
 from . import messages as m
 from . import motion
+from .sightings import Sighting, StoreView
 
 PREFIX = "telerobot"
 """First part of every key."""
@@ -21,6 +22,11 @@ class Flow(Enum):
     """Put by the operator; newest wins; no answer."""
     REQUEST = auto()
     """Queried by the operator; always answered with a `Reply`."""
+    SENSOR = auto()
+    """Put by a sensor's process, read by the daemon without a lease: it is no order. It moves
+    nothing until the lease holder switches the source on that uses it, and it is used only as
+    long as the tick that it belongs to is recent. Who may put here is the network's to say
+    (Zenoh's access control, by key)."""
     TELEMETRY = auto()
     """Put by the daemon."""
     RIG_COMMAND = auto()
@@ -78,6 +84,8 @@ PATH = Topic("cmd/path", motion.PathMotion, Flow.COMMAND, Life.GOAL, max_bytes=8
 MASTER_POSE = _command("master_pose", motion.MasterPose, Life.STREAM, 100)
 CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 
+SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
+
 LEASE = _request("lease", m.LeaseRequest)
 RELEASE = _request("release", m.LeaseRelease)
 MODE = _request("mode", m.ModeRequest)
@@ -93,6 +101,7 @@ GRIPPER = _request("gripper", m.GripperRequest)
 REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
 CLUTCH = _request("clutch", motion.ClutchRequest)
+STORE_VIEW = _request("store_view", StoreView)
 
 STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
@@ -105,12 +114,14 @@ RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100,
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
+    SIGHTING,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
-    PAYLOAD, GRIPPER,
+    PAYLOAD, GRIPPER, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH,
     STATE, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_TRUTH,
 )  # fmt: skip
 
 COMMANDS = tuple(t for t in TOPICS if t.flow is Flow.COMMAND)
+SENSORS = tuple(t for t in TOPICS if t.flow is Flow.SENSOR)
 REQUESTS = tuple(t for t in TOPICS if t.flow is Flow.REQUEST)

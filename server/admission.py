@@ -33,6 +33,7 @@ class Why(StrEnum):
     LEASE_TAKEN = "lease_taken"
     PROTECTIVE_STOP = "protective_stop"
     NOT_YOURS = "not_yours"
+    UNKNOWN_CAMERA = "unknown_camera"
     SENSOR_STALE = "sensor_stale"
     STILL_WRONG = "still_wrong"
     UNSTABLE_GAIN = "unstable_gain"

@@ -29,6 +29,7 @@ from .orders import Orders
 from .plant import Plant, PlantReading
 from .sensor_watch import SensorWatch
 from .telemetry import describe, report
+from .vision_watch import VisionWatch
 from .warm_up import warm_up
 
 DESCRIBE_EVERY = 100
@@ -86,6 +87,7 @@ class Cycle:
         self._retiring = False
         essential = sensor is not None and sensor.essential
         self._sensor = SensorWatch(self._events, essential, timing.period_s)
+        self._vision = VisionWatch(cell, self._events)
         self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
 
     def boot(self) -> None:
@@ -179,6 +181,7 @@ class Cycle:
             at_rest=self.output is None or self.output.at_rest,
             essential_stale=self._sensor.missed,
             gain_bound=self._gain_bound,
+            vision=self._vision,
         )
 
     # --- faults and modes --------------------------------------------------------------------
@@ -301,6 +304,7 @@ class Cycle:
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,
             paused=orders.paused,
+            view=self._vision.goal() if moving else None,
             posture=orders.posture if moving else None,
             at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,
@@ -308,6 +312,9 @@ class Cycle:
         start = time.perf_counter()
         self._memory, self.output = self._control.tick(self._memory, inputs)
         self.compute_s = time.perf_counter() - start
+        if self._vision.watching:
+            T_mrf_wrist = inputs.settings.T_wrist_mrf.inverse()
+            self._vision.remember(self.tick, self.output.T_world_mrf_measured @ T_mrf_wrist)
         if self.output.refusal is not None and self.mode is not Mode.FAULT:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
@@ -329,6 +336,7 @@ class Cycle:
             self.output,
             self._orders,
             self._admission,
+            self._vision,
             self._desk.protective_stop is not None,
             self.overruns,
         )

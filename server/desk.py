@@ -12,12 +12,14 @@ import numpy as np
 from ..protocols import messages as m
 from ..protocols import motion
 from ..protocols.codec import encode
+from ..protocols.sightings import StoreView
 from .admission import Admission, Now, Refused, Why
 from .control.frames import Array
 from .events import Events
 from .link import Asked
 from .mode import Mode, Wish
 from .orders import Orders
+from .vision_watch import VisionWatch
 
 ENABLE_TIMEOUT_S = 3.0
 """Drives that are not in Operation enabled by then will not be [s]."""
@@ -37,6 +39,8 @@ class View:
     essential_stale: tuple[str, ...]
     gain_bound: Callable[[str, tuple[float, ...]], str | None]
     """Why a source's gains would be unstable, or None."""
+    vision: VisionWatch
+    """What the cameras see."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +158,8 @@ class Desk:
                 self._orders.gains[message.source] = np.array(message.gain)
                 self._events.info("gain_set", message.source, gain=str(list(message.gain)))
             case m.SwitchRequest():
+                if message.on and message.source is m.SourceName.VISION:
+                    view.vision.require_view()
                 self._orders.on[message.source] = message.on
                 if message.on and message.source is m.SourceName.POSITION:
                     self._orders.restart_path()
@@ -188,6 +194,9 @@ class Desk:
                 self._events.info("path_" + _PAST[message.action])
             case m.TareRequest():
                 self._tare(view)
+            case StoreView():
+                stored = view.vision.store(message.camera)
+                self._events.info("view_stored", message.camera or "", **stored)
             case _:
                 raise Refused(Why.NOT_NOW, f"no service for {asked.topic.key}")
         return ok

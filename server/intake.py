@@ -1,6 +1,7 @@
 """What operators say in one period: requests answered, commands admitted and put in force."""
 
 from ..protocols.messages import Command, Keepalive
+from ..protocols.sightings import Sighting
 from ..protocols.topics import Topic
 from .admission import Admission, Refused
 from .control.frames import Pose
@@ -40,6 +41,7 @@ class Intake:
                     self._orders.take(command, now_s, T_world_mrf)
                 except Refused as refused:
                     self._refuse(topic, refused)
+        view.vision.look(view.now.tick)
         for name in self._orders.expired(now_s):
             self._events.info("stream_expired", name)
 
@@ -48,6 +50,8 @@ class Intake:
         for topic, payload in self._link.commands():
             try:
                 message = self._admission.admit(topic, payload, view.now)
+                if isinstance(message, Sighting):
+                    view.vision.take(message, view.now.tick)
             except Refused as refused:
                 self._refuse(topic, refused)
                 continue

@@ -13,7 +13,7 @@ from typing import Protocol
 import zenoh
 
 from ..drivers.device import DeviceError
-from ..protocols.topics import COMMANDS, PREFIX, REQUESTS, Topic
+from ..protocols.topics import COMMANDS, PREFIX, REQUESTS, SENSORS, Topic
 
 MAILBOX = 8
 """Unread commands kept per topic; older ones are dropped for newer ones."""
@@ -35,7 +35,7 @@ class Link(Protocol):
     """The network as the cycle uses it; nothing here blocks."""
 
     def commands(self) -> Iterator[tuple[Topic, bytes]]:
-        """Yield the commands that came in, oldest first on each topic."""
+        """Yield the commands and sensor readings that came in, oldest first on each topic."""
         ...
 
     def requests(self) -> Iterator[Asked]:
@@ -81,7 +81,7 @@ class ZenohLink:
         # requests, so that they are answered as they came.
         self._commands = [
             (topic, self._session.declare_subscriber(topic.full_key(cell), ring(MAILBOX)))
-            for topic in COMMANDS
+            for topic in (*COMMANDS, *SENSORS)
         ]
         self._requests = self._session.declare_queryable(
             f"{PREFIX}/{cell}/operator/*", ring(REQUEST_BOX)
@@ -91,7 +91,7 @@ class ZenohLink:
         self._publishers: dict[str, zenoh.Publisher] = {}
 
     def commands(self) -> Iterator[tuple[Topic, bytes]]:
-        """Yield the commands that came in, oldest first on each topic."""
+        """Yield the commands and sensor readings that came in, oldest first on each topic."""
         for topic, subscriber in self._commands:
             for _ in range(MAILBOX):
                 sample = subscriber.try_recv()

@@ -16,8 +16,8 @@ class MemoryLink:
         self._listeners: list[Callable[[Topic, bytes], None]] = []
 
     def put(self, topic: Topic, payload: bytes) -> None:
-        """Send a command as an operator; newest wins, as in Zenoh's ring channels."""
-        if topic.flow is not Flow.COMMAND:
+        """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
+        if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
             raise ValueError(f"{topic.key} is no command")
         box = self._commands.setdefault(topic.key, deque(maxlen=MAILBOX))
         box.append((topic, payload))
@@ -31,7 +31,7 @@ class MemoryLink:
         self._listeners.append(listener)
 
     def commands(self) -> Iterator[tuple[Topic, bytes]]:
-        """Yield the commands that came in, oldest first on each topic."""
+        """Yield the commands and sensor readings that came in, oldest first on each topic."""
         for box in self._commands.values():
             while box:
                 yield box.popleft()

@@ -56,13 +56,16 @@ class Orders:
         self.gains = {
             "joystick": np.array(sources.joystick.gain),
             "position": np.array(sources.position.gain),
+            "vision": np.array(sources.vision.gain),
             "force": np.array(sources.force.gain),
         }
         self.on = {
             "joystick": sources.joystick.enabled,
             "position": sources.position.enabled,
+            "vision": sources.vision.enabled and bool(config.cameras),
             "force": sources.force.enabled and config.mechanism.force_torque is not None,
         }
+        self._vision_on = self.on["vision"]
         sensor = config.mechanism.force_torque
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self._payloads = {
@@ -105,8 +108,13 @@ class Orders:
         self._take[type(message)](message, now_s, T_world_mrf)
 
     def clear(self) -> None:
-        """Drop every stream and goal: what was ordered before is dead."""
+        """Drop every stream and goal: what was ordered before is dead.
+
+        The view that is stored stays; the source that would drive to it goes back to its switch
+        at start, so that no enable and no other operator sets the arm in motion unasked.
+        """
         self._stick = self._jog = None
+        self.on["vision"] = self._vision_on
         self._drop_goals()
         self.wrench_desired = np.zeros(6)
 

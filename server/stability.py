@@ -119,6 +119,18 @@ def tool_bounds(cell: Cell) -> list[tuple[float, float] | None]:
     return found
 
 
+def vision_periods(cell: Cell) -> float:
+    """Return the delay that the view's loop is judged with [periods].
+
+    A picture's lateness is taken out by the pose that the arm had when it was exposed; what is
+    left is the drives' delay, and an error of the stamp, of which a whole interval between two
+    pictures of the slowest camera is allowed for.
+    """
+    slowest = min((c.rate_hz for c in cell.config.cameras), default=math.inf)
+    stamp_s = 1.0 / slowest
+    return BUS_PERIODS + DRIVE_PERIODS + stamp_s / cell.config.timing.period_s
+
+
 def gain_judge(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
     """Return a judge: source and gains (6,) to the reason why they would be unstable, or None."""
     period = cell.config.timing.period_s
@@ -129,6 +141,8 @@ def gain_judge(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
         for i, gain in enumerate(gains):
             if source == "position":
                 loop, limit = gain * period, bound(BUS_PERIODS + DRIVE_PERIODS)
+            elif source == "vision":
+                loop, limit = gain * period, bound(vision_periods(cell))
             elif source == "force":
                 axis = force_axis(cell, i, gain)
                 if axis is None:

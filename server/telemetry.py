@@ -13,6 +13,7 @@ from .control.state import Output
 from .mode import Mode
 from .orders import Orders
 from .plant import PlantReading
+from .vision_watch import VisionWatch
 
 
 def describe(cell: Cell) -> Description:
@@ -31,10 +32,11 @@ def describe(cell: Cell) -> Description:
         upper=tuple(j.upper - m for j, m in zip(joints, margins, strict=True)),
         max_velocity=tuple(drives[j.name].max_velocity for j in joints),
         postures=config.mechanism.postures,
-        sources=("joystick", "position", "force"),
+        sources=("joystick", "position", "vision", "force"),
         gains={
             "joystick": sources.joystick.gain,
             "position": sources.position.gain,
+            "vision": sources.vision.gain,
             "force": sources.force.gain,
         },
         lease_timeout_s=config.timing.lease_timeout_s,
@@ -53,10 +55,12 @@ def report(
     output: Output,
     orders: Orders,
     admission: Admission,
+    vision: VisionWatch,
     protective_stop: bool,
     overruns: int,
 ) -> State:
     """Return the state of one tick."""
+    view = vision.view
     return State.model_construct(
         tick=tick,
         time_s=time_s,
@@ -74,6 +78,8 @@ def report(
         wrench_sensor=None if reading.wrench is None else _six(reading.wrench),
         gripper_closed=orders.gripper_closed,
         payload=None if orders.payload is None else _four(orders.payload),
+        view=None if view is None else view.to_xyz_rpy(),
+        view_age_ticks=vision.age(tick),
         sources={name: _six(twist) for name, twist in output.twists.items()},
         gains={name: _six(gain) for name, gain in output.gains.items()},
         on=dict(orders.on),

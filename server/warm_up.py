@@ -11,6 +11,7 @@ from ..protocols.codec import decode_as, encode
 from ..protocols.messages import JoystickTwist
 from .control.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
 from .control.redundancy import Pulls
+from .control.sources.vision import ViewGoal
 from .control.state import Inputs, Intent, StickCommand
 from .control.tick import Control
 from .orders import Orders
@@ -33,7 +34,8 @@ def warm_up(cell: Cell, control: Control) -> None:
             T = control.pose_mrf(memory, settings.T_wrist_mrf)
             goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((Segment(np.zeros(6), 1.0),), 3))
             goal = goals[i * len(goals) // TICKS]
-            inputs = Inputs(0.0, intent, q, settings, stick=stick, goal=goal)
+            view = ViewGoal(settings.T_wrist_mrf, T)
+            inputs = Inputs(0.0, intent, q, settings, stick=stick, goal=goal, view=view)
             memory, _ = control.tick(memory, inputs)
     decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
     command = JoystickTwist(token="-", epoch=0, seq=0, seen_tick=0, twist=(0.0,) * 6)

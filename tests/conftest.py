@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from telerobot.config.load import load_cell
+from telerobot.drivers.device import DeviceError
 
 _LINK = (
     '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" '
@@ -101,3 +103,14 @@ def small(tmp_path: Path) -> CellFiles:
     files.cell.write_text(CELL)
     files.urdf.write_text(URDF)
     return files
+
+
+@pytest.fixture(scope="session")
+def rendering() -> None:
+    """Skip, with the reason, where no pictures can be rendered."""
+    try:
+        from telerobot.drivers.rig.camera import RigCameras
+
+        RigCameras(load_cell("pa10_vision")).close()
+    except DeviceError as error:
+        pytest.skip(str(error))

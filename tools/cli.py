@@ -34,6 +34,8 @@ COMMANDS: Final = (
             ("telerobot serve pa10", "telerobot serve my/cell.toml")),
     Command("rig", "rig", "the virtual hardware of a cell: physics, drives and sensors on CAN",
             ("telerobot rig pa10",)),
+    Command("vision", "vision", "looks through the cell's cameras, and tells the daemon",
+            ("telerobot vision pa10_vision", "telerobot vision pa10_vision --pictures=out")),
     Command("simulate", "simulate", "daemon and rig in one process, in virtual time",
             ("telerobot simulate pa10", "telerobot simulate pa10 wall_push --json")),
     Command("drive", "drive", "a remote operator in the terminal",

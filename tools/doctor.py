@@ -68,6 +68,12 @@ def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
         {"openblas_num_threads": threads},
     )
     yield _packages()
+    refusal = machine.picture_refusal()
+    yield Finding(
+        "pictures",
+        Status.WARN if refusal else Status.OK,
+        f"{refusal}; everything else works without" if refusal else "can be rendered and looked at",
+    )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

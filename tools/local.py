@@ -31,9 +31,9 @@ class ChildDied(Exception):
 class LocalPlant:
     """Rig and daemon of a cell, on a private multicast group and endpoint; a context manager.
 
-    Both are ended on the way out, by their own process ids, and by the kernel should this process
-    vanish. What they wrote to stderr is kept for
-    `complaints`.
+    A cell with cameras has its vision process, too. All are ended on the way out, by their own
+    process ids, and by the kernel should this process vanish. What they wrote to stderr is kept
+    for `complaints`.
     """
 
     def __init__(self, cell: Cell, statistics: Path | None = None) -> None:
@@ -42,6 +42,7 @@ class LocalPlant:
         """Where the rig takes faults and tells the truth: the daemon's router by default."""
         self.rig: subprocess.Popen[bytes] | None = None
         self.daemon: subprocess.Popen[bytes] | None = None
+        self.vision: subprocess.Popen[bytes] | None = None
         self._statistics = statistics
         self._folder = tempfile.TemporaryDirectory()
         self._errors: list[tuple[str, Path]] = []
@@ -49,6 +50,8 @@ class LocalPlant:
     def __enter__(self) -> Self:
         self.start_rig()
         self.start_daemon()
+        if self.cell.config.cameras:
+            self.start_vision()
         return self
 
     def __exit__(
@@ -68,6 +71,10 @@ class LocalPlant:
         """Start the daemon."""
         statistics = [] if self._statistics is None else [f"--statistics={self._statistics}"]
         self.daemon = self._start("serve", self.cell, statistics)
+
+    def start_vision(self) -> None:
+        """Start looking through the cell's cameras. A machine that can't goes on without."""
+        self.vision = self._start("vision", self.cell, [])
 
     def answers(self) -> bool:
         """Return whether somebody listens on the daemon's endpoint."""
@@ -95,7 +102,12 @@ class LocalPlant:
             time.sleep(POLL_S)
 
     def stop(self) -> bool:
-        """End both, the daemon first so that it stops the arm; return whether both ended well."""
+        """End all, the daemon first so that it stops the arm.
+
+        Return whether rig and daemon ended well; pictures are something to do without.
+        """
+        if self.vision is not None:
+            end(self.vision)
         codes = [end(child) for child in (self.daemon, self.rig) if child is not None]
         return all(code == 0 for code in codes)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from ..config.load import load_cell
 from ..config.schema import Bus
 from ..drivers.bus import open_bus
 from ..drivers.device import DeviceError
@@ -130,3 +131,14 @@ def loopback_refusal(bus: Bus = _PROBE, timeout_s: float = 0.5) -> str:
     except DeviceError as error:
         return str(error)
     return "" if _PROBE_DATA in got else f"no frame came back within {timeout_s:g} s"
+
+
+def picture_refusal() -> str:
+    """Return why pictures can't be rendered and looked at here, "" if they can."""
+    try:
+        from ..drivers.rig.camera import RigCameras
+
+        RigCameras(load_cell("pa10_vision")).close()
+    except DeviceError as error:
+        return str(error)
+    return ""

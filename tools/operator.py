@@ -220,6 +220,14 @@ class Operator(Motions):
         else:
             self.command(t.POSTURE, q=tuple(posture))
 
+    def store_view(self, camera: str | None = None) -> None:
+        """Make what a camera sees now the view that the vision source keeps.
+
+        Without a name: of the camera whose view is kept. Raises `OperatorError` where it sees
+        nothing. The source moves nothing before it is switched on.
+        """
+        self.request(t.STORE_VIEW, camera=camera)
+
     def cancel(self) -> None:
         """Drop target, posture and desired wrench."""
         self.command(t.CANCEL)

@@ -144,6 +144,8 @@ class Player:
             ask(t.PROTECTIVE_CLEAR, operator=pilot.name, token=pilot.token)
         if step.speed is not None:
             ask(t.SPEED, factor=step.speed)
+        if step.store_view is not None:
+            ask(t.STORE_VIEW, camera=step.store_view)
         if step.gain is not None:
             ask(t.GAIN, **dict(step.gain))
         if step.switch is not None:

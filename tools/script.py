@@ -130,8 +130,9 @@ class FrameStep(Part):
 
 
 FaultKind = Literal[
-    "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy"
-]
+    "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
+    "cover", "move",
+]  # fmt: skip
 
 
 class FaultStep(Part):
@@ -186,6 +187,8 @@ class Step(Part):
     mode: Literal["enable", "hold", "resume", "disable", "reset"] | None = None
     protective_stop: bool | None = None
     speed: float | None = Field(None, ge=0.01, le=1)
+    store_view: str | None = None
+    """Camera whose present view is to be kept."""
     gain: Gain | None = None
     switch: Switch | None = None
     frame: FrameStep | None = None

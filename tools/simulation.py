@@ -8,15 +8,18 @@ import hashlib
 import itertools
 import math
 import struct
+import sys
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..config.load import Cell, ConfigError, load_cell
 from ..drivers.bus import CanMessage, Hub, InProcessBus
+from ..drivers.device import DeviceError
 from ..drivers.fieldbus import Fieldbus
 from ..drivers.rig.rig import Rig
 from ..protocols import messages as m
@@ -30,6 +33,10 @@ from .observer import Observer
 from .player import Phase, Player
 from .record import Recorder
 from .script import Script, load_script
+from .view_judge import ViewJudge
+
+if TYPE_CHECKING:
+    from .pictures import SimulatedCameras
 
 JUDGED_S = 0.5
 """The tool's error is the largest over this long before the end [s]."""
@@ -80,6 +87,10 @@ class Simulation:
         )
         self.player = Player(script, self.link.put, self.link.ask, self.rig.inject)
         self.observer = Observer(cell)
+        self.view = ViewJudge(cell)
+        self.blind: str | None = None
+        """Why the cell's cameras give no pictures here, None where they do or there are none."""
+        self._cameras = self._open_cameras()
         self.events: list[m.Event] = []
         self.states: list[m.State] = []
         self.truths: list[m.RigTruth] = []
@@ -107,6 +118,8 @@ class Simulation:
         finally:
             self.cycle.close()
             self.hub.close()
+            if self._cameras is not None:
+                self._cameras.close()
             if self._recorder is not None:
                 self._recorder.close()
 
@@ -115,6 +128,8 @@ class Simulation:
         period = self.cell.config.timing.period_s
         self.clock.time_s = self.hub.time_s = self.rig.time_s
         self.player.run(self.clock.time_s)
+        if self._cameras is not None:
+            self._cameras.run(self.clock.time_s, self.cycle.tick + 1)
         self.cycle.begin()
         self.rig.poll()
         self.cycle.finish()
@@ -125,6 +140,19 @@ class Simulation:
         self._judge()
         if self.on_tick is not None:
             self.on_tick(self)
+
+    def _open_cameras(self) -> "SimulatedCameras | None":
+        """Return the cell's rendered cameras; none where it has none, or they cannot be had."""
+        if not any(c.device is None for c in self.cell.config.cameras):
+            return None
+        try:
+            from .pictures import SimulatedCameras
+
+            return SimulatedCameras(self.cell, self.rig, self.link.put)
+        except DeviceError as error:
+            self.blind = str(error)
+            print(f"telerobot: no pictures: {error}", file=sys.stderr)
+            return None
 
     def _pump(self) -> None:
         """Let virtual time pass while the daemon waits, as it may in BOOT, until it hears."""
@@ -157,6 +185,8 @@ class Simulation:
         elif topic is t.EVENT:
             event = decode_as(m.Event, payload, topic.max_bytes)
             self.events.append(event)
+            if event.name == "view_stored":
+                self.view.on_event(event, self.rig.truth())
             self._write("event", event)
 
     def _write(self, topic: str, message: m.Message) -> None:
@@ -182,6 +212,7 @@ class Simulation:
         ticks_of_contact = round(CONTACT_S / period)
         contact = [truth.contact_force for truth in self.truths[-ticks_of_contact:]]
         clear = [truth.clearance_m for truth in self.truths if truth.clearance_m is not None]
+        view = self.view.error(self.truths[-1]) if self.truths else None
         judged = [e for e in self._errors if e is not None]
         settled = len(judged) == self._errors.maxlen
         micros = np.array(self._compute) * 1e6 if self._compute else np.zeros(1)
@@ -208,6 +239,8 @@ class Simulation:
             "max_acceleration_ratio": self.observer.max_acceleration_ratio,
             "tool_error_m": max(e[0] for e in judged) if settled else None,
             "tool_error_rad": max(e[1] for e in judged) if settled else None,
+            "view_error_m": None if view is None else view[0],
+            "view_error_rad": None if view is None else view[1],
             "contact_force_n": _mean_norm(contact),
             "q_final": list(self.truths[-1].q) if self.truths else [],
             "tick_us": {

@@ -11,6 +11,8 @@
 | stick | joint | extra Coulomb friction [N·m], half the drive's torque by default |
 | freeze | force_torque | 0: repeats its last sample (default); 1: sends none |
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
+| cover | tag | nobody sees it (`tags.py`) |
+| move | tag | `vector` [m] in World is its new place, its attitude stays |
 """
 
 from collections.abc import Callable, Mapping

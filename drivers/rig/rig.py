@@ -19,6 +19,7 @@ from .gripper_node import SimulatedGripper
 from .link import NodeLink
 from .position_loop import PositionLoop
 from .servo_node import SimulatedDrive
+from .tags import KINDS, Tags
 from .world import World
 
 SYNC_STAMPS = 1 << 16
@@ -86,6 +87,7 @@ class Rig:
         if mechanism.gripper is not None:
             link = NodeLink(bus, self.now, np.random.default_rng(rig.seed))
             self.gripper = SimulatedGripper(mechanism.gripper, link, self.world.grasp, self.now)
+        self.tags = Tags(rig.tags)
         self._faults = Faults(self.world, self.drives, self.force_torque)
         self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
         if self.gripper is not None:
@@ -173,7 +175,10 @@ class Rig:
 
     def inject(self, fault: RigFault) -> None:
         """Apply a fault, or take it back. Raises `ValueError` for one that makes no sense."""
-        self._faults.inject(fault)
+        if fault.kind in KINDS:
+            self.tags.inject(fault)
+        else:
+            self._faults.inject(fault)
 
     def truth(self) -> RigTruth:
         """Return what is really the case now."""
@@ -192,4 +197,6 @@ class Rig:
             contact_force=(fx, fy, fz),
             clearance_m=self.world.clearance(),
             drives=tuple(node.state.name.lower() for node in self.drives.values()),
+            tags=self.tags.poses,
+            covered=self.tags.covered,
         )

@@ -31,6 +31,13 @@ def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
     constraint, off) each, in the order of the drives. Site `mrf` is the MRF, site `sensor` the
     force/torque sensor. Raises `ValueError` where the cell and its URDF do not fit together.
     """
+    model = build_spec(cell).compile()
+    fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == _FIXED]
+    return model, frozenset(fixed)
+
+
+def build_spec(cell: Cell) -> mujoco.MjSpec:
+    """Return what `build_model` compiles, for whoever adds to it. Raises `ValueError`."""
     mechanism, rig = cell.config.mechanism, cell.config.rig
     if rig is None:
         raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
@@ -49,9 +56,7 @@ def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
             name=box.name, pos=box.xyz, quat=quaternion(Pose(rpy=box.rpy))
         )
         _add_fixed_box(body, f"{box.name}_box", box.half_size)
-    model = spec.compile()
-    fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == _FIXED]
-    return model, frozenset(fixed)
+    return spec
 
 
 def quaternion(pose: Pose) -> tuple[float, float, float, float]:

@@ -36,6 +36,8 @@ class Parameters:
     schedules: tuple[Schedule, ...]
     path_speed: Array
     """Path bounds of the position source (6,) [m/s, rad/s]."""
+    vision_speed: Array
+    """Bounds of the rate that the vision source asks for (6,) [m/s, rad/s]."""
     shaping_acceleration: Array
     shaping_jerk: Array
     T_wrist_sensor: Pose | None
@@ -65,7 +67,7 @@ class Parameters:
         smoothing = 1.0
         if sensor is not None:
             smoothing = 1.0 - float(np.exp(-2 * np.pi * sensor.filter_hz * c.timing.period_s))
-        position = c.sources.position
+        position, vision = c.sources.position, c.sources.vision
         return cls(
             period_s=c.timing.period_s,
             joints=tuple(j.name for j in cell.robot.joints),
@@ -82,6 +84,7 @@ class Parameters:
             pull_posture=np.array(c.mechanism.postures[c.redundancy.posture_name]),
             schedules=c.schedules,
             path_speed=_bounds(position.speed, position.angular_speed),
+            vision_speed=_bounds(vision.speed, vision.angular_speed),
             shaping_acceleration=_bounds(c.limits.acceleration, c.limits.angular_acceleration),
             shaping_jerk=_bounds(c.limits.jerk, c.limits.angular_jerk),
             T_wrist_sensor=None

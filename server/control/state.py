@@ -15,6 +15,7 @@ from .redundancy import Pulls, SelfMotion
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
 from .sources.position import PositionState, Progress
+from .sources.vision import ViewGoal, VisionState
 from .trajectory import Motion, Stop
 
 
@@ -75,6 +76,8 @@ class Inputs:
     goal: Goal | None = None
     paused: bool = False
     """The path to the goal stands still; position control goes on."""
+    view: ViewGoal | None = None
+    """Where the desired view is; None without one, or when pictures are stale."""
     posture: Array | None = None
     at_posture: bool = False
     """A posture was reached and nothing was asked for since: no self-motion leads away from it."""
@@ -98,6 +101,7 @@ class Memory:
     """The redundancy objectives' gains in effect."""
     joystick: JoystickState
     position: PositionState
+    vision: VisionState
     force: ForceState
     load: Array | None = None
     """Payload and bias in effect (10,), see `sources.force.load_of`."""

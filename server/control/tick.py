@@ -26,6 +26,7 @@ from .resolve import Travel, resolve
 from .sources.force import Force, ForceState, load_of
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState
+from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Output, Settings
 from .trajectory import Motion
 
@@ -61,6 +62,7 @@ class Control:
         T = p.period_s
         self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
         self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
+        self.vision = Vision(p.vision_speed, p.shaping_acceleration, p.shaping_jerk, T)
         self.force = Force(
             p.T_wrist_sensor or Pose.identity(),
             p.wrench_smoothing,
@@ -86,6 +88,7 @@ class Control:
             pulls=self.redundancy.pulls,
             joystick=JoystickState.idle(),
             position=PositionState(),
+            vision=VisionState.idle(),
             force=ForceState(),
         )
 
@@ -228,12 +231,27 @@ class Control:
             settings.speed_factor,
             inputs.paused,
         )
+        vision, vision_state = self.vision.rate(
+            memory.vision if moving else VisionState.idle(),
+            inputs.view if moving and inputs.posture is None and inputs.jog is None else None,
+            k.T_world_wrist,
+            k.T_world_mrf.p,
+            gains["vision"],
+            settings.speed_factor,
+        )
         wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
         force = self.force.rate(wrench, inputs.wrench_desired, gains["force"], k.T_world_mrf.R)
-        memory = replace(memory, joystick=joystick_state, position=position_state)
+        memory = replace(
+            memory, joystick=joystick_state, position=position_state, vision=vision_state
+        )
         if not moving:
             memory, force = self._bleed(memory, inputs, k, wrench, force)
-        return memory, {"joystick": joystick, "position": position, "force": force}
+        return memory, {
+            "joystick": joystick,
+            "position": position,
+            "vision": vision,
+            "force": force,
+        }
 
     def _bleed(
         self, memory: Memory, inputs: Inputs, k: Kinematics, wrench: Array | None, force: Array

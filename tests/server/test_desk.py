@@ -11,6 +11,7 @@ from telerobot.server.events import Events
 from telerobot.server.link import Asked
 from telerobot.server.mode import Mode, Wish
 from telerobot.server.orders import Orders
+from telerobot.server.vision_watch import VisionWatch
 
 
 @dataclass
@@ -71,6 +72,7 @@ def counter(pa10):
         at_rest=True,
         essential_stale=(),
         gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
+        vision=VisionWatch(pa10.cell, events),
     )
     desk = Desk(admission, orders, events, lambda: next(tokens))
     return Counter(desk, admission, orders, events, view)

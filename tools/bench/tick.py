@@ -15,6 +15,7 @@ from ...server.control.mechanism import Mechanism
 from ...server.control.parameters import Parameters
 from ...server.control.redundancy import Pulls
 from ...server.control.sources.position import PathGoal
+from ...server.control.sources.vision import ViewGoal
 from ...server.control.state import Inputs, Intent, Settings, StickCommand
 from ...server.control.tick import Control
 from ..machine import realtime
@@ -84,6 +85,7 @@ def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
                 wrench_sensor=draw.normal(0.0, 1.0, 6),
                 stick=command,
                 goal=goal,
+                view=ViewGoal(Pose.identity(), goal.T_world_target),
             )
             start = time.perf_counter()
             memory, output = control.tick(memory, inputs)
@@ -101,6 +103,7 @@ def _settings(cell: Cell) -> Settings:
     gains: dict[str, Array] = {
         "joystick": np.array(sources.joystick.gain),
         "position": np.array(sources.position.gain),
+        "vision": np.array(sources.vision.gain),
         "force": np.array(sources.force.gain),
     }
     return Settings(

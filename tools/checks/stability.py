@@ -3,7 +3,13 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...server.stability import BUS_PERIODS, DRIVE_PERIODS, bound, force_axis
+from ...server.stability import (
+    BUS_PERIODS,
+    DRIVE_PERIODS,
+    bound,
+    force_axis,
+    vision_periods,
+)
 from ..findings import Finding, Status, Value, graded
 
 COMFORT = 0.5
@@ -23,6 +29,15 @@ def stability(cell: Cell) -> Iterator[Finding]:
         f"{BUS_PERIODS + DRIVE_PERIODS:g} periods",
         {"loop_gain": worst, "bound": position_bound},
     )
+    if cell.config.cameras:
+        gains, delay = cell.config.sources.vision.gain, vision_periods(cell)
+        yield Finding(
+            "vision gain",
+            _grade(min(gains), max(gains) * period, bound(delay)),
+            f"K_V T = {max(gains) * period:.3g}, stable below {bound(delay):.3g} at d = {delay:g} "
+            "periods, a picture's stamp being wrong by an interval between two",
+            {"loop_gain": max(gains) * period, "bound": bound(delay)},
+        )
     if cell.config.mechanism.force_torque is None:
         yield Finding("force gain", Status.OK, "no force/torque sensor, so no force loop")
         return

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from telerobot.server.control.frames import Pose, rotation_rpy
 from telerobot.server.control.sources.position import PathGoal
+from telerobot.server.control.sources.vision import ViewGoal
 from telerobot.server.control.state import Inputs, Intent
 from telerobot.server.control.tick import Control
 
@@ -16,11 +17,19 @@ def goal(pose, xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0), serial=1):
     return PathGoal(Pose(rotation_rpy(*rpy) @ pose.R, pose.p + np.array(xyz)), serial)
 
 
+def view(run, xyz, rpy):
+    """A desired view that would have the Wrist so far from where it is, in World axes."""
+    wrist = run.pose @ run.settings.T_wrist_mrf.inverse()
+    turned = Pose(rotation_rpy(*rpy) @ wrist.R, wrist.p + np.array(xyz))
+    return ViewGoal(Pose.identity(), turned)
+
+
 def everything_at_once(run, stick):
     """Inputs of a tick with every source busy."""
     return {
         "stick": stick(0.02, -0.03, 0.01, 0.1, 0.0, -0.1),
         "goal": goal(run.pose, (-0.05, 0.05, 0.05), (0.1, 0.2, 0.0)),
+        "view": view(run, (0.03, -0.04, 0.02), (0.0, 0.1, 0.1)),
         "wrench_sensor": np.array([3.0, -2.0, 12.0, 0.1, 0.2, -0.1]),
         "wrench_desired": np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0]),
     }
@@ -33,7 +42,7 @@ def test_the_twist_is_the_sum_of_every_sources(run, stick):
     inputs = everything_at_once(run, stick)
     for _ in range(100):
         output = run.tick(**inputs)
-        assert set(output.twists) == {"joystick", "position", "force"}
+        assert set(output.twists) == {"joystick", "position", "vision", "force"}
         total = sum(output.twists.values())
         np.testing.assert_allclose(output.twist, total, rtol=0, atol=1e-16)
     assert all(np.linalg.norm(twist) > 1e-3 for twist in output.twists.values())

@@ -1,0 +1,109 @@
+"""What a cell file may say of cameras, of the vision source, and of tags in the virtual world."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .section import Name, Pose, Section, Vector3, Vector6
+
+TagFamily = Literal["4x4_50", "5x5_50", "6x6_50", "apriltag_36h11"]
+Gain = Annotated[float, Field(ge=0, le=100)]
+Pixels = Annotated[float, Field(gt=0, le=1e5)]
+
+
+class Camera(Section):
+    """A camera that looks for one planar tag; fixed to the Wrist or to the World.
+
+    The Lens frame has its origin in the pinhole, x to the right of the picture, y down, z ahead.
+    """
+
+    name: Name = Field(description="name of the camera")
+    T_wrist_lens: Pose | None = Field(None, description="Lens in the Wrist, of a carried camera")
+    T_world_lens: Pose | None = Field(None, description="Lens in World, of one beside the arm")
+    device: str | None = Field(
+        None, description="index, path or URL that OpenCV opens; none: rendered by the rig"
+    )
+    size: tuple[Annotated[int, Field(ge=16, le=8192)], Annotated[int, Field(ge=16, le=8192)]] = (
+        Field((640, 480), description="width and height of a picture [px]")
+    )
+    focal: tuple[Pixels, Pixels] = Field((560.0, 560.0), description="fx, fy [px]")
+    principal: tuple[Pixels, Pixels] | None = Field(
+        None, description="cx, cy, pixel centres at whole numbers; none: the middle [px]"
+    )
+    distortion: tuple[float, float, float, float, float] = Field(
+        (0.0,) * 5, description="k1, k2, p1, p2, k3 as OpenCV has them [1]"
+    )
+    rate_hz: float = Field(20.0, gt=0, le=200, description="pictures per second [Hz]")
+    latency_s: float = Field(
+        0.05,
+        ge=0,
+        le=1,
+        description="from exposure until the daemon hears: simulated for a rendered camera, "
+        "taken off the stamp for a real one [s]",
+    )
+    tag: int = Field(0, ge=0, le=586, description="id of the tag that it looks for [1]")
+    tag_size: float = Field(0.1, gt=0, le=2, description="side of the tag's black square [m]")
+    family: TagFamily = Field("5x5_50", description="which family of tags it is one of")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> "Camera":
+        if (self.T_wrist_lens is None) == (self.T_world_lens is None):
+            raise ValueError("give either T_wrist_lens or T_world_lens")
+        return self
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The principal point [px]."""
+        if self.principal is not None:
+            return self.principal
+        return (self.size[0] / 2 - 0.5, self.size[1] / 2 - 0.5)
+
+
+class Vision(Section):
+    """A camera's view: rate = K_V (desired view − seen view), per axis of the Lens."""
+
+    enabled: bool = Field(False, description="switch at start")
+    gain: tuple[Gain, Gain, Gain, Gain, Gain, Gain] = Field(
+        (1.0,) * 6, description="K_V: error to rate [1/s]"
+    )
+    camera: Name | None = Field(None, description="whose view; none: the first camera's")
+    view: Pose | None = Field(
+        None, description="desired tag in the Lens at start; none: until a view is stored"
+    )
+    speed: float = Field(0.15, gt=0, le=5, description="largest rate of the Lens [m/s]")
+    angular_speed: float = Field(0.5, gt=0, le=10, description="the same [rad/s]")
+    timeout_s: float = Field(
+        0.25, gt=0, le=5, description="a picture older than this is stale: the source fades [s]"
+    )
+    least_quality: float = Field(0.3, ge=0, le=1, description="pictures below are refused [1]")
+    jump_speed: float = Field(
+        0.5, gt=0, le=100, description="faster than this no seen target moves [m/s]"
+    )
+    jump_angular_speed: float = Field(2.0, gt=0, le=100, description="the same [rad/s]")
+    jump_slack: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]] = Field(
+        (0.02, 0.12), description="difference of two pictures that is still noise [m], [rad]"
+    )
+    smoothing_s: float = Field(
+        0.25, ge=0, le=2, description="time constant of the filter over the seen target [s]"
+    )
+
+
+class RigTag(Section):
+    """A planar tag of the virtual world: x to the right of its picture, y up, z out of its face."""
+
+    name: Name = Field(description="name that faults use")
+    T_world_tag: Pose | None = Field(None, description="its pose in World, if it stands there")
+    T_wrist_tag: Pose | None = Field(None, description="its pose in the Wrist, if it is carried")
+    tag: int = Field(0, ge=0, le=586, description="its id [1]")
+    size: float = Field(0.1, gt=0, le=2, description="side of the black square [m]")
+    family: TagFamily = Field("5x5_50", description="family of tags")
+    colour: Vector3 = Field((0.85, 0.85, 0.85), description="of the panel behind it, RGB [1]")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> "RigTag":
+        if (self.T_world_tag is None) == (self.T_wrist_tag is None):
+            raise ValueError("give either T_world_tag or T_wrist_tag")
+        return self
+
+
+__all__ = ["Camera", "RigTag", "Section", "TagFamily", "Vector6", "Vision"]

@@ -1,0 +1,100 @@
+"""A camera's view (Williams 1997, section 2.4): the position law with the Lens for the MRF.
+
+The desired view takes the target pose's part and the seen target the CRF's: the pose error by
+translation and rotation logarithm, times K_V, is the rate of the Lens; the rigid body between
+makes it the MRF's. A camera that is carried moves its Lens to where the target looks as desired;
+one that stands beside the arm moves the target, which the arm carries, to where it is desired.
+
+Between two pictures, and for as long as a picture is on its way, the target is taken to stand
+where it was last seen in its own frame (World, or the Wrist that carries it), found with the
+arm's pose at the picture's own instant. The arm's motion since then is thus no error, and the
+loop has no more delay than the position source's, however late pictures come: what is late is
+only the news that the target itself has moved.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..frames import Array, Pose, cross, rotation_log
+from ..trajectory import Motion, VelocityPlanner
+
+
+@dataclass(frozen=True)
+class ViewGoal:
+    """Where something that moves with the Wrist is to be, so that the view is the desired one."""
+
+    T_wrist_point: Pose
+    """What is to be moved, in the Wrist: a carried Lens, or a carried target."""
+    T_world_goal: Pose
+    """Where that is to be, in World."""
+    R_world_lens: Array | None = None
+    """Axes (3, 3) of a Lens that stands in World; None: the moved point is the Lens."""
+
+
+@dataclass(frozen=True)
+class VisionState:
+    """The shaped twist of the MRF in World axes, as a motion of six freedoms."""
+
+    motion: Motion
+
+    @staticmethod
+    def idle() -> "VisionState":
+        """Return the state of a source that asks for nothing."""
+        return VisionState(Motion(np.zeros(6), np.zeros(6), np.zeros(6)))
+
+
+class Vision:
+    """Keeps a view; `speed` (6,) bounds the Lens, `acceleration`, `jerk` (6,) shape its rate."""
+
+    def __init__(self, speed: Array, acceleration: Array, jerk: Array, period_s: float) -> None:
+        self._speed = speed
+        self._planner = VelocityPlanner(acceleration, jerk)
+        self._period_s = period_s
+
+    def rate(
+        self,
+        state: VisionState,
+        goal: ViewGoal | None,
+        T_world_wrist: Pose,
+        p_world_mrf: Array,
+        gain: Array,
+        factor: float,
+    ) -> tuple[Array, VisionState]:
+        """Return the twist (6,) of the MRF in World axes that leads to the desired view.
+
+        `gain` (6,) is K_V [1/s] per axis of the Lens, `p_world_mrf` (3,) the MRF's origin [m],
+        `factor` scales the speed. Without a goal, or with a new one, the rate changes within the
+        acceleration and jerk bounds.
+        """
+        target = np.zeros(6)
+        if goal is not None and gain.any():
+            target = self._asked(goal, T_world_wrist, p_world_mrf, gain, factor)
+        motion = state.motion
+        if not motion.dq.any() and not motion.ddq.any() and not target.any():
+            return target, state
+        shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
+        shaped = Motion(np.zeros(6), shaped.dq, shaped.ddq)
+        return shaped.dq, VisionState(shaped)
+
+    def _asked(
+        self, goal: ViewGoal, T_world_wrist: Pose, p_world_mrf: Array, gain: Array, factor: float
+    ) -> Array:
+        here = T_world_wrist @ goal.T_wrist_point
+        turn = rotation_log(here.R.T @ goal.T_world_goal.R)
+        axes = here.R
+        if goal.R_world_lens is not None:
+            axes = goal.R_world_lens
+            turn = axes.T @ (here.R @ turn)
+        v = gain[:3] * (axes.T @ (goal.T_world_goal.p - here.p))
+        w = gain[3:] * turn
+        # One factor for all six: the target is to stay in the picture, so the way stays straight.
+        fast = math.sqrt(float(v @ v)) / float(self._speed[0])
+        quick = math.sqrt(float(w @ w)) / float(self._speed[3])
+        axes = axes / max(1.0, fast / factor, quick / factor)
+        twist = np.empty(6)
+        twist[3:] = axes @ w
+        # From the moved point to the MRF, both on one rigid body (eq. 1).
+        twist[:3] = axes @ v + cross(twist[3:], p_world_mrf - here.p)
+        return twist

@@ -1,0 +1,123 @@
+"""The detector against rendered pictures, whose truth is known from the cell's geometry."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.server.control.frames import Pose, rotation_log, rotation_rpy
+
+T_WORLD_LENS = Pose(np.column_stack(([0, -1, 0], [0, 0, -1], [1, 0, 0])), np.array([0.6, 0, 0.48]))
+"""A Lens that looks along +x of the World, upright, with the tag straight ahead."""
+
+
+@pytest.fixture(scope="module")
+def bench(rendering):
+    """A camera that stands before the tag of the shipped cell, and the way from pose to picture."""
+    from telerobot.config.schema import Pose as Place
+    from telerobot.drivers.rig.camera import RigCameras
+    from telerobot.drivers.vision.detector import Detector
+
+    cell = load_cell("pa10_vision")
+    x, y, z, *rpy = T_WORLD_LENS.to_xyz_rpy()
+    here = Place(xyz=(x, y, z), rpy=tuple(rpy))
+    wrist = cell.config.cameras[0].model_copy(
+        update={"T_wrist_lens": None, "T_world_lens": here, "size": (640, 480), "focal": (560, 560)}
+    )
+    config = cell.config.model_copy(update={"cameras": (wrist,)})
+    tag = config.rig.tags[0]
+    park = config.mechanism.postures["park"]
+
+    class Bench:
+        camera = wrist
+        detector = Detector(wrist)
+
+        def picture(self, T_lens_tag, covered=()):
+            x, y, z, *rpy = (T_WORLD_LENS @ T_lens_tag).to_xyz_rpy()
+            pose = Place(xyz=(x, y, z), rpy=tuple(rpy))
+            moved = tag.model_copy(update={"T_world_tag": pose})
+            rig = config.rig.model_copy(update={"tags": (moved,), "boxes": ()})
+            made = config.model_copy(update={"rig": rig})
+            cameras = RigCameras(type(cell)(cell.path, made, cell.robot))
+            try:
+                return cameras.picture("wrist", park, covered)
+            finally:
+                cameras.close()
+
+        def look(self, T_lens_tag):
+            return self.detector.look(self.picture(T_lens_tag))
+
+    return Bench()
+
+
+def facing(x, y, z, tilt=(0.0, 0.0, 0.0)):
+    """Return a tag at a place in the Lens, its face to the Lens, then tilted about Lens axes."""
+    return Pose(rotation_rpy(*tilt) @ np.diag([1.0, -1.0, -1.0]), np.array([x, y, z]))
+
+
+def apart(T, candidate):
+    return (
+        np.linalg.norm(T.p - candidate.p),
+        np.linalg.norm(rotation_log(T.R.T @ candidate.R)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("place", "tilt"),
+    [
+        ((0.0, 0.0, 0.5), (0.0, 0.0, 0.0)),
+        ((0.0, 0.0, 0.5), (0.5, 0.0, 0.0)),
+        ((0.05, -0.04, 0.5), (0.0, 0.6, 0.0)),
+        ((-0.1, 0.05, 0.6), (0.3, -0.4, 0.2)),
+        ((0.08, 0.08, 0.4), (-0.4, 0.3, 1.5)),
+        ((0.0, 0.1, 0.7), (0.6, 0.3, -2.0)),
+    ],
+)
+def test_a_tag_is_found_where_it_is(bench, place, tilt):
+    truth = facing(*place, tilt)
+    sight = bench.look(truth)
+    metres, radians = apart(truth, sight.candidates[0])
+    assert metres < 0.004
+    assert radians < 0.015
+    assert sight.quality > 0.8
+
+
+def test_seen_head_on_there_is_one_pose_and_not_two_tilted_ones(bench):
+    assert len(bench.look(facing(0.0, 0.0, 0.5)).candidates) == 1
+
+
+def test_a_small_tag_has_two_poses_and_one_of_them_is_right(bench):
+    truth = facing(0.0, 0.0, 1.6, (0.35, 0.0, 0.0))
+    sight = bench.look(truth)
+    assert len(sight.candidates) == 2
+    assert min(apart(truth, c)[1] for c in sight.candidates) < 0.1
+    assert sight.candidates[0].error_px <= sight.candidates[1].error_px
+
+
+def test_a_covered_tag_is_not_seen(bench):
+    sight = bench.detector.look(bench.picture(facing(0.0, 0.0, 0.5), covered={"panel"}))
+    assert (sight.candidates, sight.quality) == ((), 0.0)
+
+
+def test_another_tag_is_not_taken_for_the_one_that_is_meant(bench):
+    from telerobot.drivers.vision.detector import Detector
+
+    other = Detector(bench.camera.model_copy(update={"tag": 8}))
+    assert other.look(bench.picture(facing(0.0, 0.0, 0.5))).candidates == ()
+
+
+def test_of_two_tags_of_one_id_neither_is_taken(bench):
+    picture = bench.picture(facing(0.0, 0.0, 0.7))
+    middle = picture[:, 160:480]
+    assert bench.detector.look(np.hstack([middle, middle])).candidates == ()
+
+
+def test_a_grey_picture_does_as_well(bench):
+    picture = bench.picture(facing(0.05, 0.0, 0.5, (0.3, 0.0, 0.0)))
+    grey = bench.detector.look(np.ascontiguousarray(picture[:, :, 0]))
+    colour = bench.detector.look(picture)
+    np.testing.assert_allclose(grey.candidates[0].p, colour.candidates[0].p, atol=2e-3)
+
+
+def test_the_same_picture_gives_the_same_pose_to_the_last_bit(bench):
+    picture = bench.picture(facing(0.02, 0.03, 0.5, (0.3, 0.2, 0.0)))
+    first, second = bench.detector.look(picture), bench.detector.look(picture)
+    assert first.candidates[0].R.tobytes() == second.candidates[0].R.tobytes()

@@ -1,0 +1,37 @@
+"""What is left where a machine can make no pictures: everything else."""
+
+import sys
+
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.script import Script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import Run
+
+
+@pytest.fixture
+def no_opencv(monkeypatch):
+    """Take OpenCV away, and everything that has been made with it."""
+    for name in [n for n in sys.modules if n.startswith("telerobot.drivers.vision.")]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("telerobot.drivers.rig.camera", "telerobot.tools.pictures"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, "cv2", None)
+
+
+def test_a_cell_with_cameras_runs_without_pictures_and_says_why_in_one_line(no_opencv, capsys):
+    steps = [
+        {"at_s": 0.2, "joystick": {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.0]}},
+        {"at_s": 1.0, "store_view": "wrist"},
+    ]
+    script = Script.model_validate({"duration_s": 1.2, "step": steps})
+    simulation = Simulation(load_cell("pa10_vision"), script)
+    run = Run(simulation, simulation.run())
+    assert run.summary["failure"] is None
+    assert run.summary["limit_violations"] == 0
+    assert run.truths[-1].pose_mrf[1] > 0.02
+    assert "sensor_stale: camera wrist sees no tag now" in run.summary["refused"][0]
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("telerobot: no pictures: pictures need OpenCV")
+    assert "pip install" in simulation.blind

@@ -1,0 +1,189 @@
+"""Vision in virtual time, on rendered pictures; judged by the physics' truth."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.script import load_script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import Run
+
+pytestmark = pytest.mark.usefixtures("rendering")
+
+REACHED = (2e-3, np.radians(0.5))
+"""Greatest distance and angle of the true Lens from the stored view [m], [rad]."""
+
+STORE = [
+    {"at_s": 0.2, "posture": "ready"},
+    {"at_s": 2.2, "store_view": "wrist"},
+    {"at_s": 2.3, "switch": {"source": "vision", "on": True}},
+]
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return load_cell("pa10_vision")
+
+
+@pytest.fixture(scope="module")
+def shown(cell):
+    """Play a shipped script, once for all tests of it."""
+    runs = {}
+
+    def play(name):
+        if name not in runs:
+            simulation = Simulation(cell, load_script(name))
+            runs[name] = Run(simulation, simulation.run())
+        return runs[name]
+
+    return play
+
+
+def errors(run, from_s=0.0, to_s=1e9):
+    """Return distances and angles (k, 2) of the true view from the stored one, tick by tick."""
+    start = run.simulation.player.start_s
+    return np.array(
+        [
+            run.simulation.view.error(t)
+            for t in run.truths
+            if from_s <= t.time_s - start - 1e-9 <= to_s
+        ]
+    )
+
+
+def clean(run):
+    assert run.summary["failure"] is None
+    assert run.summary["refused"] == []
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+    assert [e for e in run.simulation.events if e.severity == "error"] == []
+
+
+@pytest.mark.parametrize("name", ["vision_servo", "vision_cover", "vision_nudge", "vision_beside"])
+def test_every_script_ends_at_the_stored_view(shown, name):
+    run = shown(name)
+    clean(run)
+    metres, radians = errors(run)[-50:].max(axis=0)
+    assert metres < REACHED[0]
+    assert radians < REACHED[1]
+    assert (run.summary["view_error_m"], run.summary["view_error_rad"]) == tuple(errors(run)[-1])
+
+
+def test_the_servo_starts_from_as_far_off_as_it_says(shown):
+    metres, radians = errors(shown("vision_servo"), 7.9, 7.95)[0]
+    assert metres > 0.3
+    assert radians > np.radians(30.0)
+
+
+def test_on_its_way_the_tag_is_never_lost(shown):
+    run = shown("vision_servo")
+    assert run.events("view_lost") == run.events("picture_rejected") == []
+
+
+def test_covering_the_tag_stops_the_arm_smoothly_and_uncovering_resumes(shown):
+    run = shown("vision_cover")
+    start = run.simulation.player.start_s
+    (rejected,), (lost,) = run.events("picture_rejected"), run.events("view_lost")
+    assert rejected.values["reason"] == lost.values["reason"] == "no_tag"
+    assert 9.0 < rejected.time_s - start < 9.0 + 0.12
+    assert 9.2 < lost.time_s - start < 9.5
+    moving, standing = errors(run, 8.8, 9.0), errors(run, 10.5, 12.0)
+    assert np.ptp(moving[:, 0]) > 0.02
+    assert np.ptp(standing[:, 0]) < 2e-4
+    # The fade keeps inside the Cartesian bounds that shape it.
+    states = [s for s in run.states if 9.0 <= s.time_s - start <= 10.5]
+    rates = np.array([s.sources["vision"] for s in states])
+    limits = run.simulation.cell.config.limits
+    assert np.abs(np.diff(rates[:, :3], axis=0)).max() <= limits.acceleration * 0.01 * 1.001
+    assert np.abs(np.diff(rates[:, 3:], axis=0)).max() <= limits.angular_acceleration * 0.01 * 1.001
+    assert not rates[-1].any()
+    found = run.events("view_found")[-1]
+    assert 12.0 < found.time_s - start < 12.15
+    assert np.ptp(errors(run, 12.1, 12.8)[:, 0]) > 0.05
+
+
+def test_a_stick_nudges_the_view_and_on_release_it_comes_back(shown):
+    run = shown("vision_nudge")
+    aside = errors(run, 6.8, 6.9)[0]
+    assert aside[0] > 0.03
+    held = run.at(6.9)
+    for name in ("joystick", "vision"):
+        assert np.abs(held.sources[name]).max() > 0.02
+    # Where gain times error equals the stick: the sum of both is nothing.
+    assert np.abs(np.array(held.twist[:3])).max() < 0.01
+
+
+def test_the_source_moves_nothing_before_it_is_switched_on(shown):
+    run = shown("vision_servo")
+    before = [s for s in run.states if s.time_s - run.simulation.player.start_s < 8.0]
+    assert not np.array([s.sources["vision"] for s in before]).any()
+    assert before[-1].view is not None
+    assert before[-1].view_age_ticks < 20
+
+
+def test_conflicting_vision_and_position_settle_in_between_as_their_gains_say(play, cell):
+    step = {"xyz": [-0.03, 0.05, 0.0], "rpy": [0.0, 0.0, 0.0], "relative_to": "mrf"}
+    gain = {"source": "position", "gain": [1.0] * 6}
+    steps = [
+        *STORE,
+        {"at_s": 2.4, "gain": gain, "position": {**step, "expressed_in": "base"}},
+        {"at_s": 9.0, "switch": {"source": "position", "on": False}},
+    ]
+    run = play(*steps, seconds=16.0, cell=cell)
+    clean(run)
+    # K_V = 1.5 /s holds the view against K_P = 1 /s: 1 / 2.5 of the way.
+    between = errors(run, 8.0, 8.9)
+    way = np.hypot(0.03, 0.05)
+    np.testing.assert_allclose(between[:, 0], way / 2.5, atol=2.5e-3)
+    assert between[:, 0].std() < 1e-3
+    metres, radians = errors(run)[-1]
+    assert metres < REACHED[0]
+    assert radians < REACHED[1]
+
+
+def test_a_target_that_jumps_is_refused_by_name_and_then_followed(play, cell):
+    steps = [
+        *STORE,
+        {"at_s": 3.0, "fault": {"move": "panel", "vector": [1.16, 0.18, 0.48]}},
+    ]
+    run = play(*steps, seconds=14.0, cell=cell)
+    clean(run)
+    assert run.events("picture_rejected")[0].values["reason"] == "jump"
+    assert run.events("view_lost")[0].values["reason"] == "jump"
+    metres, radians = errors(run)[-1]
+    assert metres < REACHED[0]
+    assert radians < REACHED[1]
+
+
+def test_a_stop_takes_the_switch_back_so_that_no_resume_sets_the_arm_in_motion(play, cell):
+    steps = [
+        *STORE,
+        {"at_s": 2.5, "joystick": {"twist": [0.0, 0.08, 0.0, 0.0, 0.0, 0.0]}},
+        {"at_s": 3.5, "mode": "hold", "joystick": {}},
+        {"at_s": 4.5, "mode": "resume"},
+    ]
+    run = play(*steps, seconds=6.0, cell=cell)
+    assert run.summary["mode"] == "enabled"
+    assert errors(run)[-1][0] > 0.01
+    assert not np.array([s.sources["vision"] for s in run.states[-100:]]).any()
+
+
+def test_without_a_view_the_source_is_not_switched_on(play, cell):
+    run = play({"at_s": 0.2, "switch": {"source": "vision", "on": True}}, seconds=0.5, cell=cell)
+    (refused,) = run.summary["refused"]
+    assert "not_now: no view is stored yet" in refused
+
+
+def test_a_view_of_nothing_is_not_stored(play, cell):
+    steps = [
+        {"at_s": 0.1, "fault": {"cover": "panel"}},
+        {"at_s": 1.0, "store_view": "wrist"},
+    ]
+    run = play(*steps, seconds=1.2, cell=cell)
+    (refused,) = run.summary["refused"]
+    assert "sensor_stale: camera wrist sees no tag now" in refused
+
+
+def test_equal_runs_send_equal_frames_pictures_and_all(play, cell):
+    runs = [play(*STORE, seconds=3.5, cell=cell) for _ in range(2)]
+    assert runs[0].summary["command_hash"] == runs[1].summary["command_hash"]

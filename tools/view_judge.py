@@ -1,0 +1,66 @@
+"""How far the true view is from the one that was stored: the physics' truth, never the pictures."""
+
+import math
+
+from ..config.cameras import Camera, RigTag
+from ..config.load import Cell
+from ..protocols import messages as m
+from ..server.control.frames import Pose, rotation_log
+
+
+class ViewJudge:
+    """Remembers the true view when one is stored, and compares."""
+
+    def __init__(self, cell: Cell) -> None:
+        mrf = cell.config.mechanism.T_wrist_mrf
+        self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
+        self._cameras = {c.name: c for c in cell.config.cameras}
+        tags = () if cell.config.rig is None else cell.config.rig.tags
+        self._tags = {tag.tag: tag for tag in tags}
+        self._camera = cell.config.sources.vision.camera or next(iter(self._cameras), "")
+        self._stored: Pose | None = None
+
+    def view(self, truth: m.RigTruth, camera: str | None = None) -> Pose | None:
+        """Return the true pose of a camera's tag in its Lens, None where there is no such tag."""
+        seen_by = self._cameras.get(camera or self._camera)
+        tag = None if seen_by is None else self._tags.get(seen_by.tag)
+        if seen_by is None or tag is None:
+            return None
+        T_world_mrf = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
+        T_world_wrist = T_world_mrf @ self._T_mrf_wrist
+        return _lens(seen_by, T_world_wrist).inverse() @ _tag(tag, T_world_wrist, truth)
+
+    def on_event(self, event: m.Event, truth: m.RigTruth) -> None:
+        """Take in an event, with the truth at its time."""
+        if event.name == "view_stored":
+            self._camera = event.detail or self._camera
+            self._stored = self.view(truth)
+
+    def error(self, truth: m.RigTruth) -> tuple[float, float] | None:
+        """Return how far the Lens is from the stored view [m, rad], None before one is stored.
+
+        Of a camera beside the arm: how far the target is.
+        """
+        now = self.view(truth)
+        if self._stored is None or now is None:
+            return None
+        carried = self._cameras[self._camera].T_wrist_lens is not None
+        a, b = (self._stored.inverse(), now.inverse()) if carried else (self._stored, now)
+        turn = rotation_log(a.R.T @ b.R)
+        way = b.p - a.p
+        return math.sqrt(float(way @ way)), math.sqrt(float(turn @ turn))
+
+
+def _lens(camera: Camera, T_world_wrist: Pose) -> Pose:
+    if camera.T_wrist_lens is not None:
+        return T_world_wrist @ Pose.from_xyz_rpy(camera.T_wrist_lens.xyz, camera.T_wrist_lens.rpy)
+    if camera.T_world_lens is None:
+        return T_world_wrist
+    return Pose.from_xyz_rpy(camera.T_world_lens.xyz, camera.T_world_lens.rpy)
+
+
+def _tag(tag: RigTag, T_world_wrist: Pose, truth: m.RigTruth) -> Pose:
+    if tag.T_wrist_tag is not None:
+        return T_world_wrist @ Pose.from_xyz_rpy(tag.T_wrist_tag.xyz, tag.T_wrist_tag.rpy)
+    pose = truth.tags[tag.name]
+    return Pose.from_xyz_rpy(pose[:3], pose[3:])
