@@ -94,14 +94,14 @@ def test_a_held_key_moves_the_arm_and_letting_go_stops_it(plant, terminal):
     screen = terminal()
     wait_text(plant, screen, "lease granted to ann")
     screen.type("m")
-    plant.until(lambda: watcher.state.mode == "enabled", 10.0)
+    wait_text(plant, screen, "enable: done")  # the console has to know, not only the daemon
     before = height(plant)
     hold_key(plant, screen, "r", 1.5)
     assert height(plant) - before == pytest.approx(0.05 * 1.5, abs=0.02)
     plant.run_for(0.8)
-    rest = plant.truth.pose_mrf
+    rest = plant.truth.q  # no attitude: the tool points along x, where roll and yaw are one
     plant.run_for(0.5)
-    assert plant.truth.pose_mrf == pytest.approx(rest, abs=1e-3)
+    assert plant.truth.q == pytest.approx(rest, abs=1e-3)
     assert watcher.state.mode == "enabled"
     assert "ENABLED | xyz" in screen.text
     assert "lease ann (you) | round trip" in screen.text
