@@ -137,7 +137,7 @@ def test_the_daemons_heartbeat_is_produced_by_the_tick_in_its_period(pa10):
 
 
 def test_a_dead_daemon_leaves_drives_that_stop_by_themselves(pa10):
-    """Killed or hung is the same on the bus: nothing comes, for the tick makes the heartbeat too."""
+    """Killed or hung is the same on the bus: silence, for the tick makes the heartbeat too."""
     script = Script.model_validate({"duration_s": 1.0, "step": [MOVING]})
     simulation = Simulation(pa10, script)
     simulation.cycle.boot()
