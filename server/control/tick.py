@@ -8,13 +8,14 @@ A pure function of its inputs: no I/O, no clock, no thread, no logging.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .avoidance.joint_room import JointRoom
 from .avoidance.nearest import nearest
 from .bleed import bleed
+from .evolve import evolve
 from .frames import Array, Pose
 from .gains import GAIN_TIME_S, Gains, Quantities
 from .gate import Gate
@@ -120,7 +121,7 @@ class Control:
                 q = np.where(inputs.energised, memory.motion.q, q)
             memory = self.seed(q)
         kinematics = self.mechanism.kinematics(memory.motion.q, inputs.settings.T_wrist_mrf)
-        memory = self._tune(replace(memory, force=force, load=load), inputs, kinematics)
+        memory = self._tune(evolve(memory, force=force, load=load), inputs, kinematics)
         memory, asked = self._ask(memory, inputs, kinematics)
         error = memory.sent[1] - inputs.q_measured
         asked = self._allow(memory, inputs, kinematics, asked, error)
@@ -169,7 +170,7 @@ class Control:
         if moving and memory.gains.keys() == gains.keys():
             gains = self.gains.ramped(memory.gains, gains)
             pulls = self.redundancy.ramped(memory.pulls, pulls, self.gains.part)
-        return replace(memory, gains=gains, pulls=pulls, moving_since_s=since_s if moving else None)
+        return evolve(memory, gains=gains, pulls=pulls, moving_since_s=since_s if moving else None)
 
     # --- what is asked for -------------------------------------------------------------------
 
@@ -241,7 +242,7 @@ class Control:
         )
         wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
         force = self.force.rate(wrench, inputs.wrench_desired, gains["force"], k.T_world_mrf.R)
-        memory = replace(
+        memory = evolve(
             memory, joystick=joystick_state, position=position_state, vision=vision_state
         )
         if not moving:
@@ -258,11 +259,11 @@ class Control:
     ) -> tuple[Memory, Array]:
         """In HOLD, let FMA go on alone, inside a small leash, until contact is bled off."""
         if inputs.intent is not Intent.HOLD:
-            return replace(memory, hold=None, bleeding=False), np.zeros(6)
+            return evolve(memory, hold=None, bleeding=False), np.zeros(6)
         hold = memory.hold if memory.hold is not None else k.T_world_wrist.p
         away = k.T_world_wrist.p - hold
         bled = bleed(memory.bleeding, wrench, force, away, self.p.hold_threshold, self.p.hold_leash)
-        return replace(memory, hold=hold, bleeding=bled.bleeding), bled.twist
+        return evolve(memory, hold=hold, bleeding=bled.bleeding), bled.twist
 
     def _joint_rates(self, memory: Memory, inputs: Inputs) -> Array | None:
         """Return joint rates (n,) where joints are commanded directly: jog, then posture."""
@@ -312,7 +313,7 @@ class Control:
             limits += self._reasons(dq, leash.low, leash.high, "leash")
             found = nearest(dq, k.J, low, high, V, self.p.resolve.characteristic_length)
             dq, share = found.dq, share * found.share
-        return replace(asked, dq=dq, scale=asked.scale * share, limits=limits)
+        return evolve(asked, dq=dq, scale=asked.scale * share, limits=limits)
 
     def _reasons(self, dq: Array, low: Array, high: Array, name: str) -> tuple[str, ...]:
         beyond = (dq < low) | (dq > high)
@@ -343,7 +344,7 @@ class Control:
 
     def _remember(self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked) -> Memory:
         granted = 0.0 if limited.stopped else asked.scale
-        return replace(
+        return evolve(
             memory,
             motion=limited.motion,
             stop=limited.stop,

@@ -4,12 +4,13 @@ Joint and Cartesian states are triples of arrays: position, velocity, accelerati
 are pure; the objects here only keep scratch memory.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
 import ruckig
 
+from .evolve import evolve
 from .frames import Array
 
 
@@ -44,7 +45,7 @@ class Profile:
 
     def advanced(self, by_s: float) -> Self:
         """Return the same profile, further along."""
-        return replace(self, elapsed_s=self.elapsed_s + by_s)
+        return evolve(self, elapsed_s=self.elapsed_s + by_s)
 
     @property
     def to_go_s(self) -> float:

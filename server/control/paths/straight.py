@@ -1,10 +1,11 @@
 """Straight, jerk-limited paths to a pose: translation in a line, rotation by the geodesic."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..evolve import evolve
 from ..frames import Array, Pose, right_jacobian, rotation_exp, rotation_log
 from ..trajectory import Motion, PositionPlanner, Profile, TrajectoryError
 from .goals import PathGoal
@@ -41,7 +42,7 @@ class Path:
 
     def advanced(self, by_s: float) -> "Path":
         """Return the same path, further along."""
-        return self if self.finished else replace(self, profile=self.profile.advanced(by_s))
+        return self if self.finished else evolve(self, profile=self.profile.advanced(by_s))
 
     def distance(self) -> float:
         """Return how far from its target the path is now [m]."""

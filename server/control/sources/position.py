@@ -8,10 +8,11 @@ twists and a master's pose are followed by the same law: only the path differs.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..evolve import evolve
 from ..frames import Array, Pose, pose_error, rotate_twist
 from ..paths.free import Free, FreePlanner
 from ..paths.goals import Goal, PathGoal, Pursuit, Route, TwistRoute
@@ -113,7 +114,7 @@ class Position:
         share = np.minimum(gain / FULL_FEED_FORWARD, 1.0)
         feed_forward = share * rotate_twist(R_world_axes.T, twist_path)
         reached = self._reached(state, path, goal, T_world_mrf)
-        state = replace(state, at_goal=reached, T_world_path=T_world_path)
+        state = evolve(state, at_goal=reached, T_world_path=T_world_path)
         return rotate_twist(R_world_axes, feedback + feed_forward), state
 
     def advance(self, state: PositionState, granted: float) -> PositionState:
@@ -122,11 +123,11 @@ class Position:
         match state.path:
             case Path() as path:
                 moved = path.advanced(state.pace * step_s)
-                return state if moved is path else replace(state, path=moved)
+                return state if moved is path else evolve(state, path=moved)
             case Free() as free:
                 # Reduced speed, like a pause, stretches time: the same way at a lower speed.
                 leg_s = state.leg_s + state.pace * free.factor * step_s
-                return replace(state, path=self._free.step(free, step_s), leg_s=leg_s)
+                return evolve(state, path=self._free.step(free, step_s), leg_s=leg_s)
         return state
 
     # --- leading ------------------------------------------------------------------------------
@@ -140,12 +141,12 @@ class Position:
             state, begin = PositionState(goal=goal), True
         else:
             begin = before.attempt != goal.attempt
-            state = replace(state, goal=goal) if goal is not before else state
+            state = evolve(state, goal=goal) if goal is not before else state
         pace, way = state.pace, (0.0 if paused else 1.0) - state.pace
         if way:
             part = 1.0 - math.exp(-self._period_s / PAUSE_TIME_S)
             pace = pace + way if abs(way) < 1e-4 else pace + part * way
-            state = replace(state, pace=pace)
+            state = evolve(state, pace=pace)
         path: Path | Free
         match goal:
             case PathGoal() | Route():
@@ -157,7 +158,7 @@ class Position:
             case Pursuit():
                 aim = np.zeros(6) if goal.T_world_target is None else goal.T_world_target
                 path = self._freed(state, T, twist, factor, begin)._replace(aim=aim)
-        return replace(state, path=path), path
+        return evolve(state, path=path), path
 
     def _straightly(
         self,
@@ -178,7 +179,7 @@ class Position:
                 leg = state.leg + 1
                 turned = self._straight.turn(path, legs[leg], factor)
                 if turned is not None:
-                    return replace(state, leg=leg), turned
+                    return evolve(state, leg=leg), turned
         return state, path
 
     def _by_twists(
@@ -194,7 +195,7 @@ class Position:
             aim = state.pace * free.factor * goal.segments[leg].twist
             if goal.moving_axes:
                 aim = rotate_twist(free.pose.R, aim)
-        return replace(state, leg=leg, leg_s=leg_s), free._replace(aim=aim)
+        return evolve(state, leg=leg, leg_s=leg_s), free._replace(aim=aim)
 
     def _freed(
         self, state: PositionState, T: Pose, twist: Array, factor: float, begin: bool
