@@ -5,11 +5,23 @@ an endpoint of its own; everything else about the cell stays what its file says.
 """
 
 import argparse
+import math
 from dataclasses import replace
 
 from pydantic import BaseModel, ValidationError
 
 from ..config.load import Cell, ConfigError, load_cell
+
+
+def duration(text: str) -> float:
+    """Return a duration from the command line [s]; it is positive and finite."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0.0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
+    return seconds
 
 
 def add_cell_arguments(parser: argparse.ArgumentParser, bus: bool = True) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..config.load import ConfigError, load_cell
 from ..protocols import messages as m
+from .address import duration
 from .console import is_terminal
 from .drive import drive
 from .local import ChildDied, LocalPlant
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--headless", action="store_true", help="play a script over and over instead of keys"
     )
     parser.add_argument(
-        "--seconds", type=float, default=HEADLESS_S, help="how long, headless (default: 20)"
+        "--seconds", type=duration, default=HEADLESS_S, help="how long, headless (default: 20)"
     )
     parser.add_argument("--script", metavar="NAME", help="which script; the cell's by default")
     parser.add_argument("--json", action="store_true", help="print the headless summary as JSON")

@@ -15,7 +15,7 @@ from ..drivers.device import DeviceError
 from ..drivers.rig.realtime import run_realtime
 from ..drivers.rig.rig import Rig, RigError
 from ..drivers.rig.session import RigSession
-from .address import add_cell_arguments, cell_from
+from .address import add_cell_arguments, cell_from, duration
 
 PRIORITY = 50
 """SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines."""
@@ -24,7 +24,7 @@ PRIORITY = 50
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
     add_cell_arguments(parser)
-    parser.add_argument("--seconds", type=float, help="end by itself after this long")
+    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
 
 
 def run(args: argparse.Namespace) -> int:

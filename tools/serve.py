@@ -5,13 +5,13 @@ import json
 from pathlib import Path
 
 from ..server.daemon import serve
-from .address import add_cell_arguments, cell_from
+from .address import add_cell_arguments, cell_from, duration
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
     add_cell_arguments(parser)
-    parser.add_argument("--seconds", type=float, help="end by itself after this long")
+    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
     parser.add_argument(
         "--statistics", metavar="FILE", type=Path, help="write the loop's timing as JSON"
     )

@@ -22,7 +22,7 @@ from ..drivers.vision.opencv import save
 from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, MessageT, decode_as, encode
-from .address import add_cell_arguments, cell_from
+from .address import add_cell_arguments, cell_from, duration
 from .pictures import told
 from .session import Inbox, Session
 
@@ -101,7 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
     add_cell_arguments(parser)
     parser.add_argument("--camera", metavar="NAME", help="only this camera; all by default")
-    parser.add_argument("--seconds", type=float, help="end by itself after this long")
+    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
     parser.add_argument(
         "--pictures", metavar="FOLDER", type=Path, help="save what is seen there, once a second"
     )

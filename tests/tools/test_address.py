@@ -4,6 +4,7 @@ import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.tools.address import add_cell_arguments, cell_from, moved, options
+from telerobot.tools.cli import main
 from telerobot.tools.local import private
 
 
@@ -40,3 +41,11 @@ def test_private_cells_share_nothing():
 def test_a_port_out_of_range_is_named():
     with pytest.raises(ConfigError, match="--port: value 70000"):
         parse("pa10", "--port", "70000")
+
+
+@pytest.mark.parametrize("text", ["-1", "0", "nan", "inf", "soon"])
+def test_a_duration_that_is_none_is_bad_usage(text, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["serve", "pa10", f"--seconds={text}"])
+    assert end.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
