@@ -108,7 +108,7 @@ class ZenohLink:
             key = str(query.key_expr)
             topic = self._by_key.get(key)
             if topic is None:
-                query.drop()  # type: ignore[no-untyped-call]
+                query.drop()  # type: ignore[no-untyped-call]  # its stubs
                 continue
             payload = query.payload.to_bytes() if query.payload is not None else b""
             yield Asked(topic, payload, _answer(query, key))
@@ -129,12 +129,12 @@ class ZenohLink:
 
     def close(self) -> None:
         """Close the session."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        self._session.close()  # type: ignore[no-untyped-call]  # its stubs
 
 
 def _answer(query: "zenoh.Query", key: str) -> Callable[[bytes], None]:
     def answer(payload: bytes) -> None:
         query.reply(key, payload)
-        query.drop()  # type: ignore[no-untyped-call]
+        query.drop()  # type: ignore[no-untyped-call]  # its stubs
 
     return answer

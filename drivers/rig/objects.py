@@ -118,7 +118,7 @@ class NodeSdoServer(SdoServer):
     """
 
     def __init__(self, node: int, store: ObjectStore, send: Callable[[int, bytes], None]) -> None:
-        super().__init__(0x600 + node, 0x580 + node, store)  # type: ignore[no-untyped-call]
+        super().__init__(0x600 + node, 0x580 + node, store)  # type: ignore[no-untyped-call]  # its stubs
         self._send = send
         self._index, self._subindex = 0, 0
 
@@ -128,7 +128,7 @@ class NodeSdoServer(SdoServer):
             return
         if data[0] & 0xE0 in (0x20, 0x40, 0xA0, 0xC0):
             self._index, self._subindex = struct.unpack_from("<HB", data, 1)
-        super().on_request(can_id, bytearray(data), timestamp)  # type: ignore[no-untyped-call]
+        super().on_request(can_id, bytearray(data), timestamp)  # type: ignore[no-untyped-call]  # its stubs
 
     def send_response(self, response: bytes) -> None:
         """Send an answer."""

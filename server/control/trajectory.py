@@ -73,6 +73,21 @@ def _state(at_time: tuple[list[float], list[float], list[float]]) -> Motion:
     return Motion(np.array(q), np.array(dq), np.array(ddq))
 
 
+def _calculated(
+    planner: "ruckig.Ruckig", i: "ruckig.InputParameter", start: Motion, kind: str, target: Array
+) -> "ruckig.Trajectory":
+    """Return the trajectory from `start`; raises `TrajectoryError` that names state and target."""
+    i.current_position, i.current_velocity, i.current_acceleration = start
+    trajectory = ruckig.Trajectory(len(start.q))
+    try:
+        result = planner.calculate(i, trajectory)
+    except ruckig.RuckigError as error:
+        raise TrajectoryError(str(error)) from error
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise TrajectoryError(f"{kind} target {target} from {start}: {result.name}")
+    return trajectory
+
+
 class VelocityPlanner:
     """Velocity targets for n degrees of freedom under acceleration and jerk bounds (n,)."""
 
@@ -96,18 +111,8 @@ class VelocityPlanner:
         i.synchronization = (
             ruckig.Synchronization.Time if synchronised else ruckig.Synchronization.No
         )
-        i.current_position = motion.q
-        i.current_velocity = motion.dq
-        i.current_acceleration = motion.ddq
         i.target_velocity = target
-        trajectory = ruckig.Trajectory(self._n)
-        try:
-            result = self._ruckig.calculate(i, trajectory)
-        except ruckig.RuckigError as error:
-            raise TrajectoryError(str(error)) from error
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            raise TrajectoryError(f"velocity target {target} from {motion}: {result.name}")
-        return trajectory
+        return _calculated(self._ruckig, i, motion, "velocity", target)
 
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
         """Return the motion one period later on the way to velocities `target` (n,)."""
@@ -127,7 +132,6 @@ class PositionPlanner:
 
     def __init__(self, n: int, straight: bool = True) -> None:
         """Build for n freedoms; not `straight`, each goes its own way, which is always feasible."""
-        self._n = n
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
         self._input.synchronization = (
@@ -143,15 +147,6 @@ class PositionPlanner:
         """
         i = self._input
         i.max_velocity, i.max_acceleration, i.max_jerk = bounds
-        i.current_position = motion.q
-        i.current_velocity = motion.dq
-        i.current_acceleration = motion.ddq
         i.target_position = target
-        trajectory = ruckig.Trajectory(self._n)
-        try:
-            result = self._ruckig.calculate(i, trajectory)
-        except ruckig.RuckigError as error:
-            raise TrajectoryError(str(error)) from error
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            raise TrajectoryError(f"position target {target} from {motion}: {result.name}")
+        trajectory = _calculated(self._ruckig, i, motion, "position", target)
         return Profile(trajectory, 0.0, trajectory.duration)
