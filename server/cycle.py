@@ -172,7 +172,7 @@ class Cycle:
             weight = None
             if self.output is not None:
                 T_world_mrf = self.output.T_world_mrf_measured
-                weight = self._control.weight(T_world_mrf, self._orders.settings())
+                weight = self._control.summing.weight(T_world_mrf, self._orders.settings())
             self._sensor.look(reading, weight)
         return View(
             now=Now(now_s, self.tick, self._enabled_since),

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.schema import Gripper, Payload, RigGripper
-from telerobot.server.control.tick import GAIN_TIME_S
+from telerobot.server.control.gains import GAIN_TIME_S
 from telerobot.tools.script import Script
 from telerobot.tools.simulation import Simulation
 

@@ -1,0 +1,138 @@
+"""The sources of the tick: what each asks of the MRF, every one always on.
+
+The tick adds the twists up. What the force source reads, and what is taken off its reading, is
+kept here too, because the sum and the watch over the sensor must agree about it.
+"""
+
+import math
+
+import numpy as np
+
+from .bleed import bleed
+from .evolve import evolve
+from .frames import Array, Pose
+from .gains import GAIN_TIME_S
+from .mechanism import Kinematics
+from .parameters import Parameters
+from .sources.force import Force, load_of
+from .sources.joystick import Joystick, JoystickState
+from .sources.position import Position
+from .sources.vision import Vision, VisionState
+from .state import Inputs, Intent, Memory, Settings
+
+
+class Summing:
+    """The sources of one cell, and what they remember from tick to tick."""
+
+    def __init__(self, p: Parameters) -> None:
+        self._p = p
+        T = p.period_s
+        self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
+        self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
+        self.vision = Vision(p.vision_speed, p.shaping_acceleration, p.shaping_jerk, T)
+        self.force = Force(
+            p.T_wrist_sensor or Pose.identity(),
+            p.wrench_smoothing,
+            T,
+            p.wrench_calibration,
+            p.wrench_inertia,
+            p.limits.acceleration,
+        )
+
+    def measure(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> Memory:
+        """Return the memory with the newest wrench in it, payload and bias taken off.
+
+        `T_world_wrist` is measured, at the instant that the joints were.
+        """
+        load = self._ramp_load(memory, inputs)
+        force = self.force.measure(
+            memory.force,
+            inputs.wrench_sensor,
+            load,
+            T_world_wrist,
+            inputs.time_s,
+            inputs.wrench_age_s,
+        )
+        return evolve(memory, force=force, load=load)
+
+    def wrench_mrf(self, memory: Memory, T_wrist_mrf: Pose) -> Array | None:
+        """Return what the arm exerts at and in the MRF (6,), None when stale."""
+        return self.force.wrench_mrf(memory.force, T_wrist_mrf)
+
+    def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
+        """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
+        T_world_wrist = T_world_mrf @ settings.T_wrist_mrf.inverse()
+        R_world_sensor = T_world_wrist.R @ self.force.T_wrist_sensor.R
+        return self.force.weight(R_world_sensor, self._load(settings))
+
+    def twists(
+        self, memory: Memory, inputs: Inputs, k: Kinematics
+    ) -> tuple[Memory, dict[str, Array]]:
+        """Return each source's twist (6,) in World axes; every source is always on."""
+        settings, gains = inputs.settings, memory.gains
+        moving = inputs.intent is Intent.MOVE
+        stick = inputs.stick if moving else None
+        joystick_state = memory.joystick if moving else JoystickState.idle()
+        joystick, joystick_state = self.joystick.rate(
+            joystick_state,
+            None if stick is None else stick.twist,
+            np.eye(3) if stick is None else stick.R_world_axes,
+            gains["joystick"],
+        )
+        position, position_state = self.position.rate(
+            memory.position,
+            inputs.goal if moving and inputs.posture is None else None,
+            k.T_world_mrf,
+            k.J @ memory.motion.dq,
+            gains["position"],
+            settings.T_world_crf.R,
+            settings.speed_factor,
+            inputs.paused,
+        )
+        vision, vision_state = self.vision.rate(
+            memory.vision if moving else VisionState.idle(),
+            inputs.view if moving and inputs.posture is None and inputs.jog is None else None,
+            k.T_world_wrist,
+            k.T_world_mrf.p,
+            gains["vision"],
+            settings.speed_factor,
+        )
+        wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
+        force = self.force.rate(wrench, inputs.wrench_desired, gains["force"], k.T_world_mrf.R)
+        memory = evolve(
+            memory, joystick=joystick_state, position=position_state, vision=vision_state
+        )
+        if not moving:
+            memory, force = self._bleed(memory, inputs, k, wrench, force)
+        return memory, {
+            "joystick": joystick,
+            "position": position,
+            "vision": vision,
+            "force": force,
+        }
+
+    def _bleed(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, wrench: Array | None, force: Array
+    ) -> tuple[Memory, Array]:
+        """In HOLD, let FMA go on alone, inside a small leash, until contact is bled off."""
+        if inputs.intent is not Intent.HOLD:
+            return evolve(memory, hold=None, bleeding=False), np.zeros(6)
+        hold = memory.hold if memory.hold is not None else k.T_world_wrist.p
+        away = k.T_world_wrist.p - hold
+        bled = bleed(
+            memory.bleeding, wrench, force, away, self._p.hold_threshold, self._p.hold_leash
+        )
+        return evolve(memory, hold=hold, bleeding=bled.bleeding), bled.twist
+
+    def _ramp_load(self, memory: Memory, inputs: Inputs) -> Array:
+        """Return payload and bias in effect (10,): a tool picked up or a tare never jumps."""
+        target = self._load(inputs.settings)
+        if memory.load is None or inputs.intent is Intent.SEED:
+            return target
+        return memory.load + (1.0 - math.exp(-self._p.period_s / GAIN_TIME_S)) * (
+            target - memory.load
+        )
+
+    def _load(self, settings: Settings) -> Array:
+        payload = settings.payload or self._p.payload
+        return load_of(payload.mass, payload.com, settings.wrench_bias)
