@@ -102,36 +102,44 @@ def rotation_log(R: Array) -> Array:
 
 def rotation_exp(r: Array) -> Array:
     """Return R (3, 3) of a rotation vector (3,) [rad] (Rodrigues)."""
-    angle2 = float(r @ r)
-    K = skew(r)
+    x, y, z = r.tolist()
+    angle2 = x * x + y * y + z * z
     if angle2 < _SMALL**2:
-        return np.asarray(np.eye(3) + K)
+        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
     angle = math.sqrt(angle2)
-    return np.asarray(
-        np.eye(3) + (math.sin(angle) / angle) * K + ((1.0 - math.cos(angle)) / angle2) * (K @ K)
+    s, c = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
+    xy, xz, yz = c * x * y, c * x * z, c * y * z
+    return np.array(
+        [
+            [1.0 - c * (y * y + z * z), xy - s * z, xz + s * y],
+            [xy + s * z, 1.0 - c * (x * x + z * z), yz - s * x],
+            [xz - s * y, yz + s * x, 1.0 - c * (x * x + y * y)],
+        ]
     )
 
 
 def right_jacobian(r: Array) -> Array:
     """Return Jr (3, 3) with body rate ω = Jr(r) dr/dt for R = exp(r)."""
-    angle2 = float(r @ r)
-    K = skew(r)
+    x, y, z = r.tolist()
+    angle2 = x * x + y * y + z * z
     if angle2 < 1e-8:
-        return np.asarray(np.eye(3) - 0.5 * K + K @ K / 6.0)
-    angle = math.sqrt(angle2)
-    return np.asarray(
-        np.eye(3)
-        - ((1.0 - math.cos(angle)) / angle2) * K
-        + ((angle - math.sin(angle)) / (angle2 * angle)) * (K @ K)
+        s, c = 0.5, 1.0 / 6.0
+    else:
+        angle = math.sqrt(angle2)
+        s, c = (1.0 - math.cos(angle)) / angle2, (angle - math.sin(angle)) / (angle2 * angle)
+    xy, xz, yz = c * x * y, c * x * z, c * y * z
+    return np.array(
+        [
+            [1.0 - c * (y * y + z * z), xy + s * z, xz - s * y],
+            [xy - s * z, 1.0 - c * (x * x + z * z), yz + s * x],
+            [xz + s * y, yz - s * x, 1.0 - c * (x * x + y * y)],
+        ]
     )
 
 
 def rotate_twist(R: Array, twist: Array) -> Array:
     """Return the same twist (6,) (or wrench), same point, in the axes that R (3, 3) maps to."""
-    out = np.empty(6)
-    out[:3] = R @ twist[:3]
-    out[3:] = R @ twist[3:]
-    return out
+    return np.asarray((twist.reshape(2, 3) @ R.T).ravel())
 
 
 def twist_at_wrist(twist_mrf: Array, R_k_j: Array, R_k_wrist: Array, p_wrist_mrf: Array) -> Array:
@@ -148,9 +156,8 @@ def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
 
     Williams 1997, eq. 5, with a the MRF and b the Sensor.
     """
-    out = np.empty(6)
-    out[:3] = T_a_b.R @ wrench_b[:3]
-    out[3:] = T_a_b.R @ wrench_b[3:] + cross(T_a_b.p, out[:3])
+    out = rotate_twist(T_a_b.R, wrench_b)
+    out[3:] += cross(T_a_b.p, out[:3])
     return out
 
 

@@ -67,16 +67,17 @@ class Redundancy:
         return Pulls(gains, now.posture + part * away)
 
     def rate(
-        self, q: Array, J: Array, dq_task: Array, N: Array, pulls: Pulls, factor: float
+        self, q: Array, J: Array, dq_task: Array, null: Array, pulls: Pulls, factor: float
     ) -> SelfMotion:
-        """Return the self-motion at q (n,), with J (6, n), the task's rates (n,) and N (n, n).
+        """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
 
-        `factor` is the reduced-speed setting; it scales the bound of the self-motion.
+        `null` (n − 6, n) has orthonormal rows that span the spare motions; `factor` is the
+        reduced-speed setting, which scales the bound of the self-motion.
         """
         if not self._spare:
             return self.none()
         parts = {
-            name: gain * (N @ self._part(name, q, J, dq_task, N, pulls))
+            name: gain * ((null @ self._part(name, q, J, dq_task, null, pulls)) @ null)
             for name, gain in pulls.gains.items()
             if gain > 0.0
         }
@@ -88,7 +89,9 @@ class Redundancy:
         norms = {name: share * math.sqrt(float(z @ z)) for name, z in parts.items()}
         return SelfMotion(share * dq, norms)
 
-    def _part(self, name: str, q: Array, J: Array, dq_task: Array, N: Array, pulls: Pulls) -> Array:
+    def _part(
+        self, name: str, q: Array, J: Array, dq_task: Array, null: Array, pulls: Pulls
+    ) -> Array:
         """Return what an objective asks for (n,) at gain 1."""
         match name:
             case "mid_range":
@@ -98,4 +101,4 @@ class Redundancy:
             case "posture":
                 return posture.rate(q, pulls.posture)
             case _:
-                return least_energy.rate(dq_task, N, self._mechanism.mass_matrix(q))
+                return least_energy.rate(dq_task, null, self._mechanism.mass_matrix(q))

@@ -44,8 +44,8 @@ class Resolved(NamedTuple):
 
     dq: Array
     """Task part (n,) [rad/s]."""
-    null_projector: Array
-    """I − J⁺J with the exact rank (n, n)."""
+    null: Array
+    """Orthonormal rows (n − 6, n) that span the spare motions: I − J⁺J = nullᵀ null."""
     sigma_min: float
     """Least singular value of the weighted Jacobian [m]."""
     singular: bool
@@ -83,6 +83,8 @@ def resolve(
     rank_rows = len(s)
     V = Vt[:rank_rows]
     along = U.T[:rank_rows] @ (weight * twist)
+    if s[-1] >= 2.0 * p.singular_region:
+        return Resolved((along / s) @ V, Vt[rank_rows:], float(s[-1]), False)
     gains = np.empty(rank_rows)
     way_home = np.zeros(J.shape[1])
     singular = False
@@ -108,8 +110,7 @@ def resolve(
     dq = V.T @ (gains * along) + way_home
     # Rows of V belong to real task directions even where σ is small: motion in the null space
     # must not disturb them.
-    null_projector = np.eye(J.shape[1]) - V.T @ V
-    return Resolved(dq, null_projector, float(s[-1]), singular)
+    return Resolved(dq, Vt[rank_rows:], float(s[-1]), singular)
 
 
 def _most_bent(

@@ -5,6 +5,7 @@ Time is an input. All values are immutable by agreement: a tick builds new ones.
 
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from typing import NamedTuple
 
 import numpy as np
 
@@ -112,8 +113,7 @@ class Memory:
     bleeding: bool = False
 
 
-@dataclass(frozen=True)
-class Output:
+class Output(NamedTuple):
     """What one tick decided, and why."""
 
     q: Array

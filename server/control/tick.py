@@ -185,7 +185,7 @@ class Control:
             dq, sigma_min = task.dq, task.sigma_min
             if inputs.intent is Intent.MOVE and not inputs.at_posture:
                 self_motion = self.redundancy.rate(
-                    q, k.J, dq, task.null_projector, memory.pulls, inputs.settings.speed_factor
+                    q, k.J, dq, task.null, memory.pulls, inputs.settings.speed_factor
                 )
                 dq = dq + self_motion.dq
             if task.singular:

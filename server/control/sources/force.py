@@ -73,6 +73,9 @@ class Force:
         self._calibration = np.eye(6) if calibration is None else calibration
         self._reading_of = np.linalg.inv(self._calibration)
         self._max_acceleration = max_acceleration
+        # Scratch: the transform of the MRF asked for last.
+        self._mrf = Pose.identity()
+        self._T_mrf_sensor = T_wrist_sensor
 
     def weight(self, R_world_sensor: Array, load: Array) -> Array:
         """Return the reading (6,) that the payload's weight alone makes, exerted sign."""
@@ -135,7 +138,10 @@ class Force:
         """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
         if state.wrench is None:
             return None
-        return wrench_to(T_wrist_mrf.inverse() @ self.T_wrist_sensor, state.wrench)
+        if T_wrist_mrf is not self._mrf:
+            self._mrf = T_wrist_mrf
+            self._T_mrf_sensor = T_wrist_mrf.inverse() @ self.T_wrist_sensor
+        return wrench_to(self._T_mrf_sensor, state.wrench)
 
     def rate(
         self, wrench_mrf: Array | None, desired: Array, gain: Array, R_world_mrf: Array
