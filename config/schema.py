@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .cameras import Camera, RigTag, Vision
+from .obstacles import Avoidance, Obstacle
 from .section import Name as Name
 from .section import Pose as Pose
 from .section import Section as Section
@@ -439,4 +440,8 @@ class CellConfig(Section):
     limits: Limits = Field(default_factory=Limits, description="bounds of the tool's motion")
     resolve: Resolve = Field(default_factory=Resolve, description="singularities")
     redundancy: Redundancy = Field(default_factory=Redundancy, description="the null space")
+    obstacles: tuple[Obstacle, ...] = Field(
+        (), max_length=64, description="what the arm keeps away from"
+    )
+    avoidance: Avoidance = Field(default_factory=Avoidance, description="clearances that are kept")
     rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")

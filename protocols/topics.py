@@ -9,6 +9,7 @@ from enum import Enum, auto
 
 from . import messages as m
 from . import motion
+from .obstacles import AvoidanceRequest, ObstacleNews
 from .sightings import Sighting, StoreView
 
 PREFIX = "telerobot"
@@ -60,6 +61,8 @@ class Topic:
     """Delivered reliably, blocking its sender; else real-time priority, dropped when congested."""
     max_bytes: int = 4096
     """Longer payloads are refused unread."""
+    unread: int = 8
+    """So many unread messages are kept; older ones are dropped for newer ones."""
 
     def full_key(self, cell: str) -> str:
         """Return the Zenoh key of this topic in a cell."""
@@ -85,6 +88,10 @@ MASTER_POSE = _command("master_pose", motion.MasterPose, Life.STREAM, 100)
 CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 
 SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
+# News of one obstacle must not push out another's.
+OBSTACLE = Topic(
+    "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, reliable=True, unread=128
+)
 
 LEASE = _request("lease", m.LeaseRequest)
 RELEASE = _request("release", m.LeaseRelease)
@@ -102,6 +109,7 @@ REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
 CLUTCH = _request("clutch", motion.ClutchRequest)
 STORE_VIEW = _request("store_view", StoreView)
+AVOIDANCE = _request("avoidance", AvoidanceRequest)
 
 STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
@@ -114,10 +122,10 @@ RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100,
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
-    SIGHTING,
+    SIGHTING, OBSTACLE,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, GRIPPER, STORE_VIEW,
-    REDUNDANCY, PATH_CONTROL, CLUTCH,
+    REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE,
     STATE, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_TRUTH,
 )  # fmt: skip

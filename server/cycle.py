@@ -31,6 +31,7 @@ from .sensor_watch import SensorWatch
 from .telemetry import describe, report
 from .vision_watch import VisionWatch
 from .warm_up import warm_up
+from .world import World
 
 DESCRIBE_EVERY = 100
 """Ticks between two descriptions, for operators that come late [1]."""
@@ -88,6 +89,7 @@ class Cycle:
         essential = sensor is not None and sensor.essential
         self._sensor = SensorWatch(self._events, essential, timing.period_s)
         self._vision = VisionWatch(cell, self._events)
+        self._world = World(cell, self._events)
         self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
 
     def boot(self) -> None:
@@ -182,6 +184,7 @@ class Cycle:
             essential_stale=self._sensor.missed,
             gain_bound=self._gain_bound,
             vision=self._vision,
+            world=self._world,
         )
 
     # --- faults and modes --------------------------------------------------------------------
@@ -308,6 +311,7 @@ class Cycle:
             posture=orders.posture if moving else None,
             at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,
+            scene=self._world.scene(self.tick) if self._world.known else None,
         )
         start = time.perf_counter()
         self._memory, self.output = self._control.tick(self._memory, inputs)

@@ -12,6 +12,7 @@ import numpy as np
 from ..protocols import messages as m
 from ..protocols import motion
 from ..protocols.codec import encode
+from ..protocols.obstacles import AvoidanceRequest
 from ..protocols.sightings import StoreView
 from .admission import Admission, Now, Refused, Why
 from .control.frames import Array
@@ -20,6 +21,7 @@ from .link import Asked
 from .mode import Mode, Wish
 from .orders import Orders
 from .vision_watch import VisionWatch
+from .world import World
 
 ENABLE_TIMEOUT_S = 3.0
 """Drives that are not in Operation enabled by then will not be [s]."""
@@ -41,6 +43,8 @@ class View:
     """Why a source's gains would be unstable, or None."""
     vision: VisionWatch
     """What the cameras see."""
+    world: World
+    """What is known of obstacles."""
 
 
 @dataclass(frozen=True)
@@ -192,6 +196,9 @@ class Desk:
             case motion.PathRequest():
                 self._orders.set_path(message)
                 self._events.info("path_" + _PAST[message.action])
+            case AvoidanceRequest():
+                self._orders.avoid = message.on
+                self._events.info("avoidance_switched", "", on=message.on)
             case m.TareRequest():
                 self._tare(view)
             case StoreView():

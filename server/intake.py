@@ -1,6 +1,7 @@
 """What operators say in one period: requests answered, commands admitted and put in force."""
 
 from ..protocols.messages import Command, Keepalive
+from ..protocols.obstacles import ObstacleNews
 from ..protocols.sightings import Sighting
 from ..protocols.topics import Topic
 from .admission import Admission, Refused
@@ -42,6 +43,7 @@ class Intake:
                 except Refused as refused:
                     self._refuse(topic, refused)
         view.vision.look(view.now.tick)
+        view.world.look(view.now.tick)
         for name in self._orders.expired(now_s):
             self._events.info("stream_expired", name)
 
@@ -52,6 +54,8 @@ class Intake:
                 message = self._admission.admit(topic, payload, view.now)
                 if isinstance(message, Sighting):
                     view.vision.take(message, view.now.tick)
+                elif isinstance(message, ObstacleNews):
+                    view.world.take(message, view.now.tick)
             except Refused as refused:
                 self._refuse(topic, refused)
                 continue

@@ -15,9 +15,6 @@ import zenoh
 from ..drivers.device import DeviceError
 from ..protocols.topics import COMMANDS, PREFIX, REQUESTS, SENSORS, Topic
 
-MAILBOX = 8
-"""Unread commands kept per topic; older ones are dropped for newer ones."""
-
 REQUEST_BOX = 32
 """Unread requests that are kept."""
 
@@ -80,7 +77,7 @@ class ZenohLink:
         # A channel for each command, so that a flood of one crowds out no other; one for all
         # requests, so that they are answered as they came.
         self._commands = [
-            (topic, self._session.declare_subscriber(topic.full_key(cell), ring(MAILBOX)))
+            (topic, self._session.declare_subscriber(topic.full_key(cell), ring(topic.unread)))
             for topic in (*COMMANDS, *SENSORS)
         ]
         self._requests = self._session.declare_queryable(
@@ -93,7 +90,7 @@ class ZenohLink:
     def commands(self) -> Iterator[tuple[Topic, bytes]]:
         """Yield the commands and sensor readings that came in, oldest first on each topic."""
         for topic, subscriber in self._commands:
-            for _ in range(MAILBOX):
+            for _ in range(topic.unread):
                 sample = subscriber.try_recv()
                 if sample is None:
                     break

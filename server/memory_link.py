@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from ..protocols.topics import Flow, Topic
-from .link import MAILBOX, Asked
+from .link import Asked
 
 
 class MemoryLink:
@@ -19,7 +19,7 @@ class MemoryLink:
         """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
         if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
             raise ValueError(f"{topic.key} is no command")
-        box = self._commands.setdefault(topic.key, deque(maxlen=MAILBOX))
+        box = self._commands.setdefault(topic.key, deque(maxlen=topic.unread))
         box.append((topic, payload))
 
     def ask(self, topic: Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:

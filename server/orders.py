@@ -66,6 +66,8 @@ class Orders:
             "force": sources.force.enabled and config.mechanism.force_torque is not None,
         }
         self._vision_on = self.on["vision"]
+        self.avoid = config.avoidance.enabled
+        """Whether clearances are kept."""
         sensor = config.mechanism.force_torque
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self._payloads = {
@@ -279,6 +281,7 @@ class Orders:
             speed_factor=self.speed_factor,
             payload=self.payload,
             pulls=self.pulls,
+            avoid=self.avoid,
         )
 
     # --- what is in force now ----------------------------------------------------------------

@@ -13,6 +13,7 @@ from .frames import Array, Pose
 from .paths.goals import Goal
 from .payload import Payload
 from .redundancy import Pulls, SelfMotion
+from .scene import Scene
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
 from .sources.position import PositionState, Progress
@@ -56,6 +57,8 @@ class Settings:
     """None: the cell's own."""
     pulls: Pulls | None = None
     """How strongly each redundancy objective acts; as the cell says when None."""
+    avoid: bool = False
+    """Clearances are kept."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ class Inputs:
     """A posture was reached and nothing was asked for since: no self-motion leads away from it."""
     wrench_desired: Array = field(default_factory=lambda: np.zeros(6))
     """Wrench to exert, at and in the MRF (6,) [N, N·m]."""
+    scene: Scene | None = None
+    """Obstacles, where they are known to be now; None where there are none."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from telerobot.server.link import Asked
 from telerobot.server.mode import Mode, Wish
 from telerobot.server.orders import Orders
 from telerobot.server.vision_watch import VisionWatch
+from telerobot.server.world import World
 
 
 @dataclass
@@ -73,6 +74,7 @@ def counter(pa10):
         essential_stale=(),
         gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
         vision=VisionWatch(pa10.cell, events),
+        world=World(pa10.cell, events),
     )
     desk = Desk(admission, orders, events, lambda: next(tokens))
     return Counter(desk, admission, orders, events, view)

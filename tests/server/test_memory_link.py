@@ -1,6 +1,5 @@
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.server.link import MAILBOX
 from telerobot.server.memory_link import MemoryLink
 
 
@@ -20,7 +19,7 @@ def test_of_a_backlog_only_the_newest_are_kept_and_no_topic_crowds_out_another()
     got = list(link.commands())
     assert (t.KEEPALIVE, b"alive") in got
     sticks = [payload for topic, payload in got if topic is t.JOYSTICK]
-    assert sticks == [bytes([i]) for i in range(100 - MAILBOX, 100)]
+    assert sticks == [bytes([i]) for i in range(100 - t.JOYSTICK.unread, 100)]
 
 
 def test_what_is_no_command_is_not_put():

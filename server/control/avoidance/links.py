@@ -1,0 +1,188 @@
+"""The arm as capsules: fitted around the primitives of its URDF, placed and differentiated."""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ..frames import Array, Pose
+from .chain import Chain
+
+Index = NDArray[np.int64]
+
+SLACK = 1e-9
+"""A part that sticks out of another by less is inside it [m]."""
+
+
+class Capsule(NamedTuple):
+    """All points within a radius of a segment that is fixed to a body of the chain."""
+
+    link: str
+    body: int
+    start: Array
+    end: Array
+    radius: float
+
+
+class Placed(NamedTuple):
+    """The capsules' segments at s postures, in World."""
+
+    ends: Array
+    """(s, c, 2, 3) [m]."""
+    frames: Array
+    """The joints' frames (s, n, 3, 4)."""
+
+
+class Links:
+    """The c capsules of a cell's arm, from Base to tool."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Fit them. Raises `ConfigError` for a shape that needs a capsule from the cell."""
+        self.chain = Chain(cell)
+        self.capsules = capsules_of(cell, self.chain)
+        self.links = tuple(c.link for c in self.capsules)
+        self.radius = np.array([c.radius for c in self.capsules])
+        self.body: Index = np.array([c.body for c in self.capsules], dtype=np.int64)
+        self.half_length = np.array([0.5 * float(_length(c.end - c.start)) for c in self.capsules])
+        nodes = [(c.body, p) for c in self.capsules for p in (c.start, c.end)]
+        self._node_body = np.array([body for body, _ in nodes])
+        self._node = np.array([[*p, 1.0] for _, p in nodes])
+        self.lever = self._levers()
+        """Greatest distance of any point of a capsule from each joint's axis (c, n) [m]; zero for
+        joints that do not move it, 1 for prismatic ones that do."""
+
+    def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
+        """Return where the capsules are at postures q (s, n) [rad]."""
+        frames = self.chain.frames(q, T_world_base)
+        base = self.chain.T_world_base if T_world_base is None else T_world_base
+        bodies = np.empty((len(q), self.chain.n + 1, 3, 4))
+        bodies[:, 0, :, :3], bodies[:, 0, :, 3] = base.R, base.p
+        bodies[:, 1:] = frames
+        points = (bodies[:, self._node_body] * self._node[:, None, :]).sum(-1)
+        return Placed(points.reshape(len(q), -1, 2, 3), frames)
+
+    def jacobians(self, placed: Placed, capsule: Index, points: Array) -> Array:
+        """Return the Jacobians (k, 3, n) of points (k, 3) [m] that move with capsules (k,).
+
+        `placed` holds one posture.
+        """
+        frames = placed.frames[0]
+        z = self.chain.axes(frames)
+        arm = points[:, None, :] - frames[None, :, :, 3]
+        # z × arm, written out.
+        J = np.empty((len(points), 3, self.chain.n))
+        J[:, 0] = z[:, 1] * arm[:, :, 2] - z[:, 2] * arm[:, :, 1]
+        J[:, 1] = z[:, 2] * arm[:, :, 0] - z[:, 0] * arm[:, :, 2]
+        J[:, 2] = z[:, 0] * arm[:, :, 1] - z[:, 1] * arm[:, :, 0]
+        if self.chain.prismatic.any():
+            J[:, :, self.chain.prismatic] = z[self.chain.prismatic].T
+        moved = np.arange(1, self.chain.n + 1) <= self.body[capsule][:, None]
+        return np.asarray(J * moved[:, None, :])
+
+    def _levers(self) -> Array:
+        """Return bounds that hold at every posture: the way along the chain is never longer."""
+        chain, n = self.chain, self.chain.n
+        origins = chain.frames(np.zeros((1, n)))[0, :, :, 3]
+        steps = [float(_length(b - a)) for a, b in itertools.pairwise(origins)]
+        steps = [step + float(out) for step, out in zip(steps, chain.stroke[1:], strict=True)]
+        lever = np.zeros((len(self.capsules), n))
+        for c, capsule in enumerate(self.capsules):
+            far = max(float(_length(capsule.start)), float(_length(capsule.end)))
+            far += chain.stroke[capsule.body - 1] if capsule.body else 0.0
+            for j in range(capsule.body):
+                lever[c, j] = far + sum(steps[j : capsule.body - 1])
+        lever[:, chain.prismatic] = np.minimum(lever[:, chain.prismatic], 1.0)
+        return lever
+
+
+def capsules_of(cell: Cell, chain: Chain) -> tuple[Capsule, ...]:
+    """Return the capsules around a cell's arm: of its URDF, then what the cell adds.
+
+    Raises `ConfigError` for a link whose shape is a mesh and that the cell gives no capsule.
+    """
+    stated = cell.config.avoidance.capsules
+    for i, given in enumerate(stated):
+        if not chain.model.existFrame(given.link):
+            raise ConfigError(
+                f"{cell.path}: avoidance.capsules[{i}].link: value '{given.link}': no such link in "
+                f"{cell.robot.urdf}"
+            )
+    found = []
+    for shape in _collision_shapes(cell, chain):
+        link = chain.model.frames[shape.parentFrame].name
+        body, T = chain.carried(shape.parentJoint, shape.placement)
+        fitted = _fitted(shape.geometry)
+        if fitted is not None:
+            axis, radius = fitted
+            found.append(Capsule(link, body, T.p - T.R @ axis, T.p + T.R @ axis, radius))
+        elif link not in {given.link for given in stated}:
+            raise ConfigError(
+                f"{cell.path}: avoidance.capsules: link '{link}' of {cell.robot.urdf} is a "
+                f"{type(shape.geometry).__name__}: give it capsules here"
+            )
+    for given in stated:
+        body, T = chain.body_of(given.link)
+        a, b = T.R @ np.array(given.start) + T.p, T.R @ np.array(given.end) + T.p
+        found.append(Capsule(given.link, body, a, b, given.radius))
+    outer = [c for i, c in enumerate(found) if not _inside_another(c, i, found)]
+    return tuple(sorted(outer, key=lambda c: c.body))
+
+
+def _collision_shapes(cell: Cell, chain: Chain) -> list["pin.GeometryObject"]:
+    description = cell.robot.description()
+    try:
+        geometry = pin.buildGeomFromUrdfString(chain.model, description, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        words = str(error).splitlines()[0]
+        raise ConfigError(f"{cell.robot.urdf}: <collision>: {words}") from None
+    return list(geometry.geometryObjects)
+
+
+def _fitted(shape: object) -> tuple[Array, float] | None:
+    """Return half the segment (3,) and the radius of a capsule around a primitive, or None."""
+    match type(shape).__name__:
+        case "Sphere":
+            return np.zeros(3), float(shape.radius)  # type: ignore[attr-defined]  # untyped
+        case "Cylinder" | "Capsule":
+            along = np.array([0.0, 0.0, float(shape.halfLength)])  # type: ignore[attr-defined]
+            return along, float(shape.radius)  # type: ignore[attr-defined]
+        case "Box":
+            half = np.array(shape.halfSide)  # type: ignore[attr-defined]
+            k = int(np.argmax(half))
+            across = np.delete(half, k)
+            return np.eye(3)[k] * half[k], float(_length(across))
+        case _:
+            return None
+
+
+def _inside_another(capsule: Capsule, i: int, others: list[Capsule]) -> bool:
+    """Return whether a capsule lies inside another one of its body; of equal ones, the later."""
+    for k, other in enumerate(others):
+        if k == i or other.body != capsule.body:
+            continue
+        room = other.radius - capsule.radius + SLACK
+        inside = all(_distance(p, other) <= room for p in (capsule.start, capsule.end))
+        if inside and not (k > i and _inside_another_exactly(other, capsule)):
+            return True
+    return False
+
+
+def _inside_another_exactly(inner: Capsule, outer: Capsule) -> bool:
+    room = outer.radius - inner.radius + SLACK
+    return all(_distance(p, outer) <= room for p in (inner.start, inner.end))
+
+
+def _distance(point: Array, capsule: Capsule) -> float:
+    """Return the distance of a point from a capsule's segment [m]."""
+    along = capsule.end - capsule.start
+    length2 = float(along @ along)
+    part = 0.0 if length2 == 0.0 else float(along @ (point - capsule.start)) / length2
+    return float(_length(point - capsule.start - min(1.0, max(0.0, part)) * along))
+
+
+def _length(v: Array) -> Array:
+    return np.asarray(np.sqrt((v * v).sum(-1)))

@@ -1,0 +1,113 @@
+"""Obstacles at one instant, as arrays: what the daemon knows to be around the arm.
+
+Two kinds are enough. A *round* is all points within a radius of a segment: a point, a sphere, a
+capsule, a sight line. A *box* has sides. Rounds come first wherever all obstacles are counted.
+
+What may move is known to be, `ahead` seconds from now, within `reach(ahead)` of where its
+velocity takes it.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .evolve import evolve
+from .frames import Array, Pose
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """m segments with a radius each, in World [m]."""
+
+    start: Array
+    """(m, 3)."""
+    end: Array
+    """(m, 3)."""
+    radius: Array
+    """(m,)."""
+    line: Flags
+    """Which are sight lines (m,)."""
+    carried: Flags
+    """Which start at a camera on the Wrist (m,): their `start` is in the Wrist until placed."""
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """b boxes, in World [m]."""
+
+    R: Array
+    """Attitudes (b, 3, 3)."""
+    centre: Array
+    """(b, 3)."""
+    half: Array
+    """Half the sides (b, 3)."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All obstacles of one instant: k = m + b of them, rounds first."""
+
+    names: tuple[str, ...]
+    rounds: Rounds
+    boxes: Boxes
+    hard: Flags
+    """Which keep a barrier (k,)."""
+    clearance: Array
+    """Promised distance of links from each (k,) [m]."""
+    velocity: Array
+    """Where each goes (k, 3) [m/s]; zero where that is not believed."""
+    speed: Array
+    """Bound of its speed away from there (k,) [m/s]; zero for what stands still."""
+    acceleration: Array
+    """Bound of the same (k,) [m/s²]; infinite where there is none."""
+    age: Array
+    """Age of its news (k,) [s]; zero for what stands still."""
+    still_after: Array
+    """Age from which on it is taken to stand (k,) [s]; infinite for most."""
+    stop: str | None = None
+    """Name of the obstacle whose stale news calls for the verified stop, if any."""
+
+    @property
+    def moves(self) -> bool:
+        """True if anything may move."""
+        return bool(self.speed.any())
+
+    def reach(self, ahead: float | Array) -> Array:
+        """Return how far each may be from where it is predicted, `ahead` seconds from now.
+
+        `ahead` is one time, or (s, 1) for (s, k) distances [m].
+        """
+        since = np.minimum(self.age + ahead, self.still_after)
+        with np.errstate(invalid="ignore"):  # an infinite bound times no time
+            by_acceleration = np.nan_to_num(0.5 * self.acceleration * since * since, nan=0.0)
+        return np.minimum(self.speed * since, by_acceleration)
+
+    def placed(self, T_world_wrist: Pose) -> Self:
+        """Return the scene with every sight line in World that starts at a carried camera."""
+        carried = self.rounds.carried
+        if not carried.any():
+            return self
+        start = self.rounds.start.copy()
+        start[carried] = start[carried] @ T_world_wrist.R.T + T_world_wrist.p
+        return evolve(self, rounds=evolve(self.rounds, start=start))
+
+
+def empty() -> Scene:
+    """Return a scene with nothing in it."""
+    none, no = np.zeros(0), np.zeros(0, dtype=bool)
+    return Scene(
+        names=(),
+        rounds=Rounds(np.zeros((0, 3)), np.zeros((0, 3)), none, no, no),
+        boxes=Boxes(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))),
+        hard=no,
+        clearance=none,
+        velocity=np.zeros((0, 3)),
+        speed=none,
+        acceleration=none,
+        age=none,
+        still_after=none,
+    )
