@@ -1,0 +1,1 @@
+"""Potential fields (Scott & Carignan): what the spare freedoms slide downhill in."""

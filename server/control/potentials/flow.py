@@ -1,0 +1,86 @@
+"""How quickly to slide downhill: along the slope, over its own curvature.
+
+A step down the bare slope is slow where the field is flat and unstable where it is steep. Divided
+by the curvature along the way, all of it is approached at one rate, whatever the strengths are.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..frames import Array
+from .charges import Charges
+from .curvature import curvature, weighed
+from .potential import Potential, Value
+from .shape import Index, Shape, ahead
+
+LOOK = 1e-5
+"""Step of the finite difference for the curvature [rad]."""
+
+
+class Seen(NamedTuple):
+    """The potential where the arm is, and what it takes to look around."""
+
+    here: Shape
+    value: Value
+    charges: Charges
+
+
+class Flow:
+    """Rates downhill for one arm: in its self-motions, and along a virtual link."""
+
+    def __init__(self, potential: Potential, body: Index, flattest: float) -> None:
+        """`body` (m,) counts the joints inboard of each link; curvatures count as at least
+        `flattest` [N·m/rad]."""
+        self._potential = potential
+        self._body = body
+        self._flattest = flattest
+
+    def look(self, here: Shape, charges: Charges) -> Seen:
+        """Return what there is to know at a shape."""
+        return Seen(here, self._potential.at(here, charges), charges)
+
+    def self_motion(self, seen: Seen, null: Array) -> Array:
+        """Return the joint rates (n,) [rad/s], at a gain of 1 /s, to the least potential.
+
+        `null` (r, n) holds orthonormal rows that span the self-motions.
+        """
+        slope = (null @ seen.value.torque) @ null
+        size = math.sqrt(float(slope @ slope))
+        if size < 1e-12:
+            return slope
+        way = slope / size
+        there = self._ahead(seen, way)
+        bend = curvature(
+            way,
+            seen.here.screws,
+            seen.value.torque,
+            there.here.screws,
+            there.value.torque,
+            LOOK,
+        )
+        return slope / max(abs(bend), self._flattest)
+
+    def along(self, seen: Seen, direction: Array, out: float, stiffness: float) -> float:
+        """Return the speed [m/s], at a gain of 1 /s, of the tool along a virtual link.
+
+        The link points along `direction` (3,), a unit vector in World, is `out` [m] now and held
+        by a spring [N/m]. J_aug = [J e], and the potential is V + k d²/2.
+        """
+        way, force = self._lever(seen, direction)
+        size = math.sqrt(float(way @ way))
+        step = LOOK / max(size, 1e-6)
+        there = self._ahead(seen, way * step / LOOK)
+        bend = (force - self._lever(there, direction)[1]) / step
+        return (force - stiffness * out) / max(abs(bend + stiffness), 0.5 * stiffness)
+
+    def _lever(self, seen: Seen, direction: Array) -> tuple[Array, float]:
+        """Return joint rates (n,) that shift the tool along a direction, and the force there."""
+        twist = np.concatenate([direction, np.zeros(3)])  # a shift is the same at every point
+        S = seen.here.screws
+        way = S.T @ weighed(S, twist)
+        return way, float(way @ seen.value.torque)
+
+    def _ahead(self, seen: Seen, way: Array) -> Seen:
+        return self.look(ahead(seen.here, self._body, way, LOOK), seen.charges)

@@ -1,0 +1,63 @@
+"""The planar arm of the paper's example: three links of a metre, and one charge (section IV)."""
+
+import numpy as np
+from telerobot.server.control.potentials.charges import Charges
+from telerobot.server.control.potentials.potential import Potential, Value
+from telerobot.server.control.potentials.search import Place
+from telerobot.server.control.potentials.shape import shape
+
+LOWER, UPPER = -np.pi * np.ones(3), np.pi * np.ones(3)
+START = np.array([0.0, np.pi / 2, -np.pi / 2])
+K = 0.1
+OBSTACLE = np.array([[1.5], [1.3], [0.0]])
+PRINTED_MINIMUM = np.array([-0.36, 1.79, -1.07])
+"""Of figure 4; it is none."""
+
+
+def joints(q):
+    """Return where shoulder, elbow, wrist and tip are (3, 4)."""
+    a = np.cumsum(q)
+    steps = np.stack([np.cos(a), np.sin(a), 0.0 * a])
+    return np.hstack([np.zeros((3, 1)), np.cumsum(steps, axis=1)])
+
+
+def jacobian(q):
+    at = joints(q)
+    lever = at[:, -1:] - at[:, :3]
+    return np.vstack([-lever[1], lever[0], np.zeros((3, 3)), np.ones(3)])
+
+
+def manipulability(q):
+    J = jacobian(q)[:2]
+    return np.sqrt(np.linalg.det(J @ J.T))
+
+
+def value(q, charges=None, k_limits=K) -> Value:
+    potential = Potential(LOWER, UPPER, np.array([1, 2, 3]), k_limits, 0.0, 0.0)
+    at = joints(q)
+    here = Charges.none()._replace(points=OBSTACLE, k_points=np.array([K]))
+    ends = np.stack([at[:, :3].T, at[:, 1:].T], axis=1)
+    return potential.at(shape(q, jacobian(q), at[:, -1], ends), charges or here)
+
+
+def slope_of_manipulability(q, h=1e-6):
+    """∂w/∂q by central differences: of the two rows that a planar arm has."""
+    return np.array(
+        [(manipulability(q + h * e) - manipulability(q - h * e)) / (2 * h) for e in np.eye(3)]
+    )
+
+
+def look(q) -> Place:
+    """The place of a search that keeps the tip where it is in START."""
+    found = value(q)
+    return Place(
+        error=(joints(START)[:, -1] - joints(q)[:, -1])[:2],
+        J=jacobian(q)[:2],
+        torque=found.torque + K * slope_of_manipulability(q),
+        potential=found.total - K * manipulability(q),
+    )
+
+
+def projected(q):
+    here = look(q)
+    return here.torque - np.linalg.pinv(here.J) @ here.J @ here.torque
