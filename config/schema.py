@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from .cameras import Camera, RigTag, Vision
 from .obstacles import Avoidance, Obstacle
+from .potential import PotentialField
 from .section import Name as Name
 from .section import Pose as Pose
 from .section import Section as Section
@@ -24,7 +25,7 @@ NonNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy")
+OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy", "field")
 """The redundancy objectives."""
 
 
@@ -321,6 +322,9 @@ class Redundancy(Section):
     least_energy: float = Field(
         0.0, ge=0, le=1, description="share of the way to the least kinetic energy [1]"
     )
+    field: float = Field(
+        0.0, ge=0, le=10, description="how quickly to the least of the potential field [1/s]"
+    )
     max_rate: float = Field(
         0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
     )
@@ -444,4 +448,7 @@ class CellConfig(Section):
         (), max_length=64, description="what the arm keeps away from"
     )
     avoidance: Avoidance = Field(default_factory=Avoidance, description="clearances that are kept")
+    potential: PotentialField = Field(
+        default_factory=PotentialField, description="what repels the links, softly"
+    )
     rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")

@@ -260,7 +260,9 @@ class State(Message):
     that are taken off it; `gripper_closed` what the gripper was told, if it was.
     `gains` are those in effect, ramped and as their schedules
     say, `on` the sources' switches. `self_motion` is what the null space was asked to do [rad/s],
-    `objectives` each redundancy objective's gain and the size of its part [rad/s].
+    `objectives` each redundancy objective's gain and the size of its part [rad/s]. `potential`
+    tells of the field, if anything follows it: its parts [J], and the `slope` that is left of it in
+    the self-motions [N·m]; `off_path` is where the virtual link has the tool off its path [m].
 
     `path` tells how far a path is: `leg` of `legs`, counted from 0, the `part` of the leg's time
     that is over, and the `pace`, which a pause takes to 0; `path_mrf` is the pose it has got to.
@@ -298,6 +300,8 @@ class State(Message):
     scale: float
     limits: tuple[str, ...]
     sigma_min: float
+    potential: dict[str, float] | None = None
+    off_path: Vector3 | None = None
     at_goal: bool
     speed_factor: float
     drives: tuple[str, ...]

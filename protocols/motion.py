@@ -25,6 +25,7 @@ class ObjectiveName(StrEnum):
     MANIPULABILITY = "manipulability"
     POSTURE = "posture"
     LEAST_ENERGY = "least_energy"
+    FIELD = "field"
 
 
 class RedundancyRequest(Command):

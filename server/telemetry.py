@@ -6,6 +6,7 @@ from importlib import metadata
 from ..config.load import Cell
 from ..protocols.messages import VERSION, Description, State, Vector6
 from .admission import Admission
+from .control.field import Felt
 from .control.frames import Array
 from .control.payload import Payload
 from .control.sources.position import Progress
@@ -100,6 +101,8 @@ def report(
         scale=output.scale,
         limits=output.limits,
         sigma_min=output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
+        potential=None if output.field is None else potential(output.field),
+        off_path=None if output.off_path is None else _three(output.off_path),
         at_goal=output.at_goal or orders.posture_reached,
         speed_factor=orders.speed_factor,
         drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
@@ -110,6 +113,16 @@ def report(
         command_age_ticks=admission.age_ticks,
         overruns=overruns,
     )
+
+
+def potential(felt: Felt) -> dict[str, float]:
+    """Return the potentials [J], and what is left of their slope in the self-motions [N·m]."""
+    return {**felt.parts, "slope": felt.slope}
+
+
+def _three(values: Array) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return (x, y, z)
 
 
 def _four(payload: Payload) -> tuple[float, float, float, float]:

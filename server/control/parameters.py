@@ -5,13 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...config.load import Cell
+from ...config.potential import PotentialField
 from ...config.schema import CellConfig, Limits, Redundancy, Resolve, Schedule
+from .avoidance.links import Links
 from .frames import Array, Pose
 from .payload import Payload
 
 
 def _bounds(translation: float, rotation: float) -> Array:
     return np.array([translation] * 3 + [rotation] * 3)
+
+
+def _shape_matters(c: CellConfig) -> bool:
+    """Return whether anything in a cell may keep the arm's links away from something."""
+    asked = c.redundancy.field > 0.0 or c.potential.virtual_link is not None
+    return bool(c.obstacles) or c.avoidance.enabled or asked
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,9 @@ class Parameters:
     """Share of the new sample in the filtered wrench, per tick [1]."""
     hold_threshold: float
     hold_leash: float
+    potential: PotentialField
+    links: Links | None
+    """The arm's shape; None where nothing asks for it."""
 
     @property
     def n(self) -> int:
@@ -58,7 +69,10 @@ class Parameters:
 
     @classmethod
     def from_cell(cls, cell: Cell) -> "Parameters":
-        """Collect them from a loaded cell."""
+        """Collect them from a loaded cell.
+
+        Raises `ConfigError` for links whose shape is needed and not known.
+        """
         c: CellConfig = cell.config
         drives = {d.joint: d for d in c.mechanism.drives}
         ordered = [drives[j.name] for j in cell.robot.joints]
@@ -100,4 +114,6 @@ class Parameters:
             wrench_smoothing=smoothing,
             hold_threshold=c.sources.force.hold_threshold,
             hold_leash=c.sources.force.hold_leash,
+            potential=c.potential,
+            links=Links(cell) if _shape_matters(c) else None,
         )

@@ -43,6 +43,7 @@ class Redundancy:
         self._mechanism = mechanism
         self._mid_range = MidRange(p.lower, p.upper)
         self._spare = p.n > TASK
+        self._velocity = p.velocity
         self._bound = p.redundancy.max_rate * p.velocity
         self.pulls = Pulls(p.redundancy.gains, p.pull_posture)
         """Those of the cell file."""
@@ -67,17 +68,26 @@ class Redundancy:
         return Pulls(gains, now.posture + part * away)
 
     def rate(
-        self, q: Array, J: Array, dq_task: Array, null: Array, pulls: Pulls, factor: float
+        self,
+        q: Array,
+        J: Array,
+        dq_task: Array,
+        null: Array,
+        pulls: Pulls,
+        factor: float,
+        field: Array | None = None,
     ) -> SelfMotion:
         """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
 
         `null` (n − 6, n) has orthonormal rows that span the spare motions; `factor` is the
-        reduced-speed setting, which scales the bound of the self-motion.
+        reduced-speed setting, which scales the bound of the self-motion; `field` (n,) is what the
+        potential field asks for at a gain of 1 /s. Of all that, the task leaves s room: the most
+        with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
         """
         if not self._spare:
             return self.none()
         parts = {
-            name: gain * ((null @ self._part(name, q, J, dq_task, null, pulls)) @ null)
+            name: gain * ((null @ self._part(name, q, J, dq_task, null, pulls, field)) @ null)
             for name, gain in pulls.gains.items()
             if gain > 0.0
         }
@@ -86,14 +96,31 @@ class Redundancy:
             dq = dq + part
         bound = np.maximum(factor * self._bound, 1e-12)
         share = 1.0 / max(1.0, float((np.abs(dq) / bound).max()))
+        share *= self._room(dq_task, share * dq, factor)
         norms = {name: share * math.sqrt(float(z @ z)) for name, z in parts.items()}
         return SelfMotion(share * dq, norms)
 
+    def _room(self, dq_task: Array, dq: Array, factor: float) -> float:
+        """Return the share (0 to 1) of a self-motion (n,) that fits beside the task's rates."""
+        V = factor * self._velocity
+        task = dq_task / max(1.0, float((np.abs(dq_task) / V).max()))
+        room = np.maximum(V - np.sign(dq) * task, 0.0)
+        return min(1.0, float((room / np.maximum(np.abs(dq), 1e-12)).min()))
+
     def _part(
-        self, name: str, q: Array, J: Array, dq_task: Array, null: Array, pulls: Pulls
+        self,
+        name: str,
+        q: Array,
+        J: Array,
+        dq_task: Array,
+        null: Array,
+        pulls: Pulls,
+        field: Array | None,
     ) -> Array:
         """Return what an objective asks for (n,) at gain 1."""
         match name:
+            case "field":
+                return np.zeros(len(q)) if field is None else field
             case "mid_range":
                 return self._mid_range.rate(q)
             case "manipulability":

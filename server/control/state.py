@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .field import Felt
 from .frames import Array, Pose
 from .paths.goals import Goal
 from .payload import Payload
@@ -116,6 +117,8 @@ class Memory:
     hold: Array | None = None
     """Where the Wrist was in World when HOLD began (3,) [m]."""
     bleeding: bool = False
+    off_path: Array | None = None
+    """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
 
 
 class Output(NamedTuple):
@@ -153,3 +156,7 @@ class Output(NamedTuple):
     """How far the goal is under way, if any."""
     T_world_path: Pose | None = None
     """Where the path has the MRF now, if there is one."""
+    field: Felt | None = None
+    """The potential field; None where nothing follows it."""
+    off_path: Array | None = None
+    """Where the virtual link has the tool off its path, in World (3,) [m]."""

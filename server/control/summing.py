@@ -82,7 +82,7 @@ class Summing:
         position, position_state = self.position.rate(
             memory.position,
             inputs.goal if moving and inputs.posture is None else None,
-            k.T_world_mrf,
+            _on_path(k.T_world_mrf, memory.off_path),
             k.J @ memory.motion.dq,
             gains["position"],
             settings.T_world_crf.R,
@@ -136,3 +136,8 @@ class Summing:
     def _load(self, settings: Settings) -> Array:
         payload = settings.payload or self._p.payload
         return load_of(payload.mass, payload.com, settings.wrench_bias)
+
+
+def _on_path(T_world_mrf: Pose, off_path: Array | None) -> Pose:
+    """Return where the MRF would be without the virtual link: what the path is held against."""
+    return T_world_mrf if off_path is None else Pose(T_world_mrf.R, T_world_mrf.p - off_path)

@@ -14,6 +14,7 @@ import numpy as np
 
 from .allow import Allow
 from .evolve import evolve
+from .field import Felt, Field, further, on_path, shifted
 from .frames import Array, Pose
 from .gains import Gains, Quantities
 from .gate import Gate
@@ -51,6 +52,9 @@ class _Asked:
     limits: tuple[str, ...]
     sigma_min: float
     self_motion: SelfMotion
+    field: Felt | None = None
+    give_way: Array | None = None
+    """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
 
 
 class Control:
@@ -63,6 +67,7 @@ class Control:
         self.summing = Summing(p)
         self.gains = Gains(p.schedules, T)
         self.redundancy = Redundancy(p, mechanism)
+        self.field = Field(p)
         self.allow = Allow(p)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
@@ -133,6 +138,8 @@ class Control:
             bleeding=memory.bleeding,
             path=memory.position.progress,
             T_world_path=memory.position.T_world_path,
+            field=asked.field,
+            off_path=memory.off_path,
         )
 
     # --- gains -------------------------------------------------------------------------------
@@ -172,25 +179,32 @@ class Control:
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
         self_motion = self.redundancy.none()
         if joint_rates is not None:
-            dq, sigma_min = s_tool * joint_rates, math.nan
-        else:
-            q, T_wrist_mrf = memory.motion.q, inputs.settings.T_wrist_mrf
-            task = resolve(
-                k.J,
-                s_tool * twist,
-                lambda step: self.mechanism.kinematics(q + step, T_wrist_mrf).J,
-                self.p.resolve,
-                Travel(q - self.p.lower, self.p.upper - q),
+            dq = s_tool * joint_rates
+            return memory, _Asked(dq, twists, twist, s_tool, limits, math.nan, self_motion)
+        q, T_wrist_mrf = memory.motion.q, inputs.settings.T_wrist_mrf
+        factor, felt = inputs.settings.speed_factor, None
+        spare = inputs.intent is Intent.MOVE and not inputs.at_posture
+        seen = self.field.look(q, k, inputs.scene, memory.pulls) if spare else None
+        give_way = self.field.give_way(seen, memory.off_path, inputs.goal, factor)
+        task = resolve(
+            k.J,
+            shifted(s_tool * twist, give_way),
+            lambda step: self.mechanism.kinematics(q + step, T_wrist_mrf).J,
+            self.p.resolve,
+            Travel(q - self.p.lower, self.p.upper - q),
+        )
+        dq = task.dq
+        if spare:
+            downhill, felt = self.field.self_motion(seen, task.null)
+            self_motion = self.redundancy.rate(
+                q, k.J, dq, task.null, memory.pulls, factor, downhill
             )
-            dq, sigma_min = task.dq, task.sigma_min
-            if inputs.intent is Intent.MOVE and not inputs.at_posture:
-                self_motion = self.redundancy.rate(
-                    q, k.J, dq, task.null, memory.pulls, inputs.settings.speed_factor
-                )
-                dq = dq + self_motion.dq
-            if task.singular:
-                limits += ("singularity",)
-        return memory, _Asked(dq, twists, twist, s_tool, limits, sigma_min, self_motion)
+            dq = dq + self_motion.dq
+        if task.singular:
+            limits += ("singularity",)
+        return memory, _Asked(
+            dq, twists, twist, s_tool, limits, task.sigma_min, self_motion, felt, give_way
+        )
 
     def _joint_rates(self, memory: Memory, inputs: Inputs) -> Array | None:
         """Return joint rates (n,) where joints are commanded directly: jog, then posture."""
@@ -237,6 +251,7 @@ class Control:
             sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
             position=self.summing.position.advance(memory.position, granted),
             hold=memory.hold if inputs.intent is Intent.HOLD else None,
+            off_path=further(memory.off_path, asked.give_way, granted * self.p.period_s),
         )
 
     def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
@@ -244,4 +259,4 @@ class Control:
             return False
         if inputs.posture is not None:
             return bool(np.abs(inputs.posture - memory.motion.q).max() < POSTURE_REACHED)
-        return memory.position.at_goal
+        return memory.position.at_goal and on_path(memory.off_path)

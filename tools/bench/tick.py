@@ -29,7 +29,13 @@ PAUSE_S = 0.0005
 """Between two ticks: the kernel stops a real-time process that never sleeps [s]."""
 TURN_EVERY = 120
 """Ticks between two changes of stick and target [1]."""
-EVERY_OBJECTIVE = {"mid_range": 0.2, "manipulability": 1.0, "posture": 0.2, "least_energy": 0.5}
+EVERY_OBJECTIVE = {
+    "mid_range": 0.2,
+    "manipulability": 1.0,
+    "posture": 0.2,
+    "least_energy": 0.5,
+    "field": 1.0,
+}
 """Gains of the redundancy objectives while it is measured."""
 
 

@@ -2,12 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from telerobot.config.schema import OBJECTIVES
 from telerobot.server.control.objectives.manipulability import manipulability
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.redundancy import Pulls, Redundancy
 from telerobot.server.control.tick import Control
 
-OFF = {"mid_range": 0.0, "manipulability": 0.0, "posture": 0.0, "least_energy": 0.0}
+OFF = dict.fromkeys(OBJECTIVES, 0.0)
 SWUNG = np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0])
 """From `ready`: the elbow swung aside [rad]."""
 

@@ -1,0 +1,134 @@
+"""The potential field of one cell's arm, as the tick uses it.
+
+Composes what `potentials/` computes: the scene's charges, the slope at the commanded posture, the
+self-motion that goes downhill and the virtual link that lets the tool give way. What is off is not
+computed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .frames import Array
+from .mechanism import Kinematics
+from .parameters import Parameters
+from .paths.goals import Goal
+from .potentials.charges import Charges, charges_of
+from .potentials.flow import Flow, Seen
+from .potentials.potential import Potential
+from .potentials.shape import shape
+from .redundancy import Pulls
+from .scene import Scene
+
+GIVE_WAY_GAIN = 4.0
+"""How quickly the virtual link follows the field [1/s]."""
+
+FLATTEST = 0.02
+"""Where the field bends less than this part of its strength, it counts as so much [1/rad²]."""
+
+ON_PATH = 1e-3
+"""A virtual link shorter than this is none: the tool is on its path [m]."""
+
+
+class Felt(NamedTuple):
+    """The field at one posture, for whoever looks on."""
+
+    parts: dict[str, float]
+    """Each potential [J]."""
+    slope: float
+    """|Pτ|: what is left of it in the self-motions [N·m]."""
+
+
+class Field:
+    """The field of one cell."""
+
+    def __init__(self, p: Parameters) -> None:
+        c, links = p.potential, p.links
+        self._p = p
+        self._links = links
+        self._seen: tuple[Scene | None, Charges] = (None, Charges.none())
+        body = np.zeros(0, dtype=np.int64) if links is None else links.body
+        potential = Potential(
+            p.lower,
+            p.upper,
+            body,
+            c.joint_limits,
+            c.manipulability,
+            c.least_distance,
+            c.line_model == "smooth",
+        )
+        strongest = max(c.obstacles, c.lines, c.joint_limits, c.manipulability)
+        flattest = max(FLATTEST * strongest, 1e-9)
+        self._flow = Flow(potential, body, flattest)
+        link = c.virtual_link
+        self._direction = np.zeros(3)
+        if link is not None:
+            self._direction = np.array(link.direction) / math.hypot(*link.direction)
+
+    def look(self, q: Array, k: Kinematics, scene: Scene | None, pulls: Pulls) -> Seen | None:
+        """Return what there is to know of the field at q (n,) [rad], None if nothing follows it."""
+        if pulls.gains["field"] <= 0.0 and self._p.potential.virtual_link is None:
+            return None
+        ends = np.zeros((0, 2, 3)) if self._links is None else self._links.place(q[None]).ends[0]
+        return self._flow.look(shape(q, k.J, k.T_world_mrf.p, ends), self._charges(k, scene))
+
+    def self_motion(self, seen: Seen | None, null: Array) -> tuple[Array | None, Felt | None]:
+        """Return the joint rates (n,) to the least potential, at a gain of 1 /s, and the field.
+
+        `null` (r, n) has orthonormal rows that span the self-motions.
+        """
+        if seen is None:
+            return None, None
+        slope = null @ seen.value.torque
+        felt = Felt(seen.value.parts, math.sqrt(float(slope @ slope)))
+        return self._flow.self_motion(seen, null), felt
+
+    def give_way(
+        self, seen: Seen | None, off_path: Array | None, goal: Goal | None, factor: float
+    ) -> Array | None:
+        """Return the velocity (3,) [m/s] at which the tool leaves its path, or comes back.
+
+        `off_path` (3,) is where it is off its path now [m], `factor` the reduced-speed setting.
+        None where there is no path to leave.
+        """
+        link = self._p.potential.virtual_link
+        if link is None or seen is None or goal is None:
+            return None
+        d = 0.0 if off_path is None else float(off_path @ self._direction)
+        speed = GIVE_WAY_GAIN * self._flow.along(seen, self._direction, d, link.stiffness)
+        most = factor * link.speed
+        # Towards either end no faster than it can be stopped before.
+        low = max(-most, GIVE_WAY_GAIN * (-link.longest - d))
+        high = min(most, GIVE_WAY_GAIN * (link.longest - d))
+        return np.asarray(min(high, max(low, speed)) * self._direction)
+
+    def _charges(self, k: Kinematics, scene: Scene | None) -> Charges:
+        """Return the charges of a scene; of one that stands still, those of the tick before."""
+        if scene is None:
+            return Charges.none()
+        placed = scene.placed(k.T_world_wrist)
+        if self._seen[0] is not placed:
+            c = self._p.potential
+            self._seen = (placed, charges_of(placed, c.obstacles, c.lines))
+        return self._seen[1]
+
+
+def on_path(off_path: Array | None) -> bool:
+    """Return whether the tool is where its path is, but for what cannot be told from it."""
+    return off_path is None or float(off_path @ off_path) < ON_PATH**2
+
+
+def shifted(twist: Array, give_way: Array | None) -> Array:
+    """Return a twist (6,), and the velocity (3,) along the virtual link, if any, on top."""
+    if give_way is None:
+        return twist
+    return np.concatenate([twist[:3] + give_way, twist[3:]])
+
+
+def further(off_path: Array | None, give_way: Array | None, seconds: float) -> Array | None:
+    """Return where the tool is off its path (3,) [m] after giving way for a while."""
+    if give_way is None:
+        return None  # without a path there is nothing to come back to
+    way = seconds * give_way
+    return way if off_path is None else off_path + way
