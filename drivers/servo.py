@@ -1,4 +1,4 @@
-"""A CiA 402 servo drive in cyclic synchronous position mode, as one joint."""
+"""A CiA 402 servo drive in a cyclic synchronous mode, as one joint."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,10 +13,11 @@ from canopen.sdo.exceptions import SdoError
 from ..config.schema import Drive, Timing
 from ..protocols import can301, cia402
 from ..protocols.can301 import EmcyCode, FrameError, NmtState
-from ..protocols.cia402 import Control, DriveState, Object, Status
+from ..protocols.cia402 import Control, DriveState, Object, OperationMode, Status
 from . import servo_setup
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
+from .setpoint import Setpoint
 
 BOOT_TIMEOUT_S: Final = 2.0
 MOST_MISSED_SYNCS: Final = 3
@@ -51,14 +52,17 @@ class Sent:
     """What `write` really sent; nothing (None) while the drive's position is not known."""
 
     controlword: int
-    counts: int | None
-    position_rad: float | None
+    raw: int | None
+    """The setpoint as it went out, in the drive's own unit."""
+    command: float | None
+    """The same in the joint's: rad, rad/s or N·m."""
 
 
 class ServoDrive:
     """One joint's drive; keeps the contract of `device.py`.
 
-    `lower` and `upper` are the joint's limits [rad] (607Dh); `eds` names the drive's objects.
+    `lower` and `upper` are the joint's limits [rad] (607Dh); `mode` says what a setpoint is: rad in
+    CSP, rad/s in CSV, N·m in CST; `eds` names the drive's objects.
     `read` judges by what `Fieldbus.receive` dispatched and by its `now`. The first trouble stays
     until `request_fault_reset` finds its cause gone; a node that restarted has lost its
     configuration and needs `open` again.
@@ -72,9 +76,12 @@ class ServoDrive:
         *,
         lower: float,
         upper: float,
+        mode: OperationMode = OperationMode.CSP,
         eds: Path | None = None,
     ) -> None:
         self.drive = drive
+        self._mode = mode
+        self._setpoint = Setpoint(drive, mode)
         self._bus = fieldbus
         self._timing = timing
         self._limits = (lower, upper)
@@ -120,7 +127,7 @@ class ServoDrive:
                     f"{self.name} (node {self.drive.node}): no boot-up message within "
                     f"{BOOT_TIMEOUT_S} s of a reset"
                 )
-            servo_setup.configure(self._node, self.drive, self._timing, *self._limits)
+            servo_setup.configure(self._node, self.drive, self._timing, *self._limits, self._mode)
             self._node.nmt.send_command(can301.NmtCommand.START)
         except can.CanError as error:
             raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
@@ -175,21 +182,24 @@ class ServoDrive:
         self._reset_sync = self._bus.sync_count
 
     def write(self, command: float) -> Sent:
-        """Send a setpoint [rad] with the controlword of the next step; return what was sent.
+        """Send a setpoint with the controlword of the next step; return what was sent.
 
-        Until *Operation enabled* is seen, and after a stop, the newest measured position goes out
-        in its place: enabling moves nothing, and what led to a stop is not sent. Raises
-        `ValueError` if it is not finite or beyond 32 bits.
+        Until *Operation enabled* is seen, and after a stop, what asks for no motion goes out in its
+        place (own position, no speed): enabling moves nothing, and what led to a stop is not sent.
+        Only in CST is the command sent while the drive is being enabled: behind a closed brake it
+        moves nothing, and the torque that holds the arm stands when the brake opens. Raises
+        `ValueError` if the command is not finite or beyond its object's bits.
         """
         word = self._controlword()
         if self._feedback is None:
             return Sent(word, None, None)
-        if self._state is _ENABLED and not self._stopped:
-            counts = servo_setup.to_counts(self.drive, command)
+        held = self._mode is OperationMode.CST or self._state is _ENABLED
+        if held and not self._stopped:
+            raw = self._setpoint.raw(command)
         else:
-            counts = self._feedback.position
-        self._bus.send(self._rpdo_id, cia402.pack_csp(word, counts))
-        return Sent(word, counts, servo_setup.to_radians(self.drive, counts))
+            raw = self._setpoint.still(self._feedback.position)
+        self._bus.send(self._rpdo_id, self._setpoint.pack(word, raw))
+        return Sent(word, raw, self._setpoint.command(raw))
 
     def stop(self) -> None:
         """Send the quick stop now, and with every write until a reset."""
@@ -198,8 +208,8 @@ class ServoDrive:
         self._seen_enabled = False
         self._reset_sync = None
         if self._feedback is not None:
-            setpoint = self._feedback.position
-            self._bus.send(self._rpdo_id, cia402.pack_csp(Control.QUICK_STOP, setpoint))
+            raw = self._setpoint.still(self._feedback.position)
+            self._bus.send(self._rpdo_id, self._setpoint.pack(Control.QUICK_STOP, raw))
 
     def close(self) -> None:
         """Take the voltage off and leave the node in *Pre-operational*. Never raises."""

@@ -16,11 +16,16 @@ from ..protocols import can301, cia402
 from ..protocols.can301 import CommunicationObject as Com
 from ..protocols.cia402 import AbortConnectionOption, Object, OperationMode, QuickStopOption
 from .device import DeviceError
+from .setpoint import Setpoint
 
-_I32_MAX: Final = 2**31 - 1
 _NO_OBJECT: Final = (0x06020000, 0x06090011)
 """SDO abort codes: no such object, no such subindex."""
 _MODE_READS: Final = 20
+_MODE_NAMES: Final = {
+    OperationMode.CSP: "cyclic synchronous position",
+    OperationMode.CSV: "cyclic synchronous velocity",
+    OperationMode.CST: "cyclic synchronous torque",
+}
 
 U8, I8, U16, I16, U32, I32 = "<B", "<b", "<H", "<h", "<I", "<i"
 
@@ -40,10 +45,7 @@ def to_counts(drive: Drive, position_rad: float) -> int:
 
     Raises `ValueError` if it is not finite, or beyond the 32 bits of 607Ah.
     """
-    exact = drive.direction * (position_rad - drive.zero_rad) * drive.counts_per_radian
-    if not abs(exact) <= _I32_MAX:
-        raise ValueError(f"{drive.joint}: {position_rad} rad is beyond the drive's 32-bit position")
-    return round(exact)
+    return Setpoint(drive, OperationMode.CSP).raw(position_rad)
 
 
 def to_radians(drive: Drive, counts: int) -> float:
@@ -51,7 +53,9 @@ def to_radians(drive: Drive, counts: int) -> float:
     return drive.zero_rad + drive.direction * counts / drive.counts_per_radian
 
 
-def steps(drive: Drive, timing: Timing, lower: float, upper: float) -> Iterator[Step]:
+def steps(
+    drive: Drive, timing: Timing, lower: float, upper: float, mode: OperationMode
+) -> Iterator[Step]:
     """Yield what to write, in order (CiA 301, CiA 402-2); `lower`, `upper` are URDF limits [rad].
 
     Raises `ValueError` for a limit that the drive's counts cannot hold.
@@ -73,8 +77,8 @@ def steps(drive: Drive, timing: Timing, lower: float, upper: float) -> Iterator[
     yield Step(Object.INTERPOLATION_PERIOD, 1, U8, value)
     yield Step(Object.INTERPOLATION_PERIOD, 2, I8, exponent)
     yield Step(Object.SETPOINT_TIMEOUT, 0, U16, _ms(timing.setpoint_timeout_s))
-    yield from _pdos(drive.node)
-    yield Step(Object.MODE_OF_OPERATION, 0, I8, OperationMode.CSP)
+    yield from _pdos(drive.node, mode)
+    yield Step(Object.MODE_OF_OPERATION, 0, I8, mode)
 
 
 def interpolation_period(period_s: float) -> tuple[int, int]:
@@ -90,26 +94,33 @@ def interpolation_period(period_s: float) -> tuple[int, int]:
 
 
 def configure(
-    node: canopen.RemoteNode, drive: Drive, timing: Timing, lower: float, upper: float
+    node: canopen.RemoteNode,
+    drive: Drive,
+    timing: Timing,
+    lower: float,
+    upper: float,
+    mode: OperationMode,
 ) -> None:
     """Write all steps to a drive in *Pre-operational*, and check its mode. Raises `DeviceError`."""
     supported = read(node, drive, Object.SUPPORTED_MODES, 0, U32)
-    if not cia402.supports_mode(supported, OperationMode.CSP):
+    if not cia402.supports_mode(supported, mode):
         raise DeviceError(
             f"{_who(drive)}: {_object(Object.SUPPORTED_MODES, 0)} is {supported:#x}: "
-            "cyclic synchronous position is not among the drive's modes"
+            f"{_MODE_NAMES[mode]} is not among the drive's modes"
         )
     try:
-        plan = tuple(steps(drive, timing, lower, upper))
+        plan = tuple(steps(drive, timing, lower, upper, mode))
     except ValueError as error:
         raise DeviceError(f"{_who(drive)}: {error}") from error
     for step in plan:
         write(node, drive, step)
     for _ in range(_MODE_READS):
-        mode = read(node, drive, Object.MODE_DISPLAY, 0, I8)
-        if mode == OperationMode.CSP:
+        shown = read(node, drive, Object.MODE_DISPLAY, 0, I8)
+        if shown == mode:
             return
-    raise DeviceError(f"{_who(drive)}: {_object(Object.MODE_DISPLAY, 0)} stays {mode}, not 8")
+    raise DeviceError(
+        f"{_who(drive)}: {_object(Object.MODE_DISPLAY, 0)} stays {shown}, not {mode:d}"
+    )
 
 
 def read(node: canopen.RemoteNode, drive: Drive, index: int, subindex: int, layout: str) -> int:
@@ -133,10 +144,10 @@ def write(node: canopen.RemoteNode, drive: Drive, step: Step) -> None:
         raise DeviceError(f"{_who(drive)}: writing {step.value} to {where}: {error}") from error
 
 
-def _pdos(node: int) -> Iterator[Step]:
+def _pdos(node: int, mode: OperationMode) -> Iterator[Step]:
     """Map RPDO1 and TPDO1, at every SYNC; disable the other default PDOs (CiA 301, 7.5.2.35 f)."""
     for base, communication, mapping, entries in (
-        (0x200, Com.RPDO_COMMUNICATION, Com.RPDO_MAPPING, cia402.CSP_MAPPING),
+        (0x200, Com.RPDO_COMMUNICATION, Com.RPDO_MAPPING, cia402.COMMAND_MAPPING[mode]),
         (0x180, Com.TPDO_COMMUNICATION, Com.TPDO_MAPPING, cia402.FEEDBACK_MAPPING),
     ):
         for number in range(can301.DEFAULT_PDOS):

@@ -4,6 +4,7 @@ Both sides of the bus use it: the driver decodes statuswords and steps the contr
 simulated drive applies controlwords and builds statuswords. The cyclic PDOs of this system are
 
     RPDO1   6040h controlword u16, 607Ah target position i32         6 bytes   (CSP)
+    RPDO1   6040h controlword u16, 60FFh target velocity i32         6 bytes   (CSV)
     RPDO1   6040h controlword u16, 6071h target torque i16           4 bytes   (CST)
     TPDO1   6041h statusword u16, 6064h position i32, 6077h torque i16   8 bytes
 
@@ -41,6 +42,7 @@ class Object(IntEnum):
     VELOCITY_OFFSET = 0x60B1
     TORQUE_OFFSET = 0x60B2
     INTERPOLATION_PERIOD = 0x60C2
+    TARGET_VELOCITY = 0x60FF
     SUPPORTED_MODES = 0x6502
     SETPOINT_TIMEOUT = 0x2F00
     """Manufacturer's, u16 [ms]: without a new cyclic setpoint the drive stops by itself."""
@@ -223,10 +225,20 @@ CSP_MAPPING: Final = (
     mapping_entry(Object.CONTROLWORD, 0, 16),
     mapping_entry(Object.TARGET_POSITION, 0, 32),
 )
+CSV_MAPPING: Final = (
+    mapping_entry(Object.CONTROLWORD, 0, 16),
+    mapping_entry(Object.TARGET_VELOCITY, 0, 32),
+)
 CST_MAPPING: Final = (
     mapping_entry(Object.CONTROLWORD, 0, 16),
     mapping_entry(Object.TARGET_TORQUE, 0, 16),
 )
+COMMAND_MAPPING: Final = {
+    OperationMode.CSP: CSP_MAPPING,
+    OperationMode.CSV: CSV_MAPPING,
+    OperationMode.CST: CST_MAPPING,
+}
+"""What RPDO1 holds in each operation mode."""
 FEEDBACK_MAPPING: Final = (
     mapping_entry(Object.STATUSWORD, 0, 16),
     mapping_entry(Object.POSITION_ACTUAL, 0, 32),
@@ -243,6 +255,13 @@ class CspCommand(NamedTuple):
 
     controlword: int
     target_position: int
+
+
+class CsvCommand(NamedTuple):
+    """RPDO1 in CSV: controlword, target velocity [counts/s]."""
+
+    controlword: int
+    target_velocity: int
 
 
 class CstCommand(NamedTuple):
@@ -268,6 +287,16 @@ def pack_csp(controlword: int, target_position: int) -> bytes:
 def unpack_csp(data: bytes) -> CspCommand:
     """Return what RPDO1 in CSP says. Raises `FrameError` unless it is 6 bytes."""
     return CspCommand(*_unpack(_CSP, data, "RPDO1 (CSP)"))
+
+
+def pack_csv(controlword: int, target_velocity: int) -> bytes:
+    """Return the 6 bytes of RPDO1 in CSV. Raises `struct.error` outside 32 bits."""
+    return _CSP.pack(controlword, target_velocity)
+
+
+def unpack_csv(data: bytes) -> CsvCommand:
+    """Return what RPDO1 in CSV says. Raises `FrameError` unless it is 6 bytes."""
+    return CsvCommand(*_unpack(_CSP, data, "RPDO1 (CSV)"))
 
 
 def pack_cst(controlword: int, target_torque: int) -> bytes:

@@ -116,10 +116,10 @@ class Plant:
             trouble=trouble if self.opened else None,
         )
 
-    def write(self, q: Array) -> None:
-        """Send one setpoint (n,) [rad] to every drive."""
-        for drive, angle in zip(self.drives, q.tolist(), strict=True):
-            drive.write(angle)
+    def write(self, command: Array) -> None:
+        """Send every drive its setpoint (n,): rad, rad/s or N·m, as the operation mode is."""
+        for drive, setpoint in zip(self.drives, command.tolist(), strict=True):
+            drive.write(setpoint)
 
     def grip(self, closed: bool | None) -> None:
         """Keep the gripper closed or open; None: nobody has said, it stays as it is."""

@@ -13,11 +13,11 @@ from ...config.load import Cell
 from ...protocols import can301
 from ...protocols.messages import RigFault, RigTruth
 from .can_node import CanNode
+from .drive_loops import DriveLoops
 from .faults import Faults
 from .force_torque_node import SimulatedForceTorque
 from .gripper_node import SimulatedGripper
 from .link import NodeLink
-from .position_loop import PositionLoop
 from .servo_node import SimulatedDrive
 from .tags import KINDS, Tags
 from .world import World
@@ -51,7 +51,7 @@ class Rig:
         self._bus = bus
         self._steps = 0
         self._time_s = 0.0
-        self._loop = PositionLoop(mechanism.drives, rig.drive, self.dt)
+        self._loop = DriveLoops(mechanism.drives, rig.drive, self.dt)
         generators = (
             np.random.default_rng(s)
             for s in np.random.SeedSequence(rig.seed).spawn(len(mechanism.drives) + 3)

@@ -1,8 +1,10 @@
-"""The simulated CiA 402 servo drive in cyclic synchronous position mode, with a holding brake.
+"""The simulated CiA 402 servo drive in CSP, CSV and CST, with a holding brake.
 
 What it does beside the profile, as real drives do: the brake opens a little before torque stands,
-so the joint sags when it is enabled; the setpoint timeout 2F00h (see the device's EDS); a fault is
-reset only when its cause has gone.
+so the joint sags when it is enabled (in CST that torque is the setpoint that stands by then); a
+quick stop and a fault's ramp are run by the drive's own loops, whatever the mode, from the torque
+that it gives; the mode is not changed while the power is on; the setpoint timeout 2F00h (see the
+device's EDS); a fault is reset only when its cause has gone.
 """
 
 from collections.abc import Callable
@@ -12,8 +14,9 @@ from ...protocols import cia402
 from ...protocols.can301 import EmcyCode, NmtState
 from ...protocols.cia402 import AbortConnectionOption, DriveState, Object, OperationMode, Status
 from .can_node import NEVER, CanNode
+from .drive_loops import DriveLoops
 from .link import NodeLink
-from .position_loop import PositionLoop
+from .objects import WrongStateError
 from .world import World
 
 _AT_ONCE = 0
@@ -23,6 +26,7 @@ _ENABLED = DriveState.OPERATION_ENABLED
 _UNLIMITED = 0xFFFFFFFF
 _I16 = 2**15 - 1
 _TARGET_REACHED_RAD = 1e-3
+_MODES = (OperationMode.CSP, OperationMode.CSV, OperationMode.CST)
 
 
 class SimulatedDrive(CanNode):
@@ -33,7 +37,7 @@ class SimulatedDrive(CanNode):
         drive: Drive,
         joint: int,
         link: NodeLink,
-        loop: PositionLoop,
+        loop: DriveLoops,
         world: World,
         torque_delay_s: float,
         clock: Callable[[], float],
@@ -110,13 +114,12 @@ class SimulatedDrive(CanNode):
 
     def on_written(self, index: int, subindex: int, value: int) -> None:
         """React to objects that act when they are written."""
+        if index == Object.MODE_OF_OPERATION:
+            self._select(value)
         self.objects[index, subindex] = value
         if index == Object.CONTROLWORD:
             self._obey(value)
-        elif index == Object.MODE_OF_OPERATION:
-            known = value == OperationMode.CSP
-            self.objects[Object.MODE_DISPLAY, 0] = value if known else 0
-        elif index == Object.FOLLOWING_WINDOW:
+        elif index in (Object.FOLLOWING_WINDOW, Object.MODE_OF_OPERATION):
             self._loop.window[self._joint] = self._window()
 
     def on_setpoint_frame(self) -> None:
@@ -124,10 +127,10 @@ class SimulatedDrive(CanNode):
         self._setpoint_s = self.clock()
 
     def on_rpdo(self) -> None:
-        """Obey the controlword, then follow the target position."""
+        """Obey the controlword, then follow the setpoint of the mode."""
         self._obey(self.objects[Object.CONTROLWORD, 0])
         if self.state is _ENABLED:
-            self._follow(self.objects[Object.TARGET_POSITION, 0])
+            self._follow()
 
     def on_master_lost(self) -> None:
         """Do what 6007h says."""
@@ -187,7 +190,7 @@ class SimulatedDrive(CanNode):
             self._disable(wanted)
 
     def _enable(self) -> None:
-        if self.objects[Object.MODE_DISPLAY, 0] != OperationMode.CSP:
+        if self._mode not in _MODES:
             return
         self._world.set_brake(self._joint, closed=False)
         self._torque_at_s = self.clock() + self._torque_delay_s
@@ -196,6 +199,8 @@ class SimulatedDrive(CanNode):
         joint = self._joint
         self._torque_at_s = NEVER
         self._loop.engage(joint, float(self._world.q[joint]))
+        if self._mode == OperationMode.CST:
+            self._follow()
         self._setpoint_s = self.clock()
         self.state = _ENABLED
 
@@ -213,7 +218,7 @@ class SimulatedDrive(CanNode):
             self._disable(DriveState.SWITCH_ON_DISABLED)
             return
         self.state = DriveState.QUICK_STOP_ACTIVE
-        self._loop.ramp_down(self._joint, self._deceleration())
+        self._ramp_down()
 
     def _end_of_ramp(self) -> None:
         if not self._loop.at_rest(self._joint):
@@ -236,7 +241,7 @@ class SimulatedDrive(CanNode):
         )
         if ramp and moving:
             self.state = DriveState.FAULT_REACTION_ACTIVE
-            self._loop.ramp_down(self._joint, self._deceleration())
+            self._ramp_down()
         else:
             self._disable(DriveState.FAULT)
 
@@ -249,14 +254,40 @@ class SimulatedDrive(CanNode):
 
     # --- motion ---------------------------------------------------------------------------------
 
-    def _follow(self, counts: int) -> None:
+    @property
+    def _mode(self) -> int:
+        return self.objects[Object.MODE_DISPLAY, 0]
+
+    def _select(self, mode: int) -> None:
+        if mode != self._mode and (self.state is _ENABLED or self._torque_at_s < NEVER):
+            raise WrongStateError
+        self.objects[Object.MODE_DISPLAY, 0] = mode if mode in _MODES else 0
+
+    def _follow(self) -> None:
+        """Follow the newest setpoint of the mode; what the drive's limits cut is reported."""
+        if self._mode == OperationMode.CSP:
+            self._cut = self._follow_position()
+        elif self._mode == OperationMode.CSV:
+            target = self.objects[Object.TARGET_VELOCITY, 0] / self._scale
+            self._cut = self._loop.run(self._joint, target)
+        else:
+            share = self.objects[Object.TARGET_TORQUE, 0] * 1e-3 * self.drive.direction
+            self._cut = self._loop.pull(self._joint, share * self.drive.rated_torque)
+
+    def _follow_position(self) -> bool:
+        counts = self.objects[Object.TARGET_POSITION, 0]
         low, high = self.objects[Object.POSITION_LIMIT, 1], self.objects[Object.POSITION_LIMIT, 2]
         kept = min(max(counts, low), high)
         value = self.objects[Object.INTERPOLATION_PERIOD, 1]
         period = value * 10.0 ** self.objects[Object.INTERPOLATION_PERIOD, 2]
         angle = self.drive.zero_rad + kept / self._scale
-        too_fast = self._loop.aim(self._joint, angle, period)
-        self._cut = too_fast or kept != counts
+        return self._loop.aim(self._joint, angle, period) or kept != counts
+
+    def _ramp_down(self) -> None:
+        joint, world = self._joint, self._world
+        if self._mode == OperationMode.CST:
+            self._loop.take_over(joint, float(world.q[joint]), float(world.dq[joint]))
+        self._loop.ramp_down(joint, self._deceleration())
 
     def _watch_following(self) -> None:
         elapsed = self._loop.steps_beyond[self._joint] * self._loop.dt
@@ -268,6 +299,8 @@ class SimulatedDrive(CanNode):
 
     def _window(self) -> float:
         counts = self.objects[Object.FOLLOWING_WINDOW, 0]
+        if self._mode != OperationMode.CSP:
+            return NEVER  # only a position setpoint has a following error
         return NEVER if counts == _UNLIMITED else counts / self.drive.counts_per_radian
 
     def _deceleration(self) -> float:

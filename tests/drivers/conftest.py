@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import can
 import pytest
@@ -12,10 +13,15 @@ from telerobot.drivers.force_torque import RobotousSensor
 from telerobot.drivers.servo import Sent, ServoDrive, ServoReading
 from telerobot.protocols import can301, cia402, robotous
 from telerobot.protocols.can301 import NmtState
-from telerobot.protocols.cia402 import DriveState, Object, Status
+from telerobot.protocols.cia402 import DriveState, Object, OperationMode, Status
 
 PERIOD_S = 0.01
 NODE = 5
+UNPACK: dict[OperationMode, Callable[[bytes], Any]] = {
+    OperationMode.CSP: cia402.unpack_csp,
+    OperationMode.CSV: cia402.unpack_csv,
+    OperationMode.CST: cia402.unpack_cst,
+}
 
 
 class PlayedDrive:
@@ -24,7 +30,7 @@ class PlayedDrive:
     def __init__(self, hub: Hub) -> None:
         self.bus = InProcessBus(hub, self.on_message)
         self.objects: dict[tuple[int, int], bytes] = {
-            (Object.SUPPORTED_MODES, 0): struct.pack("<I", 1 << 7)
+            (Object.SUPPORTED_MODES, 0): struct.pack("<I", 7 << 7)
         }
         self.written: list[tuple[int, int]] = []
         self.refuse: dict[tuple[int, int], int] = {}
@@ -37,8 +43,9 @@ class PlayedDrive:
         self.status = int(Status.VOLTAGE_ENABLED)
         self.position = 4000
         self.torque = 0
-        self.received: list[cia402.CspCommand] = []
-        self.pending: cia402.CspCommand | None = None
+        self.unpack: Callable[[bytes], Any] = cia402.unpack_csp
+        self.received: list[Any] = []
+        self.pending: Any = None
         self.controlword = 0
 
     def send(self, can_id: int, data: bytes) -> None:
@@ -62,7 +69,7 @@ class PlayedDrive:
         elif can_id == can301.sdo_request_id(NODE) and self.answers_sdo:
             self.on_sdo(data)
         elif can_id == can301.rpdo1_id(NODE) and self.nmt is NmtState.OPERATIONAL:
-            self.pending = cia402.unpack_csp(data)
+            self.pending = self.unpack(data)
             self.received.append(self.pending)
         elif can_id == can301.SYNC_ID and self.nmt is NmtState.OPERATIONAL:
             self.on_sync()
@@ -102,7 +109,8 @@ class PlayedDrive:
             word, target = self.pending
             self.state = cia402.apply_controlword(self.state, self.controlword, word)
             self.controlword = word
-            if self.state is DriveState.OPERATION_ENABLED:
+            following = self.unpack is cia402.unpack_csp
+            if self.state is DriveState.OPERATION_ENABLED and following:
                 self.position = target
         if self.answers_sync:
             word = cia402.STATE_BITS[self.state] | self.status
@@ -143,7 +151,7 @@ class PlayedSensor:
 class Cell:
     """Bus, drive and sensor, from both sides, and a period to step."""
 
-    def __init__(self, direction: int = 1) -> None:
+    def __init__(self, direction: int = 1, mode: OperationMode = OperationMode.CSP) -> None:
         self.hub = Hub()
         self.timing = Timing()
         self.drive = Drive(
@@ -160,9 +168,12 @@ class Cell:
         )
         self.ft = ForceTorque()
         self.fieldbus = Fieldbus(InProcessBus(self.hub), clock=lambda: self.hub.time_s)
-        self.servo = ServoDrive(self.fieldbus, self.drive, self.timing, lower=-2.0, upper=3.0)
+        self.servo = ServoDrive(
+            self.fieldbus, self.drive, self.timing, lower=-2.0, upper=3.0, mode=mode
+        )
         self.sensor = RobotousSensor(self.fieldbus, self.ft)
         self.played = PlayedDrive(self.hub)
+        self.played.unpack = UNPACK[mode]
         self.played_sensor = PlayedSensor(self.hub, self.ft)
 
     def step(self, position: float | None = None) -> tuple[ServoReading, Sent]:
@@ -189,8 +200,8 @@ class Cell:
 def make_cell() -> Iterator[Callable[..., Cell]]:
     made: list[Cell] = []
 
-    def make(direction: int = 1) -> Cell:
-        made.append(Cell(direction))
+    def make(direction: int = 1, mode: OperationMode = OperationMode.CSP) -> Cell:
+        made.append(Cell(direction, mode))
         return made[-1]
 
     yield make

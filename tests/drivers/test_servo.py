@@ -22,8 +22,8 @@ def test_before_the_first_answer_nothing_is_known_and_nothing_sent(cell: Any) ->
     assert reading.position_rad is None
     assert reading.state is None
     sent = cell.servo.write(1.0)
-    assert sent.counts is None
-    assert sent.position_rad is None
+    assert sent.raw is None
+    assert sent.command is None
     cell.servo.stop()
     assert cell.played.received == []
 
@@ -47,8 +47,8 @@ def test_enabling_moves_nothing_whatever_is_asked(cell: Any) -> None:
         reading, sent = cell.step(position=1.5)
         states.append(reading.state)
         if reading.state is not ENABLED:
-            assert sent.counts == 4000
-            assert sent.position_rad == reading.position_rad
+            assert sent.raw == 4000
+            assert sent.command == reading.position_rad
     first = states.index(ENABLED)
     assert states[first:] == [ENABLED] * (8 - first)
     at_enabling = [c.target_position for c in cell.played.received if c.controlword != 0x0F]
@@ -58,8 +58,8 @@ def test_enabling_moves_nothing_whatever_is_asked(cell: Any) -> None:
 def test_enabled_the_setpoint_goes_out_as_asked_and_what_was_sent_is_returned(cell: Any) -> None:
     cell.enable()
     _, sent = cell.step(position=0.70004)
-    assert sent.counts == 4500
-    assert sent.position_rad == pytest.approx(0.7)
+    assert sent.raw == 4500
+    assert sent.command == pytest.approx(0.7)
     assert cell.played.received[-1] == (Control.ENABLE_OPERATION, 4500)
 
 

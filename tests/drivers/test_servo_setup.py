@@ -15,6 +15,7 @@ from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.servo import ServoDrive
 from telerobot.protocols.can301 import NmtState
+from telerobot.protocols.cia402 import OperationMode
 
 
 def drive(**changes: Any) -> Drive:
@@ -139,7 +140,11 @@ def test_a_silent_drive_cannot_be_opened(cell: Any) -> None:
 
 def test_limits_beyond_32_bits_are_refused() -> None:
     with pytest.raises(ValueError, match=r"j1: -300\.0 rad is beyond"):
-        list(servo_setup.steps(drive(counts_per_radian=1e7), Timing(), -300.0, 300.0))
+        list(
+            servo_setup.steps(
+                drive(counts_per_radian=1e7), Timing(), -300.0, 300.0, OperationMode.CSP
+            )
+        )
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """A rig on an in-process bus, and a master that speaks to it in raw frames."""
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import can
 import pytest
@@ -11,9 +11,14 @@ from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols import can301, cia402
 from telerobot.protocols.can301 import CommunicationObject as Com
 from telerobot.protocols.can301 import EmcyCode, NmtCommand, NmtState
-from telerobot.protocols.cia402 import Control, DriveState, Object
+from telerobot.protocols.cia402 import Control, DriveState, Object, OperationMode
 
 PERIOD_S = 0.01
+PACK = {
+    OperationMode.CSP: cia402.pack_csp,
+    OperationMode.CSV: cia402.pack_csv,
+    OperationMode.CST: cia402.pack_cst,
+}
 
 
 class Master:
@@ -30,6 +35,7 @@ class Master:
         self.targets: dict[str, int] = {}
         self.words = dict.fromkeys(self.drives, 0)
         self.beating = True
+        self.mode = OperationMode.CSP
         self.silent: set[str] = set()
         self.listen()
 
@@ -88,7 +94,12 @@ class Master:
             ramp = round(drive.quick_stop_deceleration * drive.counts_per_radian)
             self.write(joint, Object.QUICK_STOP_DECELERATION, 0, "<I", ramp)
             for base, first, mapping, entries in (
-                (0x200, Com.RPDO_COMMUNICATION, Com.RPDO_MAPPING, cia402.CSP_MAPPING),
+                (
+                    0x200,
+                    Com.RPDO_COMMUNICATION,
+                    Com.RPDO_MAPPING,
+                    cia402.COMMAND_MAPPING[self.mode],
+                ),
                 (0x180, Com.TPDO_COMMUNICATION, Com.TPDO_MAPPING, cia402.FEEDBACK_MAPPING),
             ):
                 for number in range(4):
@@ -100,7 +111,7 @@ class Master:
                     self.write(joint, mapping, place, "<I", entry)
                 self.write(joint, mapping, 0, "<B", len(entries))
                 self.write(joint, first, 1, "<I", base + drive.node)
-            self.write(joint, Object.MODE_OF_OPERATION, 0, "<b", 8)
+            self.write(joint, Object.MODE_OF_OPERATION, 0, "<b", self.mode)
         self.nmt(NmtCommand.START)
 
     # --- cyclic ---------------------------------------------------------------------------------
@@ -113,7 +124,7 @@ class Master:
                 self.send(can301.heartbeat_id(127), bytes((NmtState.OPERATIONAL,)))
             for joint, target in self.targets.items():
                 if joint not in self.silent:
-                    data = cia402.pack_csp(self.words[joint], target)
+                    data = PACK[self.mode](self.words[joint], target)
                     self.send(can301.rpdo1_id(self.node(joint)), data)
             self.rig.advance(PERIOD_S)
             self.listen()
@@ -144,14 +155,14 @@ class Master:
             if self.state(joint) is not DriveState.OPERATION_ENABLED:
                 self.targets[joint] = self.feedback(joint).position
 
-    def enable(self) -> None:
-        """Configure, start and enable all drives."""
+    def enable(self, aim: Callable[["Master"], None] | None = None) -> None:
+        """Configure, start and enable all drives; `aim` sets the targets, own position without."""
         self.configure()
         self.cycle(2)
         for word in (Control.SHUTDOWN, Control.SWITCH_ON, Control.ENABLE_OPERATION):
             self.command(word)
             for _ in range(6):
-                self.seed()
+                (aim or Master.seed)(self)
                 self.cycle()
 
     def emergencies(self, joint: str) -> list[EmcyCode | int]:

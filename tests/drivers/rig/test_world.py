@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 from telerobot.config.load import Cell, load_cell
-from telerobot.drivers.rig.position_loop import PositionLoop
+from telerobot.drivers.rig.drive_loops import DriveLoops
 from telerobot.drivers.rig.world import World
 
 
@@ -98,7 +98,7 @@ class Pressed:
         self.wall = rig.wall
         self.world = World(cell)
         world = self.world
-        loop = PositionLoop(mechanism.drives, rig.drive, world.dt)
+        loop = DriveLoops(mechanism.drives, rig.drive, world.dt)
         world.q[:] = mechanism.postures["ready"]
         goal = self.inverse(cell, rig.wall.xyz[0] - rig.tool_radius + depth)
         for joint in range(world.n):

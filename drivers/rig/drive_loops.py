@@ -1,8 +1,10 @@
-"""The position loops of all simulated drives, computed together once per physics step.
+"""The loops of all simulated drives, computed together once per physics step.
 
-Each loop interpolates linearly from setpoint to setpoint (CiA 402-2, 60C2h) and follows with
-`tau = K_p e + K_d (v_ref − dq) + ∫ K_i e`: the reference's own speed is fed forward, the integral
-takes gravity and friction. All vectors are (n,), in joint terms, SI.
+A loop interpolates linearly from setpoint to setpoint (CiA 402-2, 60C2h) in CSP, integrates the
+speed asked for in CSV, and follows with `tau = K_p e + K_d (v_ref − dq) + ∫ K_i e`: the reference's
+own speed is fed forward, the integral takes gravity and friction. In CST the motor gives the torque
+asked for, less what would take the joint beyond its top speed. All vectors are (n,), in joint
+terms, SI.
 """
 
 import numpy as np
@@ -17,7 +19,7 @@ _SPEED_RESERVE = 1.2
 _SETTLED = 1e-9
 
 
-class PositionLoop:
+class DriveLoops:
     """State of the loops. A loop that is not engaged gives no torque."""
 
     def __init__(self, drives: tuple[Drive, ...], gains: RigDrive, dt: float) -> None:
@@ -42,6 +44,12 @@ class PositionLoop:
         """Physics steps in a row with a following error beyond the window [1]."""
         self._integral = np.zeros(n)
         self._engaged = np.zeros(n)
+        self._looped = np.zeros(n)
+        """1 for a joint that follows its reference, 0 for one without power or in CST."""
+        self._pulled: dict[int, float] = {}
+        """Torque asked for of each joint in CST [N·m]."""
+        self._running: set[int] = set()
+        """Joints in CSV."""
         self._steps_left = np.full(n, -1, dtype=np.int64)
         self._deceleration = np.zeros(n)
 
@@ -50,14 +58,19 @@ class PositionLoop:
         self.reference[joint], self.speed[joint] = position, speed
         self._integral[joint] = self._deceleration[joint] = 0.0
         self._steps_left[joint] = -1
-        self._engaged[joint] = 1.0
+        self._engaged[joint] = self._looped[joint] = 1.0
+        self._pulled.pop(joint, None)
+        self._running.discard(joint)
 
     def release(self, joint: int) -> None:
         """Switch a joint's torque off."""
         self.speed[joint] = self.torque[joint] = self.error[joint] = 0.0
         self._integral[joint] = self._engaged[joint] = self._deceleration[joint] = 0.0
+        self._looped[joint] = 0.0
         self._steps_left[joint] = -1
         self.steps_beyond[joint] = 0
+        self._pulled.pop(joint, None)
+        self._running.discard(joint)
 
     def aim(self, joint: int, position: float, period_s: float) -> bool:
         """Move the reference to `position` [rad] within `period_s`.
@@ -71,10 +84,33 @@ class PositionLoop:
         self._steps_left[joint] = 2 * round(period_s / self.dt)
         return bool(abs(wanted) > most)
 
+    def run(self, joint: int, speed: float) -> bool:
+        """Run at `speed` [rad/s] until told otherwise; return whether the top speed cut it."""
+        most = self.max_speed[joint]
+        self.speed[joint] = min(max(speed, -most), most)
+        self._steps_left[joint] = -1
+        self._running.add(joint)
+        return bool(abs(speed) > most)
+
+    def pull(self, joint: int, torque: float) -> bool:
+        """Give `torque` [N·m] until told otherwise; return whether the motor's limit cut it."""
+        most = float(self.max_torque[joint])
+        self._pulled[joint] = min(max(torque, -most), most)
+        self._looped[joint] = self.speed[joint] = 0.0
+        return abs(torque) > most
+
+    def take_over(self, joint: int, position: float, speed: float) -> None:
+        """Let the loop of a joint in CST go on from where it is, with the torque that it gives."""
+        self.reference[joint], self.speed[joint] = position, speed
+        self._integral[joint] = self.torque[joint]
+        self._looped[joint] = 1.0
+        self._pulled.pop(joint, None)
+
     def ramp_down(self, joint: int, deceleration: float) -> None:
         """Bring the reference to rest with a constant deceleration [rad/s²], whatever was aimed."""
         self._deceleration[joint] = deceleration
         self._steps_left[joint] = -1
+        self._running.discard(joint)
 
     def resume_from(self, joint: int, position: float, speed: float) -> None:
         """Put the reference where the joint is; what the motor holds against goes on."""
@@ -86,8 +122,10 @@ class PositionLoop:
 
     def step(self, q: Vector, dq: Vector) -> Vector:
         """Advance by one physics step; return the torques (n,) [N·m]."""
+        for joint in self._running:
+            self._keep_near(joint, float(q[joint]))
         np.subtract(self.reference, q, out=self.error)
-        self.error *= self._engaged
+        self.error *= self._looped
         self._integral += self._integral_step * self.error
         wanted = self.speed - dq
         wanted *= self._damping
@@ -96,12 +134,25 @@ class PositionLoop:
         torque = np.minimum(np.maximum(wanted, -self.max_torque), self.max_torque)
         # Anti-windup: what the motor cannot give is not wished for any longer.
         self._integral += (torque - wanted) * 0.05
+        for joint, asked in self._pulled.items():
+            torque[joint] = self._slowed(joint, asked, float(dq[joint]))
         np.multiply(torque, self._engaged, out=self.torque)
-        self._integral *= self._engaged
+        self._integral *= self._looped
         self.steps_beyond += 1
         self.steps_beyond *= np.abs(self.error) > self.window
         self._move_reference()
         return self.torque
+
+    def _keep_near(self, joint: int, q: float) -> None:
+        """A speed loop does not run away from a joint that its motor cannot move."""
+        most = self.max_torque[joint] / self._stiffness[joint]
+        self.reference[joint] = min(max(self.reference[joint], q - most), q + most)
+
+    def _slowed(self, joint: int, torque: float, dq: float) -> float:
+        """Return what a motor in CST gives: less near its top speed, and a brake beyond it."""
+        damping, most = self._damping[joint], self.max_speed[joint]
+        torque = min(max(torque, damping * (-most - dq)), damping * (most - dq))
+        return float(min(max(torque, -self.max_torque[joint]), self.max_torque[joint]))
 
     def _move_reference(self) -> None:
         if self._deceleration.any():
