@@ -60,7 +60,7 @@ def load_cell(name_or_path: str | Path) -> Cell:
     Raises `ConfigError`.
     """
     path = _find("cells", name_or_path, Path(), "")
-    config = _validated(path, read_toml(path))
+    config = _validated(path, _whole(path))
     mechanism = config.mechanism
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: mechanism.urdf: ")
     robot = read_robot(urdf, mechanism.tip_link, f"{path}: mechanism.tip_link")
@@ -70,6 +70,34 @@ def load_cell(name_or_path: str | Path) -> Cell:
     drives = tuple(sorted(mechanism.drives, key=lambda drive: order[drive.joint]))
     mechanism = mechanism.model_copy(update={"drives": drives})
     return Cell(path, config.model_copy(update={"mechanism": mechanism}), robot)
+
+
+def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """Return what a cell file says, on top of what the cell says that it `extends`.
+
+    Tables are taken together, key by key; any other value, and a list of tables as a whole, takes
+    the other's place.
+    """
+    document = read_toml(path)
+    name = document.pop("extends", None)
+    if name is None:
+        return document
+    if not isinstance(name, str):
+        raise ConfigError(f"{path}: extends: value {name!r}: the name or path of a cell")
+    other = _find("cells", name, path.parent, f"{path}: extends: ")
+    if other.resolve() in (p.resolve() for p in (*below, path)):
+        raise ConfigError(f"{path}: extends: value '{name}': extends itself")
+    return _on_top(_whole(other, (*below, path)), document)
+
+
+def _on_top(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    both = dict(under)
+    for key, value in over.items():
+        if isinstance(value, dict) and isinstance(both.get(key), dict):
+            both[key] = _on_top(both[key], value)
+        else:
+            both[key] = value
+    return both
 
 
 def script_path(name_or_path: str | Path, base: Path) -> Path:

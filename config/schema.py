@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from .cameras import Camera, RigTag, Vision
 from .obstacles import Avoidance, Obstacle
+from .moving import Frames, RigFrames
 from .potential import PotentialField
 from .section import Name as Name
 from .section import Pose as Pose
@@ -419,6 +420,9 @@ class Rig(Section):
     wall: Wall | None = Field(None, description="a wall of known stiffness")
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
     tags: tuple[RigTag, ...] = Field((), description="planar tags that cameras can see")
+    frames: RigFrames = Field(
+        default_factory=RigFrames, description="motion of platform and Carrier, and their news"
+    )
 
 
 class CellConfig(Section):
@@ -437,6 +441,7 @@ class CellConfig(Section):
     T_world_crf: Pose = Field(
         default_factory=Pose, description="control reference frame in World, at start"
     )
+    frames: Frames = Field(default_factory=Frames, description="frames that may move")
     sources: Sources = Field(default_factory=Sources, description="who may ask for a tool rate")
     schedules: tuple[Schedule, ...] = Field(
         (), max_length=16, description="gains that change with force, distance or time"

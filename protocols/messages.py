@@ -41,6 +41,11 @@ class Frame(StrEnum):
     BASE = "base"
     MRF = "mrf"
     CRF = "crf"
+    CARRIER = "carrier"
+    WRIST = "wrist"
+    SENSOR = "sensor"
+    LENS = "lens"
+    """Of the camera whose view is kept."""
 
 
 class SourceName(StrEnum):
@@ -82,7 +87,7 @@ class JoystickTwist(Command):
     """Stick rates u of the MRF [m/s, rad/s], a stream: fades when its news stops.
 
     `relative_to` is the frame that the motion is measured against, `expressed_in` the one whose
-    axes the six numbers use.
+    axes the six numbers use. Under a goal, the motion is measured against what the goal is.
     """
 
     twist: Twist
@@ -108,9 +113,13 @@ class PositionTarget(Command):
 
 
 class DesiredWrench(Command):
-    """Wrench that the arm shall exert, at and in the axes of the MRF [N, N·m]; a goal."""
+    """Wrench that the arm shall exert, at the MRF [N, N·m]; a goal.
+
+    In the axes of `expressed_in`, also while these turn.
+    """
 
     wrench: Wrench
+    expressed_in: Frame = Frame.MRF
 
 
 class JointJog(Command):
@@ -190,14 +199,6 @@ class SwitchRequest(Command):
     on: bool
 
 
-class FrameRequest(Command):
-    """Redefines the MRF (pose in Wrist) or the CRF (pose in World)."""
-
-    frame: Literal["mrf", "crf"]
-    xyz: Place
-    rpy: Attitude
-
-
 class SpeedRequest(Command):
     """Sets the reduced-speed factor, one factor on all limits [1]."""
 
@@ -264,6 +265,10 @@ class State(Message):
     tells of the field, if anything follows it: its parts [J], and the `slope` that is left of it in
     the self-motions [N·m]; `off_path` is where the virtual link has the tool off its path [m].
 
+    `frames` holds the poses of Base and Carrier, where these may move, as the control has them, and
+    `frame_age_ticks` how old the newest news of each is, None when stale; `ground` is what motion
+    is relative to. The source `frames` is the twist that moves the MRF along with it.
+
     `path` tells how far a path is: `leg` of `legs`, counted from 0, the `part` of the leg's time
     that is over, and the `pace`, which a pause takes to 0; `path_mrf` is the pose it has got to.
     `master` tells of the clutch: whether it is `engaged`, whether a master's pose is `leading` the
@@ -281,6 +286,9 @@ class State(Message):
     pose_mrf: Vector6
     pose_mrf_measured: Vector6
     pose_crf: Vector6
+    ground: str = "world"
+    frames: dict[str, Vector6] = Field(default_factory=dict)
+    frame_age_ticks: dict[str, Count | None] = Field(default_factory=dict)
     target_mrf: Vector6 | None
     wrench_mrf: Vector6 | None
     wrench_sensor: Vector6 | None = None
@@ -370,7 +378,8 @@ class RigTruth(Message):
 
     True MRF pose in World `[x, y, z, roll, pitch, yaw]`, joints and rates, contact force of the
     tool [N] in World as exerted on the environment, least distance between arm and fixed things,
-    poses of the tags that stand in World, names of those that are covered.
+    poses of the tags that stand in World, names of those that are covered, poses of `base` and
+    `carrier` where they may move.
     """
 
     time_s: float
@@ -383,3 +392,4 @@ class RigTruth(Message):
     drives: tuple[str, ...]
     tags: dict[str, Vector6] = Field(default_factory=dict)
     covered: tuple[str, ...] = ()
+    frames: dict[str, Vector6] = Field(default_factory=dict)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from . import messages as m
-from . import motion
+from . import motion, moving
 from .obstacles import AvoidanceRequest, ObstacleNews
 from .sightings import Sighting, StoreView
 
@@ -92,6 +92,7 @@ SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
 OBSTACLE = Topic(
     "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, reliable=True, unread=128
 )
+FRAME_NEWS = Topic("sensor/frame", moving.FrameNews, Flow.SENSOR, Life.STREAM, 50)
 
 LEASE = _request("lease", m.LeaseRequest)
 RELEASE = _request("release", m.LeaseRelease)
@@ -100,7 +101,7 @@ PROTECTIVE_STOP = _request("protective_stop", m.ProtectiveStop)
 PROTECTIVE_CLEAR = _request("protective_clear", m.ProtectiveClear)
 GAIN = _request("gain", m.GainRequest)
 SWITCH = _request("switch", m.SwitchRequest)
-FRAME = _request("frame", m.FrameRequest)
+FRAME = _request("frame", moving.FrameRequest)
 SPEED = _request("speed", m.SpeedRequest)
 TARE = _request("tare", m.TareRequest)
 PAYLOAD = _request("payload", m.PayloadRequest)
@@ -118,16 +119,17 @@ DESCRIPTION = Topic(
 )
 
 RIG_FAULT = Topic("rig/fault", m.RigFault, Flow.RIG_COMMAND, reliable=True)
+RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)
 RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
-    SIGHTING, OBSTACLE,
+    SIGHTING, OBSTACLE, FRAME_NEWS,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, GRIPPER, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE,
     STATE, EVENT, DESCRIPTION,
-    RIG_FAULT, RIG_TRUTH,
+    RIG_FAULT, RIG_MOTION, RIG_TRUTH,
 )  # fmt: skip
 
 COMMANDS = tuple(t for t in TOPICS if t.flow is Flow.COMMAND)

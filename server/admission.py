@@ -37,6 +37,7 @@ class Why(StrEnum):
     UNKNOWN_OBSTACLE = "unknown_obstacle"
     FIXED_OBSTACLE = "fixed_obstacle"
     TOO_MANY_OBSTACLES = "too_many_obstacles"
+    UNKNOWN_FRAME = "unknown_frame"
     SENSOR_STALE = "sensor_stale"
     STILL_WRONG = "still_wrong"
     UNSTABLE_GAIN = "unstable_gain"

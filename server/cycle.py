@@ -22,6 +22,7 @@ from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
 from .desk import Desk, View
 from .events import Events
+from .frame_watch import FrameWatch
 from .intake import Intake
 from .link import Link
 from .mode import Mode, Situation, Wish, next_mode
@@ -90,6 +91,8 @@ class Cycle:
         self._sensor = SensorWatch(self._events, essential, timing.period_s)
         self._vision = VisionWatch(cell, self._events)
         self._world = World(cell, self._events)
+        self._frames = FrameWatch(cell, self._events)
+        self._orders.lens = lambda: self._vision.lens
         self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
 
     def boot(self) -> None:
@@ -153,6 +156,8 @@ class Cycle:
 
     def _finish(self, now_s: float) -> None:
         reading = self.plant.read(now_s)
+        moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
+        self._orders.moved = self._frames.step(self.tick, moving=moving)
         view = self._look_around(now_s, reading)
         self._intake.take(view, None if self.output is None else self.output.T_world_mrf)
         trouble = self._find_trouble(reading)
@@ -185,6 +190,8 @@ class Cycle:
             gain_bound=self._gain_bound,
             vision=self._vision,
             world=self._world,
+            frames=self._frames,
+            T_world_mrf=None if self.output is None else self.output.T_world_mrf,
         )
 
     # --- faults and modes --------------------------------------------------------------------
@@ -294,7 +301,10 @@ class Cycle:
         if self._memory is None:
             self._memory = self._control.seed(q)
         orders, moving = self._orders, intent is Intent.MOVE
-        T_world_mrf = self._control.pose_mrf(self._memory, orders.T_wrist_mrf)
+        moved = orders.moved if self._frames.watching else None
+        T_world_mrf = self._control.pose_mrf(
+            self._memory, orders.T_wrist_mrf, None if moved is None else moved.base.T
+        )
         inputs = Inputs(
             time_s=now_s,
             intent=intent,
@@ -312,6 +322,9 @@ class Cycle:
             at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,
             scene=self._world.scene(self.tick) if self._world.known else None,
+            R_world_wrench=orders.wrench_axes(T_world_mrf),
+            moved=moved,
+            ground="world" if moved is None else orders.ground(now_s),
         )
         start = time.perf_counter()
         self._memory, self.output = self._control.tick(self._memory, inputs)
@@ -341,6 +354,7 @@ class Cycle:
             self._orders,
             self._admission,
             self._vision,
+            self._frames,
             self._desk.protective_stop is not None,
             self.overruns,
         )

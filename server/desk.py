@@ -13,10 +13,12 @@ from ..protocols import messages as m
 from ..protocols import motion
 from ..protocols.codec import encode
 from ..protocols.obstacles import AvoidanceRequest
+from ..protocols.moving import FrameRequest
 from ..protocols.sightings import StoreView
 from .admission import Admission, Now, Refused, Why
-from .control.frames import Array
+from .control.frames import Array, Pose
 from .events import Events
+from .frame_watch import FrameWatch
 from .link import Asked
 from .mode import Mode, Wish
 from .orders import Orders
@@ -45,6 +47,10 @@ class View:
     """What the cameras see."""
     world: World
     """What is known of obstacles."""
+    frames: FrameWatch
+    """Where the frames are that may move."""
+    T_world_mrf: Pose | None = None
+    """Where the command has the MRF; None before the joints were heard."""
 
 
 @dataclass(frozen=True)
@@ -168,9 +174,11 @@ class Desk:
                 if message.on and message.source is m.SourceName.POSITION:
                     self._orders.restart_path()
                 self._events.info("source_switched", message.source, on=message.on)
-            case m.FrameRequest():
-                self._orders.set_frame(message)
-                self._events.info("frame_set", message.frame)
+            case FrameRequest():
+                if view.T_world_mrf is None:
+                    raise Refused(Why.NOT_NOW, "where the arm is was not heard yet")
+                self._orders.set_frame(message, view.T_world_mrf)
+                self._tell_frame(message)
             case m.SpeedRequest():
                 self._orders.speed_factor = message.factor
                 self._events.info("speed_set", "", factor=message.factor)
@@ -255,6 +263,11 @@ class Desk:
                 raise Refused(Why.NOT_YOURS, f"asked by {asker}: {asker} or the lease holder may")
         self.protective_stop = None
         self._events.info("protective_stop_cleared", f"by {message.operator}")
+
+    def _tell_frame(self, request: FrameRequest) -> None:
+        there = request.relative_to or ("wrist" if request.frame == "mrf" else "world")
+        on = {"moves_with": self._orders.crf.on} if request.frame == "crf" else {}
+        self._events.info("frame_set", request.frame, relative_to=str(there), **on)
 
     def _tell_payload(self, name: str | None) -> None:
         payload = self._orders.payload

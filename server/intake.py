@@ -2,6 +2,7 @@
 
 from ..protocols.messages import Command, Keepalive
 from ..protocols.obstacles import ObstacleNews
+from ..protocols.moving import FrameNews
 from ..protocols.sightings import Sighting
 from ..protocols.topics import Topic
 from .admission import Admission, Refused
@@ -56,6 +57,8 @@ class Intake:
                     view.vision.take(message, view.now.tick)
                 elif isinstance(message, ObstacleNews):
                     view.world.take(message, view.now.tick)
+                elif isinstance(message, FrameNews):
+                    view.frames.take(message, view.now.tick)
             except Refused as refused:
                 self._refuse(topic, refused)
                 continue

@@ -12,15 +12,17 @@ import numpy as np
 
 from ..config.load import Cell
 from ..protocols import messages as m
-from ..protocols import motion
+from ..protocols import motion, moving
 from .admission import Refused, Why
 from .control.frames import Array, Pose
 from .control.paths.goals import Goal, PathGoal, Pursuit
 from .control.payload import Payload
 from .control.redundancy import Pulls
 from .control.state import Settings, StickCommand
+from .control.tree import GROUNDS, Body, Mount, Moved, Tree, UnknownFrame
 from .master import Master
 from .motions import goal_of, placed
+from .redefine import kept, placed_frame, wrench_kept
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
 
@@ -46,12 +48,20 @@ class Orders:
         self._lower = np.array([j.lower for j in cell.robot.joints]) + margin
         self._upper = np.array([j.upper for j in cell.robot.joints]) - margin
         self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
-        base = config.mechanism.T_world_base
-        self._T_world_base = Pose.from_xyz_rpy(base.xyz, base.rpy)
+        place = config.mechanism.T_world_base
+        base = Body.standing(Pose.from_xyz_rpy(place.xyz, place.rpy))
+        self.moved = Moved(base, Body.standing(Pose.identity()), base.T)
+        """Where Base and Carrier are now."""
         self._stream_timeout_s = config.timing.stream_timeout_s
         mrf, crf = config.mechanism.T_wrist_mrf, config.T_world_crf
         self.T_wrist_mrf = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy)
-        self.T_world_crf = Pose.from_xyz_rpy(crf.xyz, crf.rpy)
+        frames = config.frames
+        on_ground = crf if frames.crf_on == "world" else frames.T_ground_crf
+        self.crf = Mount(frames.crf_on, Pose.from_xyz_rpy(on_ground.xyz, on_ground.rpy))
+        self._redefined = 0
+        self._movable = frozenset(frames.moving)
+        self.lens: Callable[[], Mount | None] = lambda: None
+        """Where the Lens of the camera is whose view is kept."""
         sources = config.sources
         self.gains = {
             "joystick": np.array(sources.joystick.gain),
@@ -69,6 +79,10 @@ class Orders:
         self.avoid = config.avoidance.enabled
         """Whether clearances are kept."""
         sensor = config.mechanism.force_torque
+        self._T_wrist_sensor = None
+        if sensor is not None:
+            place = sensor.T_wrist_sensor
+            self._T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self._payloads = {
             name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
@@ -85,6 +99,8 @@ class Orders:
         self._jog: _Stream[m.JointJog] | None = None
         self._serial = 0
         self.goal: Goal | None = None
+        """Poses in it are in World, or on the ground that it was measured against."""
+        self._goal_ground = "world"
         self.paused = False
         self.master = Master()
         redundancy = config.redundancy
@@ -92,6 +108,7 @@ class Orders:
         self.posture: Array | None = None
         self.posture_reached = False
         self.wrench_desired = np.zeros(6)
+        self._wrench_axes = m.Frame.MRF
         self._take: dict[type[m.Message], Callable[..., None]] = {
             m.JoystickTwist: self._take_stick,
             m.JointJog: self._take_jog,
@@ -107,7 +124,10 @@ class Orders:
 
     def take(self, message: m.Command, now_s: float, T_world_mrf: Pose) -> None:
         """Put a command in force. Raises `Refused` where it does not fit this cell."""
-        self._take[type(message)](message, now_s, T_world_mrf)
+        try:
+            self._take[type(message)](message, now_s, T_world_mrf)
+        except UnknownFrame as error:
+            raise Refused(Why.UNKNOWN_FRAME, str(error)) from None
 
     def clear(self) -> None:
         """Drop every stream and goal: what was ordered before is dead.
@@ -118,7 +138,7 @@ class Orders:
         self._stick = self._jog = None
         self.on["vision"] = self._vision_on
         self._drop_goals()
-        self.wrench_desired = np.zeros(6)
+        self.wrench_desired, self._wrench_axes = np.zeros(6), m.Frame.MRF
 
     def finish_posture(self) -> None:
         """The posture is reached: the other sources may act again."""
@@ -130,7 +150,8 @@ class Orders:
         self.posture_reached = self.paused = False
         self.master.wait()
 
-    def _take_stick(self, message: m.JoystickTwist, now_s: float, _T: Pose) -> None:
+    def _take_stick(self, message: m.JoystickTwist, now_s: float, T_world_mrf: Pose) -> None:
+        self.tree(T_world_mrf).pose(message.expressed_in)  # raises before it is in force
         self._stick = _Stream(message, now_s)
         if any(message.twist):
             # Whoever moves the stick wants to steer, not to watch a posture being taken.
@@ -150,29 +171,37 @@ class Orders:
         self._drop_goals()
 
     def _take_target(self, message: m.PositionTarget, _now_s: float, T_world_mrf: Pose) -> None:
+        tree = self.tree(T_world_mrf)
+        ground = self._ground(tree.ground(message.relative_to))
         target = placed(
             message.xyz,
             message.rpy,
             message.relative_to,
             message.expressed_in,
-            lambda frame: self._frame(frame, T_world_mrf),
+            lambda frame: tree.pose(frame, ground),
         )
         self._drop_goals()
-        self.goal = PathGoal(target, self._next_serial(), message.speed)
+        self.goal, self._goal_ground = PathGoal(target, self._next_serial(), message.speed), ground
 
     def _take_path(self, message: motion.PathMotion, _now_s: float, T_world_mrf: Pose) -> None:
-        serial = self._next_serial()
-        goal = goal_of(message, serial, lambda frame: self._frame(frame, T_world_mrf))
+        serial, tree = self._next_serial(), self.tree(T_world_mrf)
+        ground = self._ground(tree.ground(message.relative_to))
+        goal = goal_of(message, serial, lambda frame: tree.pose(frame, ground))
         self._drop_goals()
-        self.goal = goal
+        self.goal, self._goal_ground = goal, ground
 
     def _take_master(self, message: motion.MasterPose, now_s: float, T_world_mrf: Pose) -> None:
-        axes = self._frame(message.expressed_in, T_world_mrf).R
-        if not self.master.take(message, now_s, axes, T_world_mrf):
+        tree = self.tree(T_world_mrf)
+        ground = self._goal_ground
+        if not isinstance(self.goal, Pursuit):
+            ground = self._ground(self.crf.on)
+        axes, T = tree.pose(message.expressed_in, ground).R, tree.pose(m.Frame.MRF, ground)
+        if not self.master.take(message, now_s, axes, T):
             return
         if not isinstance(self.goal, Pursuit):
             self.posture, self.posture_reached, self.paused = None, False, False
             self.goal = Pursuit(self.master.target, self._next_serial())
+            self._goal_ground = ground
         self._lead()
 
     def _next_serial(self) -> int:
@@ -200,8 +229,9 @@ class Orders:
         self._drop_goals()
         self.posture = q
 
-    def _take_wrench(self, message: m.DesiredWrench, _now_s: float, _T: Pose) -> None:
-        self.wrench_desired = np.array(message.wrench)
+    def _take_wrench(self, message: m.DesiredWrench, _now_s: float, T_world_mrf: Pose) -> None:
+        self.tree(T_world_mrf).pose(message.expressed_in)  # raises before it is in force
+        self.wrench_desired, self._wrench_axes = np.array(message.wrench), message.expressed_in
 
     def _take_cancel(self, _message: m.CancelGoals, _now_s: float, _T: Pose) -> None:
         self._drop_goals()
@@ -219,15 +249,36 @@ class Orders:
 
     # --- settings ----------------------------------------------------------------------------
 
-    def set_frame(self, request: m.FrameRequest) -> None:
-        """Redefine the MRF or the CRF. A target pose under way was for the old MRF: it ends."""
-        pose = Pose.from_xyz_rpy(request.xyz, request.rpy)
-        if request.frame == "crf":
-            self.T_world_crf = pose
-        else:
-            self.T_wrist_mrf = pose
-            self.goal, self.paused = None, False
-            self.master.wait()
+    def set_frame(self, request: moving.FrameRequest, T_world_mrf: Pose) -> None:
+        """Redefine the MRF or the CRF; `T_world_mrf` is where the command has the MRF.
+
+        Goals stay on the ground that they were measured against, and target poses are kept as
+        the Wrist's. Twists and a master's motion were for the old MRF: they end. Raises `Refused`.
+        """
+        tree = self.tree(T_world_mrf)
+        try:
+            if request.frame == "crf":
+                on = request.moves_with or self.crf.on
+                if on == "carrier" and on not in self._movable:
+                    raise UnknownFrame("'carrier': there is no [frames.carrier] in this cell")
+                self.crf = Mount(on, placed_frame(request, tree, on))
+            else:
+                self._set_mrf(placed_frame(request, tree, "wrist"), tree)
+        except UnknownFrame as error:
+            raise Refused(Why.UNKNOWN_FRAME, str(error)) from None
+        self._redefined += 1
+
+    def _set_mrf(self, T_wrist_mrf: Pose, tree: Tree) -> None:
+        T_old_new = self.T_wrist_mrf.inverse() @ T_wrist_mrf
+        axes = None
+        if self._wrench_axes is not m.Frame.MRF:
+            axes = tree.pose(self._wrench_axes, m.Frame.MRF).R
+        self.wrench_desired = wrench_kept(self.wrench_desired, T_old_new, axes)
+        self.T_wrist_mrf = T_wrist_mrf
+        self.goal = kept(self.goal, T_old_new)
+        if self.goal is None:
+            self.paused = False
+        self.master.wait()
 
     def set_clutch(self, request: motion.ClutchRequest) -> None:
         """Engage, disengage or scale the master."""
@@ -277,6 +328,7 @@ class Orders:
             gains={name: gain if self.on[name] else off for name, gain in self.gains.items()},
             T_wrist_mrf=self.T_wrist_mrf,
             T_world_crf=self.T_world_crf,
+            redefined=self._redefined,
             wrench_bias=self.wrench_bias,
             speed_factor=self.speed_factor,
             payload=self.payload,
@@ -289,14 +341,48 @@ class Orders:
     @property
     def target(self) -> Pose | None:
         """Where the position source is to bring the MRF, in World, if anywhere that is known."""
-        return None if self.goal is None else self.goal.T_world_target
+        T = None if self.goal is None else self.goal.T_world_target
+        body = self.moved.body(self._goal_ground)
+        return T if T is None or body is None else body.T @ T
+
+    @property
+    def T_world_crf(self) -> Pose:
+        """Where the CRF is now."""
+        body = self.moved.body(self.crf.on)
+        return self.crf.T if body is None else body.T @ self.crf.T
+
+    def ground(self, now_s: float) -> str:
+        """Return what motion is relative to: of the goal, else of the stick, else of the CRF."""
+        if self.goal is not None:
+            return self._goal_ground
+        stick = self._fresh(self._stick, now_s)
+        if stick is not None and any(stick.message.twist):
+            frame = stick.message.relative_to
+            return self._ground(frame if frame in GROUNDS else self.crf.on)
+        return self._ground(self.crf.on)
+
+    def _ground(self, name: str) -> str:
+        """Return the ground by that name; World for one that stands."""
+        return name if name in self._movable else "world"
+
+    def wrench_axes(self, T_world_mrf: Pose) -> Array | None:
+        """Return the axes (3, 3) of the desired wrench in World, None for the MRF's."""
+        if self._wrench_axes is m.Frame.MRF:
+            return None
+        return self.tree(T_world_mrf).pose(self._wrench_axes).R
+
+    def tree(self, T_world_mrf: Pose) -> Tree:
+        """Return every frame, with the MRF at a pose in World."""
+        return Tree(
+            self.moved, T_world_mrf, self.T_wrist_mrf, self.crf, self._T_wrist_sensor, self.lens()
+        )
 
     def stick(self, now_s: float, T_world_mrf: Pose) -> StickCommand | None:
         """Return the stick's twist, or None once its news is too old."""
         stream = self._fresh(self._stick, now_s)
         if stream is None:
             return None
-        axes = self._frame(stream.message.expressed_in, T_world_mrf).R
+        axes = self.tree(T_world_mrf).pose(stream.message.expressed_in).R
         twist = self.master.scaled(np.array(stream.message.twist))
         return None if twist is None else StickCommand(twist, axes)
 
@@ -330,14 +416,3 @@ class Orders:
         if stream is None or now_s - stream.since_s > self._stream_timeout_s:
             return None
         return stream
-
-    def _frame(self, frame: m.Frame, T_world_mrf: Pose) -> Pose:
-        match frame:
-            case m.Frame.WORLD:
-                return Pose.identity()
-            case m.Frame.BASE:
-                return self._T_world_base
-            case m.Frame.MRF:
-                return T_world_mrf
-            case m.Frame.CRF:
-                return self.T_world_crf

@@ -11,6 +11,7 @@ from .control.frames import Array
 from .control.payload import Payload
 from .control.sources.position import Progress
 from .control.state import Output
+from .frame_watch import FrameWatch
 from .mode import Mode
 from .orders import Orders
 from .plant import PlantReading
@@ -57,6 +58,7 @@ def report(
     orders: Orders,
     admission: Admission,
     vision: VisionWatch,
+    frames: FrameWatch,
     protective_stop: bool,
     overruns: int,
 ) -> State:
@@ -74,6 +76,9 @@ def report(
         pose_mrf=output.T_world_mrf.to_xyz_rpy(),
         pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),
         pose_crf=orders.T_world_crf.to_xyz_rpy(),
+        ground=orders.ground(time_s),
+        frames={name: frames.body(name).T.to_xyz_rpy() for name in frames.names},
+        frame_age_ticks={name: frames.age(name, tick) for name in frames.names},
         target_mrf=None if orders.target is None else orders.target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
         wrench_sensor=None if reading.wrench is None else _six(reading.wrench),

@@ -15,6 +15,7 @@ from .admission import Refused, Why
 from .control.frames import Pose
 from .control.sighting import Belief, Doubt, Known, judge
 from .control.sources.vision import ViewGoal
+from .control.tree import Mount
 from .events import Events
 
 
@@ -76,6 +77,12 @@ class VisionWatch:
         if track is None or track.known is None or not self._wrist:
             return None
         return track.T_anchor_lens(self._wrist[-1][1]).inverse() @ track.known.T_anchor_target
+
+    @property
+    def lens(self) -> Mount | None:
+        """Where the Lens is of the camera whose view is kept."""
+        track = self._tracks.get(self._camera)
+        return None if track is None else Mount("wrist" if track.carried else "world", track.T_lens)
 
     def age(self, tick: int) -> int | None:
         """Return how many ticks old the newest picture is that was believed, None when stale."""

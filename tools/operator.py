@@ -15,6 +15,7 @@ from ..config.load import Cell, load_cell
 from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, decode_as, encode
+from ..protocols.moving import RigMotion
 from .motions import Motions
 from .pilot import OnReply, Pilot, PilotError
 from .round_trip import RoundTrip
@@ -249,9 +250,10 @@ class Operator(Motions):
         self._need_lease()
         self.pilot.command(topic, **fields)
 
-    def inject(self, fault: m.RigFault) -> None:
-        """Inject a fault into the virtual hardware."""
-        self.session.put(t.RIG_FAULT, encode(fault))
+    def inject(self, fault: m.RigFault | RigMotion) -> None:
+        """Inject a fault into the virtual hardware, or move what stands there."""
+        topic = t.RIG_MOTION if isinstance(fault, RigMotion) else t.RIG_FAULT
+        self.session.put(topic, encode(fault))
 
     def close(self) -> None:
         """Release the lease, if held, and end the session."""

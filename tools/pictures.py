@@ -64,7 +64,11 @@ class SimulatedCameras:
                 continue
             eye.due_s = now_s + 1.0 / eye.camera.rate_hz
             picture = self._pictures.picture(
-                eye.camera.name, np.array(rig.world.q), rig.tags.covered, rig.tags.poses
+                eye.camera.name,
+                np.array(rig.world.q),
+                rig.tags.covered,
+                rig.tags.poses,
+                rig.world.platform,
             )
             sighting = told(eye.camera, tick, eye.detector.look(picture))
             eye.underway.append((now_s + eye.camera.latency_s, encode(sighting)))

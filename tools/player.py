@@ -7,13 +7,14 @@ from functools import partial
 
 from ..protocols import messages as m
 from ..protocols import topics as t
+from ..protocols.moving import RigMotion
 from .delay_line import DelayLine
 from .master import MovingMaster
 from .pilot import Ask, Pilot, PilotError, Put
-from .script import MasterStep, Script, Step
+from .script import MasterStep, Script, Step, WrenchStep
 
-Inject = Callable[[m.RigFault], None]
-"""Injects a fault into the virtual hardware."""
+Inject = Callable[[m.RigFault | RigMotion], None]
+"""Injects a fault into the virtual hardware, or moves what stands there."""
 
 
 class Phase(Enum):
@@ -170,11 +171,15 @@ class Player:
         if step.raw is not None:
             topic = next(x for x in t.TOPICS if x.key == step.raw.topic)
             self._put(topic, bytes.fromhex(step.raw.hex))
-        if step.fault is not None:
-            try:
+        try:
+            if step.fault is not None:
                 self._inject(m.RigFault(**dict(step.fault)))
-            except ValueError as error:
-                self._fail(f"{step.at_s:g} s: {error}")
+            if step.platform is not None:
+                self._inject(RigMotion(target="platform", **dict(step.platform)))
+            if step.carrier is not None:
+                self._inject(RigMotion(target="carrier", **dict(step.carrier)))
+        except ValueError as error:
+            self._fail(f"{step.at_s:g} s: {error}")
 
     def _command(self, step: Step, pilot: Pilot) -> None:
         if step.joystick is not None:
@@ -197,7 +202,9 @@ class Player:
             pilot.command(t.PATH, **dict(step.path))
         if step.master is not None:
             self._move_master(step.master, pilot)
-        if step.force is not None:
+        if isinstance(step.force, WrenchStep):
+            pilot.command(t.FORCE, **dict(step.force))
+        elif step.force is not None:
             pilot.command(t.FORCE, wrench=step.force)
 
     def _move_master(self, step: MasterStep, pilot: Pilot) -> None:

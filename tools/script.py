@@ -122,11 +122,29 @@ class PayloadStep(Part):
 
 
 class FrameStep(Part):
-    """A new MRF (in Wrist) or CRF (in World)."""
+    """A new MRF or CRF: see `FrameRequest`."""
 
     frame: Literal["mrf", "crf"]
-    xyz: m.Place
-    rpy: m.Attitude
+    xyz: m.Place = (0.0, 0.0, 0.0)
+    rpy: m.Attitude = (0.0, 0.0, 0.0)
+    relative_to: m.Frame | None = None
+    origin_only: bool = False
+    moves_with: Literal["world", "base", "carrier"] | None = None
+
+
+class WrenchStep(Part):
+    """A desired wrench [N, N·m] in axes that are not the MRF's."""
+
+    wrench: m.Wrench
+    expressed_in: m.Frame = m.Frame.MRF
+
+
+class MotionStep(Part):
+    """How the platform under the arm or the Carrier moves from now on: see `RigMotion`."""
+
+    twist: m.Twist = (0.0,) * 6
+    sway: m.Twist = (0.0,) * 6
+    period_s: float = Field(4.0, ge=0.2, le=600)
 
 
 FaultKind = Literal[
@@ -205,9 +223,13 @@ class Step(Part):
     posture: Annotated[str, Field(max_length=32)] | m.JointVector | None = None
     path: PathStep | None = None
     master: MasterStep | None = None
-    force: m.Wrench | None = None
+    force: m.Wrench | WrenchStep | None = None
     raw: Raw | None = None
     fault: FaultStep | None = None
+    platform: MotionStep | None = None
+    """How what the arm stands on moves from now on."""
+    carrier: MotionStep | None = None
+    """How what the CRF may ride on moves from now on."""
 
 
 class Script(Part):

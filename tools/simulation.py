@@ -29,6 +29,7 @@ from ..server.clock import VirtualClock
 from ..server.control.frames import Pose, rotation_log
 from ..server.daemon import build
 from ..server.memory_link import MemoryLink
+from .frame_sensors import SimulatedFrameSensors
 from .observer import Observer
 from .player import Phase, Player
 from .record import Recorder
@@ -91,6 +92,7 @@ class Simulation:
         self.blind: str | None = None
         """Why the cell's cameras give no pictures here, None where they do or there are none."""
         self._cameras = self._open_cameras()
+        self.frame_sensors = SimulatedFrameSensors(cell, self.rig, self.link.put)
         self.events: list[m.Event] = []
         self.states: list[m.State] = []
         self.truths: list[m.RigTruth] = []
@@ -130,6 +132,7 @@ class Simulation:
         self.player.run(self.clock.time_s)
         if self._cameras is not None:
             self._cameras.run(self.clock.time_s, self.cycle.tick + 1)
+        self.frame_sensors.run(self.clock.time_s, self.cycle.tick + 1)
         self.cycle.begin()
         self.rig.poll()
         self.cycle.finish()

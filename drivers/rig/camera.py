@@ -17,7 +17,7 @@ from ...config.load import Cell
 from ...config.schema import Pose
 from ..device import DeviceError
 from ..vision.opencv import cells, marker
-from .scene import build_spec, quaternion
+from .scene import PLATFORM, build_spec, quaternion
 
 Picture = NDArray[np.uint8]
 
@@ -56,6 +56,7 @@ class RigCameras:
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._n = len(cell.config.mechanism.drives)
+        self._first = len(PLATFORM) if cell.config.frames.base is not None else 0
         self._tags = {t.name: int(self._model.geom(f"tag_{t.name}").id) for t in rig.tags}
         self._bodies = {t.name: f"tag_{t.name}" for t in rig.tags if t.T_world_tag is not None}
         self._renderers = {name: self._renderer(c) for name, c in self._cameras.items()}
@@ -68,13 +69,17 @@ class RigCameras:
         q: Sequence[float] | NDArray[np.float64],
         covered: Collection[str] = (),
         tags: Mapping[str, Sequence[float]] | None = None,
+        platform: Sequence[float] | NDArray[np.float64] | None = None,
     ) -> Picture:
         """Return an RGB picture (h, w, 3) with the joints at q (n,) [rad].
 
         `covered` names tags that are not to be seen; `tags` says where those are that stand in
-        World: x, y, z [m], roll, pitch, yaw [rad]. Raises `KeyError` for an unknown camera.
+        World: x, y, z [m], roll, pitch, yaw [rad]; `platform` (6,) how far from its place that is
+        which the arm stands on. Raises `KeyError` for an unknown camera.
         """
-        self._data.qpos[: self._n] = q
+        self._data.qpos[self._first : self._first + self._n] = q
+        if platform is not None:
+            self._data.qpos[: self._first] = platform
         for name, geom in self._tags.items():
             self._model.geom_group[geom] = _COVERED if name in covered else 0
         for name, pose in (tags or {}).items():

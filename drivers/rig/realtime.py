@@ -12,6 +12,7 @@ from typing import Protocol
 
 from ...protocols.can301 import SYNC_ID
 from ...protocols.messages import RigFault, RigTruth
+from ...protocols.moving import RigMotion
 from .rig import Rig
 
 TRUTH_PERIOD_S = 0.01
@@ -22,8 +23,8 @@ _MOST_LATE_STEPS = 5
 class Judge(Protocol):
     """Who injects faults and is told the truth; `RigSession` is one."""
 
-    def faults(self) -> Iterable[RigFault]:
-        """Return the faults that came in."""
+    def faults(self) -> Iterable[RigFault | RigMotion]:
+        """Return the faults and motions that came in."""
         ...
 
     def publish(self, truth: RigTruth) -> None:
@@ -92,7 +93,7 @@ def _handle_backlog(rig: Rig, pace: Pace, deadline: float, clock: Callable[[], f
 
 
 def _inject(
-    rig: Rig, fault: RigFault, pace: Pace, on_refused: Callable[[str], None] | None
+    rig: Rig, fault: RigFault | RigMotion, pace: Pace, on_refused: Callable[[str], None] | None
 ) -> None:
     try:
         rig.inject(fault)

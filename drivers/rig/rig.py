@@ -11,16 +11,19 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols import can301
-from ...protocols.messages import RigFault, RigTruth
+from ...protocols.messages import RigFault, RigTruth, Vector6
+from ...protocols.moving import RigMotion
 from .can_node import CanNode
 from .drive_loops import DriveLoops
 from .faults import Faults
 from .force_torque_node import SimulatedForceTorque
 from .gripper_node import SimulatedGripper
 from .link import NodeLink
+from .movers import Movers
+from .scene import quaternion, turned_by
 from .servo_node import SimulatedDrive
 from .tags import KINDS, Tags
-from .world import World
+from .world import Vector, World
 
 SYNC_STAMPS = 1 << 16
 """So many of the newest SYNC stamps are kept [1]."""
@@ -88,6 +91,8 @@ class Rig:
             link = NodeLink(bus, self.now, np.random.default_rng(rig.seed))
             self.gripper = SimulatedGripper(mechanism.gripper, link, self.world.grasp, self.now)
         self.tags = Tags(rig.tags)
+        self._movers = Movers(cell)
+        self._T_world_carrier = cell.config.frames.T_world_carrier
         self._faults = Faults(self.world, self.drives, self.force_torque)
         self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
         if self.gripper is not None:
@@ -161,6 +166,10 @@ class Rig:
             if beyond or node.due_s <= now:
                 node.tick()
         world = self.world
+        if self._movers.by_name:
+            self._movers.step()
+            if "platform" in self._movers.by_name:
+                world.place_platform(self._movers.by_name["platform"].place)
         world.step(self._loop.step(world.q, world.dq))
         self._steps += 1
         self._time_s = self._steps * self.dt
@@ -173,30 +182,58 @@ class Rig:
         for _ in range(round(seconds / self.dt)):
             self.step()
 
-    def inject(self, fault: RigFault) -> None:
-        """Apply a fault, or take it back. Raises `ValueError` for one that makes no sense."""
-        if fault.kind in KINDS:
+    @property
+    def frames(self) -> dict[str, Vector6]:
+        """Where Base and Carrier truly are in World, where these may move."""
+        poses: dict[str, Vector6] = {}
+        if "platform" in self._movers.by_name:
+            poses["base"] = _six(*self.world.base_pose())
+        carrier = self._movers.by_name.get("carrier")
+        if carrier is not None:
+            place = self._T_world_carrier
+            turned = turned_by(carrier.place[3:], quaternion(place))
+            poses["carrier"] = _six(carrier.place[:3] + place.xyz, turned)
+        return poses
+
+    def frame_twist(self, name: str) -> list[float]:
+        """Return the true twist (6,) of Base or Carrier at its origin, in World axes."""
+        twist = self.world.base_twist() if name == "base" else self._movers.by_name[name].rate
+        return [float(x) for x in twist]
+
+    def inject(self, fault: RigFault | RigMotion) -> None:
+        """Apply a fault or a motion, or take a fault back.
+
+        Raises `ValueError` for one that makes no sense.
+        """
+        if isinstance(fault, RigMotion):
+            self._movers.move(fault)
+        elif fault.kind in KINDS:
             self.tags.inject(fault)
         else:
             self._faults.inject(fault)
 
     def truth(self) -> RigTruth:
         """Return what is really the case now."""
-        position, R = self.world.mrf_pose()
-        roll = math.atan2(R[2, 1], R[2, 2])
-        pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
-        yaw = math.atan2(R[1, 0], R[0, 0])
-        x, y, z = position.tolist()
         fx, fy, fz = self.world.contact_force().tolist()
         return RigTruth(
             time_s=self._time_s,
             sync_count=self.sync_count,
             q=tuple(self.world.q.tolist()),
             dq=tuple(self.world.dq.tolist()),
-            pose_mrf=(x, y, z, roll, pitch, yaw),
+            pose_mrf=_six(*self.world.mrf_pose()),
             contact_force=(fx, fy, fz),
             clearance_m=self.world.clearance(),
             drives=tuple(node.state.name.lower() for node in self.drives.values()),
             tags=self.tags.poses,
             covered=self.tags.covered,
+            frames=self.frames,
         )
+
+
+def _six(position: Vector, R: Vector) -> Vector6:
+    """Return x, y, z and fixed-axis roll, pitch, yaw of a pose."""
+    roll = math.atan2(R[2, 1], R[2, 2])
+    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
+    yaw = math.atan2(R[1, 0], R[0, 0])
+    x, y, z = position.tolist()
+    return (x, y, z, roll, pitch, yaw)

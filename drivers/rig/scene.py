@@ -2,12 +2,16 @@
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ...config.load import Cell
 from ...config.schema import Mechanism, Pose, Rig, Wall
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""
+
+PLATFORM = tuple(f"platform_{axis}" for axis in ("x", "y", "z", "roll", "pitch", "yaw"))
+"""Joints of what the arm stands on, where that may move; before the arm's own."""
 
 HELD = "held"
 """Body of what the gripper holds, at the sensor's site."""
@@ -27,9 +31,10 @@ POINT_INERTIA = 2e-4
 def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
     """Return the compiled model, and the ids of the geoms that are not the arm's.
 
-    The arm's joints come first, with one torque motor (gain 1) and one joint lock (equality
-    constraint, off) each, in the order of the drives. Site `mrf` is the MRF, site `sensor` the
-    force/torque sensor. Raises `ValueError` where the cell and its URDF do not fit together.
+    The arm's joints come first, but for those of a platform that it stands on, with one torque
+    motor (gain 1) and one joint lock (equality constraint, off) each, in the order of the drives.
+    Site `mrf` is the MRF, site `sensor` the force/torque sensor. Raises `ValueError` where the
+    cell and its URDF do not fit together.
     """
     model = build_spec(cell).compile()
     fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == _FIXED]
@@ -49,6 +54,8 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     _furnish_arm(spec, mechanism, rig)
     root = spec.worldbody.first_body()
     root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
+    if cell.config.frames.base is not None:
+        _put_on_platform(spec, root, rig.frames.platform_mass)
     if rig.wall is not None:
         _add_wall(spec, rig.wall)
     for box in rig.boxes:
@@ -59,12 +66,45 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     return spec
 
 
+def _put_on_platform(spec: mujoco.MjSpec, root: mujoco.MjsBody, mass: float) -> None:
+    """Let the arm's root slide along and turn about the axes of its place, where it is told to."""
+    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    root.mass, root.explicitinertial, root.gravcomp = mass, True, 1
+    root.inertia[:] = [0.5 * mass] * 3
+    back = np.zeros(4)
+    mujoco.mju_negQuat(back, root.quat)
+    for i, name in enumerate(PLATFORM):
+        axis = np.zeros(3)
+        axis[i % 3] = 1.0
+        if i < 3:  # slides are along World's axes, whatever the place's attitude
+            mujoco.mju_rotVecQuat(axis, axis.copy(), back)
+        root.add_joint(name=name, type=slide if i < 3 else hinge, axis=axis)
+        hold = spec.add_equality(
+            name=name,
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=name,
+            active=True,
+        )
+        hold.solref[:], hold.solimp[:] = _LOCK_SOLREF, _LOCK_SOLIMP
+
+
 def quaternion(pose: Pose) -> tuple[float, float, float, float]:
     """Return a pose's rotation (fixed-axis roll, pitch, yaw) as MuJoCo's w, x, y, z."""
     quat = np.zeros(4)
     mujoco.mju_euler2Quat(quat, np.array(pose.rpy), "XYZ")
     w, x, y, z = quat.tolist()
     return w, x, y, z
+
+
+def turned_by(turn: NDArray[np.float64], quat: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return the rotation matrix (3, 3) of a quaternion turned by a rotation vector (3,) [rad]."""
+    angle = float(np.linalg.norm(turn))
+    by, both, R = np.zeros(4), np.zeros(4), np.zeros(9)
+    mujoco.mju_axisAngle2Quat(by, turn / max(angle, 1e-12), angle)
+    mujoco.mju_mulQuat(both, by, np.array(quat))
+    mujoco.mju_quat2Mat(R, both)
+    return R.reshape(3, 3)
 
 
 def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:

@@ -6,12 +6,16 @@ it for ever, and the rig runs on without it.
 
 import json
 from collections.abc import Iterator
+from typing import TypeVar
 
 import zenoh
 
 from ...protocols import codec, topics
 from ...protocols.messages import RigFault, RigTruth
+from ...protocols.moving import RigMotion
 from ..device import DeviceError
+
+_Kind = TypeVar("_Kind", RigFault, RigMotion)
 
 _MAILBOX = 64
 """Unread faults kept; older ones are dropped for newer ones."""
@@ -57,21 +61,30 @@ class RigSession:
         self._faults = self._session.declare_subscriber(
             topics.RIG_FAULT.full_key(cell), zenoh.handlers.RingChannel(_MAILBOX)
         )
+        self._motions = self._session.declare_subscriber(
+            topics.RIG_MOTION.full_key(cell), zenoh.handlers.RingChannel(_MAILBOX)
+        )
         self._truth = self._session.declare_publisher(
             topics.RIG_TRUTH.full_key(cell),
             congestion_control=zenoh.CongestionControl.DROP,
         )
         self.refused = 0
-        """Payloads that were no `RigFault`."""
+        """Payloads that were no `RigFault` and no `RigMotion`."""
 
-    def faults(self) -> Iterator[RigFault]:
-        """Yield the faults that came in, oldest first."""
+    def faults(self) -> Iterator[RigFault | RigMotion]:
+        """Yield the faults that came in, oldest first, then the motions."""
+        yield from self._read(self._faults, RigFault)
+        yield from self._read(self._motions, RigMotion)
+
+    def _read(
+        self, box: "zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]", kind: type[_Kind]
+    ) -> Iterator[_Kind]:
         for _ in range(_MAILBOX):
-            sample = self._faults.try_recv()
+            sample = box.try_recv()
             if sample is None:
                 return
             try:
-                yield codec.decode_as(RigFault, sample.payload.to_bytes())
+                yield codec.decode_as(kind, sample.payload.to_bytes())
             except codec.CodecError:
                 self.refused += 1
 

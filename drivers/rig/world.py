@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...config.load import Cell
-from .scene import HELD, POINT_INERTIA, WALL_SLIDE, build_model
+from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model
 
 Vector = NDArray[np.float64]
 
@@ -29,17 +29,21 @@ class World:
         self.dt = float(self.model.opt.timestep)
         joints = [self.model.joint(d.joint) for d in mechanism.drives]
         self.n = len(joints)
-        if [j.dofadr[0] for j in joints] != list(range(self.n)):
+        self._platform = cell.config.frames.base is not None
+        self._first = len(PLATFORM) if self._platform else 0
+        if [j.dofadr[0] for j in joints] != list(range(self._first, self._first + self.n)):
             raise ValueError("the cell's drives must stand in the order of the chain's joints")
         self._bodies = [int(j.bodyid[0]) for j in joints]
+        self._root = int(self.model.body_rootid[self._bodies[0]])
         self._tip = int(self.model.body(mechanism.tip_link).id)
         self._mrf = int(self.model.site("mrf").id)
         self._held = cell.config.rig.gripper
         self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
-        self._friction = self.model.dof_frictionloss[: self.n].copy()
+        arm = slice(self._first, self._first + self.n)
+        self._friction = self.model.dof_frictionloss[arm].copy()
         self._pushes: dict[int, Vector] = {}
-        self.q: Vector = self.data.qpos[: self.n]
-        self.dq: Vector = self.data.qvel[: self.n]
+        self.q: Vector = self.data.qpos[arm]
+        self.dq: Vector = self.data.qvel[arm]
         self.q[:] = mechanism.postures["start"]
         for joint in range(self.n):
             self.set_brake(joint, closed=True)
@@ -69,7 +73,7 @@ class World:
 
     def set_extra_friction(self, joint: int, torque: float) -> None:
         """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
-        self.model.dof_frictionloss[joint] = self._friction[joint] + torque
+        self.model.dof_frictionloss[self._first + joint] = self._friction[joint] + torque
 
     def grasp(self, closed: bool) -> None:
         """Take hold of the cell's object, where it is, or let go of it."""
@@ -106,6 +110,13 @@ class World:
             arm = self.data.site_xpos[self._mrf] - self.data.xipos[body]
             self.data.xfrc_applied[body, 3:] = np.cross(arm, force)
 
+    def place_platform(self, place: Vector) -> None:
+        """Bring what the arm stands on to a displacement (6,) from its place at start [m, rad].
+
+        Translation in World, then turns about its own x, y, z.
+        """
+        self.model.eq_data[self.n : self.n + len(PLATFORM), 0] = place
+
     # --- what can be measured -----------------------------------------------------------------
 
     def sensor_wrench(self) -> Vector:
@@ -123,6 +134,23 @@ class World:
         mujoco.mj_kinematics(self.model, self.data)
         position = self.data.site_xpos[self._mrf].copy()
         return position, self.data.site_xmat[self._mrf].reshape(3, 3).copy()
+
+    def base_pose(self) -> tuple[Vector, Vector]:
+        """Return Base's origin (3,) [m] and rotation matrix (3, 3) in World."""
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.data.xpos[self._root].copy(), self.data.xmat[self._root].reshape(3, 3).copy()
+
+    @property
+    def platform(self) -> Vector | None:
+        """How far what the arm stands on is from its place (6,), None where that is fixed."""
+        return self.data.qpos[: self._first].copy() if self._platform else None
+
+    def base_twist(self) -> Vector:
+        """Return Base's twist (6,) `[v; ω]` at its origin, in World axes."""
+        found = np.zeros(6)
+        body = mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_objectVelocity(self.model, self.data, body, self._root, found, 0)
+        return np.concatenate([found[3:], found[:3]])
 
     def contact_force(self) -> Vector:
         """Return the force (3,) [N] that arm and tool exert on wall and boxes, in World."""

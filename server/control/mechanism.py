@@ -16,7 +16,8 @@ class Kinematics(NamedTuple):
     T_world_wrist: Pose
     T_world_mrf: Pose
     J: Array
-    """Jacobian (6, n) of the MRF: joint rates to `[v; ω]` at its origin, World axes."""
+    """Jacobian (6, n) of the MRF: joint rates to `[v; ω]` at its origin, World axes, as seen from
+    Base."""
 
 
 class Mechanism:
@@ -44,7 +45,6 @@ class Mechanism:
         self._base_is_world = bool(
             np.array_equal(T_world_base.R, np.eye(3)) and not T_world_base.p.any()
         )
-        self._turn = np.kron(np.eye(2), T_world_base.R)
         self._align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
     @classmethod
@@ -61,13 +61,19 @@ class Mechanism:
         except (ValueError, RuntimeError) as error:
             raise ConfigError(f"{cell.robot.urdf}: {error}") from None
 
-    def kinematics(self, q: Array, T_wrist_mrf: Pose) -> Kinematics:
-        """Return frames and Jacobian at joint angles q (n,) [rad]."""
+    def kinematics(
+        self, q: Array, T_wrist_mrf: Pose, T_world_base: Pose | None = None
+    ) -> Kinematics:
+        """Return frames and Jacobian at joint angles q (n,) [rad].
+
+        `T_world_base` is where a Base that moves is now; None: where the cell has it.
+        """
         J = pin.computeFrameJacobian(self.model, self._data, q, self._tip, self._align)
-        T_world_wrist = self._placed(self._data.oMf[self._tip])
+        T_world_wrist = self._placed(self._data.oMf[self._tip], T_world_base)
         R, p = T_world_wrist
-        if not self._base_is_world:
-            J = self._turn @ J
+        if T_world_base is not None or not self._base_is_world:
+            turn = self.T_world_base.R if T_world_base is None else T_world_base.R
+            J = np.matmul(turn, J.reshape(2, 3, self.n)).reshape(6, self.n)
         lever = R @ T_wrist_mrf.p
         T_world_mrf = Pose(R @ T_wrist_mrf.R, p + lever)
         # v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards.
@@ -77,17 +83,20 @@ class Mechanism:
         J[2] += J[3] * y - J[4] * x
         return Kinematics(T_world_wrist, T_world_mrf, J)
 
-    def pose_wrist(self, q: Array) -> Pose:
+    def pose_wrist(self, q: Array, T_world_base: Pose | None = None) -> Pose:
         """Return T_world_wrist at joint angles q (n,) [rad], without a Jacobian."""
         pin.forwardKinematics(self.model, self._data, q)
-        return self._placed(pin.updateFramePlacement(self.model, self._data, self._tip))
+        placement = pin.updateFramePlacement(self.model, self._data, self._tip)
+        return self._placed(placement, T_world_base)
 
     def mass_matrix(self, q: Array) -> Array:
         """Return the mass matrix (n, n) [kg·m²] at q (n,) [rad], of the URDF's inertias."""
         return np.array(pin.crba(self.model, self._data, q))
 
-    def _placed(self, placement: "pin.SE3") -> Pose:
+    def _placed(self, placement: "pin.SE3", T_world_base: Pose | None) -> Pose:
         """Return a placement in Base as a pose in World."""
         # Pinocchio hands out views of its own memory, which the next call writes over.
         pose = Pose(placement.rotation.copy(), placement.translation.copy())
+        if T_world_base is not None:
+            return T_world_base @ pose
         return pose if self._base_is_world else self.T_world_base @ pose

@@ -16,10 +16,12 @@ from .payload import Payload
 from .redundancy import Pulls, SelfMotion
 from .scene import Scene
 from .sources.force import ForceState
+from .sources.frames import FramesState
 from .sources.joystick import JoystickState
 from .sources.position import PositionState, Progress
 from .sources.vision import ViewGoal, VisionState
 from .trajectory import Motion, Stop
+from .tree import Moved
 
 
 class Intent(Enum):
@@ -60,6 +62,8 @@ class Settings:
     """How strongly each redundancy objective acts; as the cell says when None."""
     avoid: bool = False
     """Clearances are kept."""
+    redefined: int = 0
+    """How often MRF or CRF were redefined."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +91,15 @@ class Inputs:
     at_posture: bool = False
     """A posture was reached and nothing was asked for since: no self-motion leads away from it."""
     wrench_desired: Array = field(default_factory=lambda: np.zeros(6))
-    """Wrench to exert, at and in the MRF (6,) [N, N·m]."""
+    """Wrench to exert, at the MRF (6,) [N, N·m]."""
     scene: Scene | None = None
     """Obstacles, where they are known to be now; None where there are none."""
+    R_world_wrench: Array | None = None
+    """Axes (3, 3) of the wrench to exert; None: the MRF's."""
+    moved: Moved | None = None
+    """Base and Carrier in a cell where they may move; None: Base stands."""
+    ground: str = "world"
+    """What sources move the MRF relative to; a goal is placed on it."""
 
 
 @dataclass(frozen=True)
@@ -110,12 +120,13 @@ class Memory:
     position: PositionState
     vision: VisionState
     force: ForceState
+    frames: FramesState = field(default_factory=FramesState)
     load: Array | None = None
     """Payload and bias in effect (10,), see `sources.force.load_of`."""
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
     hold: Array | None = None
-    """Where the Wrist was in World when HOLD began (3,) [m]."""
+    """Where the Wrist was in Base when HOLD began (3,) [m]."""
     bleeding: bool = False
     off_path: Array | None = None
     """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""

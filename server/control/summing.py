@@ -10,13 +10,14 @@ import numpy as np
 
 from .bleed import bleed
 from .evolve import evolve
-from .frames import Array, Pose
+from .frames import Array, Pose, rotate_twist
 from .gains import GAIN_TIME_S
 from .mechanism import Kinematics
 from .parameters import Parameters
 from .sources.force import Force, load_of
+from .sources.frames import Frames, FramesState
 from .sources.joystick import Joystick, JoystickState
-from .sources.position import Position
+from .sources.position import Position, PositionState
 from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Settings
 
@@ -38,6 +39,7 @@ class Summing:
             p.wrench_inertia,
             p.limits.acceleration,
         )
+        self.frames = Frames(p.shaping_acceleration, p.shaping_jerk, T)
 
     def measure(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> Memory:
         """Return the memory with the newest wrench in it, payload and bias taken off.
@@ -79,16 +81,10 @@ class Summing:
             np.eye(3) if stick is None else stick.R_world_axes,
             gains["joystick"],
         )
-        position, position_state = self.position.rate(
-            memory.position,
-            inputs.goal if moving and inputs.posture is None else None,
-            _on_path(k.T_world_mrf, memory.off_path),
-            k.J @ memory.motion.dq,
-            gains["position"],
-            settings.T_world_crf.R,
-            settings.speed_factor,
-            inputs.paused,
-        )
+        carried = None
+        if inputs.moved is not None:
+            carried = inputs.moved.carries(inputs.ground, k.T_world_mrf.p)
+        position, position_state = self._position(memory, inputs, k, carried)
         vision, vision_state = self.vision.rate(
             memory.vision if moving else VisionState.idle(),
             inputs.view if moving and inputs.posture is None and inputs.jog is None else None,
@@ -98,18 +94,61 @@ class Summing:
             settings.speed_factor,
         )
         wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
-        force = self.force.rate(wrench, inputs.wrench_desired, gains["force"], k.T_world_mrf.R)
+        desired = inputs.wrench_desired
+        if inputs.R_world_wrench is not None:
+            desired = rotate_twist(k.T_world_mrf.R.T @ inputs.R_world_wrench, desired)
+        force = self.force.rate(wrench, desired, gains["force"], k.T_world_mrf.R)
         memory = evolve(
             memory, joystick=joystick_state, position=position_state, vision=vision_state
         )
+        frames, frames_state = np.zeros(6), FramesState()
         if not moving:
             memory, force = self._bleed(memory, inputs, k, wrench, force)
+        elif inputs.posture is None and inputs.jog is None:
+            frames, frames_state = self.frames.rate(
+                memory.frames,
+                joystick + position + vision + force,
+                carried,
+                (settings.T_wrist_mrf, settings.redefined, inputs.ground),
+                k.T_world_wrist.R,
+            )
+        memory = evolve(memory, frames=frames_state)
         return memory, {
             "joystick": joystick,
             "position": position,
             "vision": vision,
             "force": force,
+            "frames": frames,
         }
+
+    def _position(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, carried: Array | None
+    ) -> tuple[Array, PositionState]:
+        """Follow the goal on its ground; `carried` (6,) is that ground's twist seen from Base."""
+        settings = inputs.settings
+        goal = None
+        if inputs.intent is Intent.MOVE and inputs.posture is None:
+            goal = inputs.goal
+        ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
+        T, axes = _on_path(k.T_world_mrf, memory.off_path), settings.T_world_crf.R
+        twist = k.J @ memory.motion.dq
+        if carried is not None:
+            twist = twist - carried
+        if ground is not None and goal is not None:
+            there = ground.T.R.T
+            T, axes = ground.T.inverse() @ T, there @ axes
+            twist = rotate_twist(there, twist)
+        rate, state = self.position.rate(
+            memory.position,
+            goal,
+            T,
+            twist,
+            memory.gains["position"],
+            axes,
+            settings.speed_factor,
+            inputs.paused,
+        )
+        return (rate if ground is None else rotate_twist(ground.T.R, rate)), state
 
     def _bleed(
         self, memory: Memory, inputs: Inputs, k: Kinematics, wrench: Array | None, force: Array
@@ -117,8 +156,12 @@ class Summing:
         """In HOLD, let FMA go on alone, inside a small leash, until contact is bled off."""
         if inputs.intent is not Intent.HOLD:
             return evolve(memory, hold=None, bleeding=False), np.zeros(6)
-        hold = memory.hold if memory.hold is not None else k.T_world_wrist.p
-        away = k.T_world_wrist.p - hold
+        at = k.T_world_wrist.p
+        base = None if inputs.moved is None else inputs.moved.base.T
+        if base is not None:
+            at = base.R.T @ (at - base.p)
+        hold = memory.hold if memory.hold is not None else at
+        away = at - hold if base is None else base.R @ (at - hold)
         bled = bleed(
             memory.bleeding, wrench, force, away, self._p.hold_threshold, self._p.hold_leash
         )

@@ -87,13 +87,16 @@ class Control:
             force=ForceState(),
         )
 
-    def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose) -> Pose:
+    def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
         """Return where the command has the MRF, in World."""
-        return self.mechanism.pose_wrist(memory.motion.q) @ T_wrist_mrf
+        return self.mechanism.pose_wrist(memory.motion.q, T_world_base) @ T_wrist_mrf
 
     def tick(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Output]:
         """Return the next memory and what to send: one period of control."""
-        T_world_wrist_measured = self.mechanism.pose_wrist(inputs.q_measured)
+        moved = inputs.moved
+        T_world_wrist_measured = self.mechanism.pose_wrist(
+            inputs.q_measured, None if moved is None else moved.T_world_base_measured
+        )
         measured = self.summing.measure(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
@@ -101,7 +104,11 @@ class Control:
                 q = np.where(inputs.energised, memory.motion.q, q)
             memory = self.seed(q)
         memory = evolve(memory, force=measured.force, load=measured.load)
-        kinematics = self.mechanism.kinematics(memory.motion.q, inputs.settings.T_wrist_mrf)
+        kinematics = self.mechanism.kinematics(
+            memory.motion.q,
+            inputs.settings.T_wrist_mrf,
+            None if moved is None else moved.base.T,
+        )
         memory = self._tune(memory, inputs, kinematics)
         memory, asked = self._ask(memory, inputs, kinematics)
         error = memory.sent[1] - inputs.q_measured
@@ -137,7 +144,7 @@ class Control:
             at_goal=self._at_goal(memory, inputs),
             bleeding=memory.bleeding,
             path=memory.position.progress,
-            T_world_path=memory.position.T_world_path,
+            T_world_path=_in_world(inputs, memory.position.T_world_path),
             field=asked.field,
             off_path=memory.off_path,
         )
@@ -150,7 +157,7 @@ class Control:
         pulls = settings.pulls or self.redundancy.pulls
         since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
         wrench = memory.force.wrench
-        target = None if inputs.goal is None else inputs.goal.T_world_target
+        target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
         way = None if target is None else target.p - k.T_world_mrf.p
         now = Quantities(
             contact_force=None if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3])),
@@ -182,6 +189,7 @@ class Control:
             dq = s_tool * joint_rates
             return memory, _Asked(dq, twists, twist, s_tool, limits, math.nan, self_motion)
         q, T_wrist_mrf = memory.motion.q, inputs.settings.T_wrist_mrf
+        base = None if inputs.moved is None else inputs.moved.base.T
         factor, felt = inputs.settings.speed_factor, None
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture
         seen = self.field.look(q, k, inputs.scene, memory.pulls) if spare else None
@@ -189,7 +197,7 @@ class Control:
         task = resolve(
             k.J,
             shifted(s_tool * twist, give_way),
-            lambda step: self.mechanism.kinematics(q + step, T_wrist_mrf).J,
+            lambda step: self.mechanism.kinematics(q + step, T_wrist_mrf, base).J,
             self.p.resolve,
             Travel(q - self.p.lower, self.p.upper - q),
         )
@@ -260,3 +268,9 @@ class Control:
         if inputs.posture is not None:
             return bool(np.abs(inputs.posture - memory.motion.q).max() < POSTURE_REACHED)
         return memory.position.at_goal and on_path(memory.off_path)
+
+
+def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:
+    """Return where a pose on the present ground is in World."""
+    ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
+    return T if ground is None or T is None else ground.T @ T

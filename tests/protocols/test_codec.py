@@ -122,7 +122,7 @@ REFUSALS: list[tuple[str, Topic, Any, Reason, str]] = [
     ("float", topics.JOYSTICK, {**TWIST, "epoch": 1.0}, Reason.WRONG_TYPE, "1.0"),
     ("nested bool", topics.JOYSTICK, {**TWIST, "twist": [True] * 6}, Reason.WRONG_TYPE, "True"),
     ("enum type", topics.JOYSTICK, {**TWIST, "relative_to": 1}, Reason.WRONG_TYPE, "relative_to"),
-    ("enum", topics.JOYSTICK, {**TWIST, "relative_to": "lens"}, Reason.OUT_OF_RANGE, "'lens'"),
+    ("enum", topics.JOYSTICK, {**TWIST, "relative_to": "tool"}, Reason.OUT_OF_RANGE, "'tool'"),
     ("short", topics.JOYSTICK, {**TWIST, "twist": [0] * 5}, Reason.OUT_OF_RANGE, "twist"),
     ("long", topics.JOYSTICK, {**TWIST, "twist": [0] * 7}, Reason.OUT_OF_RANGE, "twist"),
     ("negative", topics.JOYSTICK, {**TWIST, "seq": -1}, Reason.OUT_OF_RANGE, "-1"),

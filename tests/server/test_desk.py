@@ -6,8 +6,10 @@ from telerobot.protocols import messages as m
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.server.admission import Admission, Now, Why
+from telerobot.server.control.frames import Pose
 from telerobot.server.desk import ENABLE_TIMEOUT_S, Desk, View
 from telerobot.server.events import Events
+from telerobot.server.frame_watch import FrameWatch
 from telerobot.server.link import Asked
 from telerobot.server.mode import Mode, Wish
 from telerobot.server.orders import Orders
@@ -75,6 +77,8 @@ def counter(pa10):
         gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
         vision=VisionWatch(pa10.cell, events),
         world=World(pa10.cell, events),
+        frames=FrameWatch(pa10.cell, events),
+        T_world_mrf=Pose.identity(),
     )
     desk = Desk(admission, orders, events, lambda: next(tokens))
     return Counter(desk, admission, orders, events, view)

@@ -5,15 +5,30 @@ import pytest
 from telerobot.config import schema
 from telerobot.config.load import load_cell
 from telerobot.protocols import messages as m
+from telerobot.protocols.motion import PathMotion
+from telerobot.protocols.moving import FrameRequest
 from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, rotation_rpy
+from telerobot.server.control.tree import Mount
 from telerobot.server.orders import Orders
 
 ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
 BASE = Pose.from_xyz_rpy((1.0, 2.0, 0.5), (0.0, 0.0, np.pi / 2))
 CRF = Pose.from_xyz_rpy((0.3, -0.2, 0.1), (np.pi / 2, 0.0, 0.0))
 MRF = Pose.from_xyz_rpy((0.7, 0.1, 0.4), (0.2, -0.5, 1.1))
-ORIGINS = {m.Frame.WORLD: Pose.identity(), m.Frame.BASE: BASE, m.Frame.CRF: CRF, m.Frame.MRF: MRF}
+LENS = Pose.from_xyz_rpy((-0.1, 0.2, 0.0), (0.3, 0.0, -1.0))
+TOOL = Pose.from_xyz_rpy((0.0, 0.0, 0.121), (0.0, 0.0, 0.0))
+WRIST = MRF @ TOOL.inverse()
+ORIGINS = {
+    m.Frame.WORLD: Pose.identity(),
+    m.Frame.BASE: BASE,
+    m.Frame.CRF: CRF,
+    m.Frame.MRF: MRF,
+    m.Frame.CARRIER: Pose.identity(),
+    m.Frame.WRIST: WRIST,
+    m.Frame.SENSOR: WRIST,
+    m.Frame.LENS: WRIST @ LENS,
+}
 
 
 def schema_pose(T):
@@ -27,7 +42,9 @@ def orders(pa10):
     config = pa10.cell.config
     mechanism = config.mechanism.model_copy(update={"T_world_base": schema_pose(BASE)})
     changes = {"mechanism": mechanism, "T_world_crf": schema_pose(CRF)}
-    return Orders(replace(pa10.cell, config=config.model_copy(update=changes)))
+    orders = Orders(replace(pa10.cell, config=config.model_copy(update=changes)))
+    orders.lens = lambda: Mount("wrist", LENS)
+    return orders
 
 
 def take(orders, kind, now_s=0.0, **fields):
@@ -104,16 +121,41 @@ def test_a_stick_in_mrf_axes_turns_with_the_tool(orders):
     np.testing.assert_array_equal(orders.stick(0.0, turned).R_world_axes, turned.R)
 
 
-def test_a_new_mrf_ends_the_target_of_the_old_one_and_a_new_crf_does_not(orders):
+def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(orders):
     pose = {"xyz": (0.0, 0.0, 0.2), "rpy": (0.0, 0.0, 0.5)}
     take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
-    orders.set_frame(m.FrameRequest(**ENVELOPE, frame="crf", **pose))
+    wrist = orders.target @ orders.T_wrist_mrf.inverse()
+    orders.set_frame(FrameRequest(**ENVELOPE, frame="crf", **pose), MRF)
     np.testing.assert_allclose(orders.settings().T_world_crf.p, pose["xyz"])
-    assert orders.goal is not None
-    orders.set_frame(m.FrameRequest(**ENVELOPE, frame="mrf", **pose))
+    before = orders.goal
+    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
     expected = Pose.from_xyz_rpy(pose["xyz"], pose["rpy"])
     np.testing.assert_array_equal(orders.settings().T_wrist_mrf.R, expected.R)
+    kept = orders.target @ orders.T_wrist_mrf.inverse()
+    np.testing.assert_allclose(kept.p, wrist.p, atol=1e-12)
+    np.testing.assert_allclose(kept.R, wrist.R, atol=1e-12)
+    assert orders.goal.attempt > before.attempt
+    take(orders, PathMotion, twists=((0.1, 0, 0, 0, 0, 0),), durations_s=(1.0,))
+    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
+    assert orders.goal is None  # it was about the point that is the MRF no longer
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        (m.PositionTarget, {"xyz": (0, 0, 0), "rpy": (0, 0, 0), "relative_to": "lens"}),
+        (m.JoystickTwist, {"twist": (0.1,) * 6, "expressed_in": "lens"}),
+        (m.DesiredWrench, {"wrench": (1.0,) * 6, "expressed_in": "lens"}),
+        (PathMotion, {"twists": ((0.1,) * 6,), "durations_s": (1.0,), "expressed_in": "lens"}),
+    ],
+)
+def test_a_frame_that_the_cell_lacks_is_refused_with_those_that_it_has(orders, kind, fields):
+    orders.lens = lambda: None
+    refused = refusal(orders, kind, **fields)
+    assert refused.reason == Why.UNKNOWN_FRAME
+    assert "world, base, carrier, crf, wrist, mrf, sensor" in refused.detail
     assert orders.goal is None
+    assert orders.stick(0.0, MRF) is None
 
 
 # --- streams --------------------------------------------------------------------------------------

@@ -10,9 +10,11 @@ from telerobot.protocols.motion import (
     PathRequest,
     RedundancyRequest,
 )
+from telerobot.protocols.moving import FrameRequest
 from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, rotation_rpy
 from telerobot.server.control.paths.goals import Pursuit, Route, TwistRoute
+from telerobot.server.control.tree import Mount
 from telerobot.server.orders import Orders
 
 ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
@@ -23,7 +25,9 @@ TWIST = (0.1, 0.2, 0.0, 0.0, 0.0, 0.3)
 
 @pytest.fixture
 def orders(pa10):
-    return Orders(pa10.cell)
+    orders = Orders(pa10.cell)
+    orders.lens = lambda: Mount("wrist", MRF)
+    return orders
 
 
 def take(orders, kind, now_s=0.0, T=MRF, **fields):
@@ -58,7 +62,7 @@ def test_every_waypoint_is_placed_as_a_target_is(orders, relative_to, expressed_
 
 def test_twists_are_turned_into_world_or_left_to_the_moving_tool(orders):
     given = {"twists": (TWIST,), "durations_s": (2.0,)}
-    orders.T_world_crf = Pose(rotation_rpy(0.0, 0.0, np.pi / 2), np.ones(3))
+    orders.crf = Mount("world", Pose(rotation_rpy(0.0, 0.0, np.pi / 2), np.ones(3)))
     fixed = take(orders, PathMotion, **given)
     assert isinstance(fixed, TwistRoute)
     np.testing.assert_allclose(fixed.segments[0].twist, [-0.2, 0.1, 0, 0, 0, 0.3], atol=1e-12)
@@ -133,7 +137,7 @@ def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(orders, wha
             take(orders, m.CancelGoals)
         case "mrf":
             orders.set_frame(
-                m.FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0, 0.1), rpy=(0, 0, 0))
+                FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0, 0.1), rpy=(0, 0, 0)), MRF
             )
         case "clear":
             orders.clear()
