@@ -56,8 +56,6 @@ class FrameRequest(Command):
     def _fits(self) -> "FrameRequest":
         if self.frame == "mrf" and self.moves_with is not None:
             raise ValueError("the MRF moves with the Wrist")
-        if self.frame == self.relative_to and self.origin_only:
-            raise ValueError("a frame's own origin is where it is")
         return self
 
 

@@ -123,9 +123,14 @@ class Cycle:
         self._publish_events()
 
     @property
-    def target(self) -> Pose | None:
-        """Where the position source is to bring the MRF, in World, if anywhere."""
-        return self._orders.target
+    def placed_target(self) -> tuple[str, Pose] | None:
+        """Where the position source is to bring the MRF, if anywhere: a ground, a pose on it."""
+        return self._orders.placed_target
+
+    @property
+    def T_wrist_mrf(self) -> Pose:
+        """The MRF that is in force."""
+        return self._orders.T_wrist_mrf
 
     def begin(self) -> None:
         """Send SYNC, and now and then the heartbeat that only a living tick produces."""

@@ -103,7 +103,10 @@ class FrameWatch:
         base = self.body("base")
         back = -self._lead_s * base.twist
         measured = Pose(rotation_exp(back[3:]) @ base.T.R, base.T.p + back[:3])
-        return Moved(base, self.body("carrier"), measured)
+        watched = self._watched.get("base")
+        track = None if watched is None else watched.track
+        acceleration = None if track is None else track.acceleration
+        return Moved(base, self.body("carrier"), measured, acceleration)
 
     def body(self, name: str) -> Body:
         """Return where Base or Carrier is, for this tick's command."""

@@ -346,6 +346,12 @@ class Orders:
         return T if T is None or body is None else body.T @ T
 
     @property
+    def placed_target(self) -> tuple[str, Pose] | None:
+        """The target as it was placed: its ground, and its pose there."""
+        T = None if self.goal is None else self.goal.T_world_target
+        return None if T is None else (self._goal_ground, T)
+
+    @property
     def T_world_crf(self) -> Pose:
         """Where the CRF is now."""
         body = self.moved.body(self.crf.on)

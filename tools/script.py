@@ -131,6 +131,12 @@ class FrameStep(Part):
     origin_only: bool = False
     moves_with: Literal["world", "base", "carrier"] | None = None
 
+    @model_validator(mode="after")
+    def _fits(self) -> "FrameStep":
+        if self.frame == "mrf" and self.moves_with is not None:
+            raise ValueError("the MRF moves with the Wrist")
+        return self
+
 
 class WrenchStep(Part):
     """A desired wrench [N, N·m] in axes that are not the MRF's."""

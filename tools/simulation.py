@@ -89,6 +89,8 @@ class Simulation:
         self.player = Player(script, self.link.put, self.link.ask, self.rig.inject)
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)
+        mrf = cell.config.mechanism.T_wrist_mrf
+        self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
         self.blind: str | None = None
         """Why the cell's cameras give no pictures here, None where they do or there are none."""
         self._cameras = self._open_cameras()
@@ -202,11 +204,16 @@ class Simulation:
         truth = self.rig.truth()
         self.truths.append(truth)
         self._write("truth", truth)
-        target = self.cycle.target
-        if target is None:
+        placed = self.cycle.placed_target
+        if placed is None:
             self._errors.append(None)
             return
+        ground, target = placed
+        if ground in truth.frames:  # judged by where the ground truly is
+            pose = truth.frames[ground]
+            target = Pose.from_xyz_rpy(pose[:3], pose[3:]) @ target
         true = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
+        true = true @ self._T_mrf_wrist @ self.cycle.T_wrist_mrf
         turn = rotation_log(target.R.T @ true.R)
         self._errors.append((float(np.linalg.norm(true.p - target.p)), float(np.linalg.norm(turn))))
 

@@ -14,7 +14,7 @@ from .frames import Array, Pose, rotate_twist
 from .gains import GAIN_TIME_S
 from .mechanism import Kinematics
 from .parameters import Parameters
-from .sources.force import Force, load_of
+from .sources.force import GRAVITY, Force, load_of
 from .sources.frames import Frames, FramesState
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState
@@ -46,14 +46,20 @@ class Summing:
 
         `T_world_wrist` is measured, at the instant that the joints were.
         """
-        load = self._ramp_load(memory, inputs)
+        load, place, free_fall = self._ramp_load(memory, inputs), T_world_wrist, GRAVITY
+        if inputs.moved is not None:
+            # Seen from a Base that moves: its news is too rough to be differentiated twice.
+            base = inputs.moved.T_world_base_measured
+            place = base.inverse() @ T_world_wrist
+            free_fall = base.R.T @ (GRAVITY - inputs.moved.acceleration_at(T_world_wrist.p))
         force = self.force.measure(
             memory.force,
             inputs.wrench_sensor,
             load,
-            T_world_wrist,
+            place,
             inputs.time_s,
             inputs.wrench_age_s,
+            free_fall,
         )
         return evolve(memory, force=force, load=load)
 

@@ -52,12 +52,21 @@ class Moved(NamedTuple):
     carrier: Body
     T_world_base_measured: Pose
     """Base when the joints were measured: a little earlier than `base`."""
+    acceleration_base: Array | None = None
+    """(6,) of its origin, World axes, where it is known."""
 
     def body(self, ground: str) -> Body | None:
         """Return a ground that may move, None for World."""
         if ground == "world":
             return None
         return self.base if ground == "base" else self.carrier
+
+    def acceleration_at(self, p: Array) -> Array:
+        """Return how a point p (3,) of World that is fixed to Base accelerates (3,) [m/s²]."""
+        if self.acceleration_base is None:
+            return np.zeros(3)
+        a, r, w = self.acceleration_base, p - self.base.T.p, self.base.twist[3:]
+        return np.asarray(a[:3] + cross(a[3:], r) + cross(w, cross(w, r)))
 
     def carries(self, ground: str, p: Array) -> Array:
         """Return a ground's twist (6,) seen from Base, at a point p (3,) of World, World axes.

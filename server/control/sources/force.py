@@ -89,11 +89,13 @@ class Force:
         T_world_wrist: Pose,
         time_s: float = 0.0,
         age_s: float = 0.0,
+        free_fall: Array = GRAVITY,
     ) -> ForceState:
         """Return the state after one sample (6,), None when stale.
 
         `T_world_wrist` is the measured Wrist pose at the last SYNC, `age_s` how much older the
-        sample is [s], `time_s` the tick's time [s].
+        sample is [s], `time_s` the tick's time [s], `free_fall` (3,) how what is let go accelerates
+        there [m/s²]: a Base that accelerates may stand for World, with its own acceleration in it.
         """
         if sample is None:
             return ForceState()
@@ -101,9 +103,9 @@ class Force:
             state = ForceState(state.wrench)  # ticks were missed: differences would be wrong
         place = T_world_wrist @ self.T_wrist_sensor
         older = min(max(age_s / self._period_s, 0.0), _OLDEST)
-        up = place.R.T @ -GRAVITY
+        up = place.R.T @ -free_fall
         if state.places and older > 0.0:
-            up = up + older * (state.places[0].R.T @ -GRAVITY - up)
+            up = up + older * (state.places[0].R.T @ -free_fall - up)
         contact = self._calibration @ (sample - load[4:]) - _held(load, up)
         places, last = (place, *state.places[:3]), state.contact
         newest = contact
