@@ -10,9 +10,15 @@ def obstacle_disagreements(config: CellConfig) -> Iterator[str]:
     """Yield what does not fit, each in one line with its key."""
     names = [o.name for o in config.obstacles]
     cameras = [c.name for c in config.cameras]
+    on_base = [c.name for c in config.cameras if c.on == "base"]
     for i, obstacle in enumerate(config.obstacles):
         if obstacle.name in names[:i]:
             yield f"obstacles[{i}].name: value '{obstacle.name}': is there already"
+        if obstacle.camera in on_base:
+            yield (
+                f"obstacles[{i}].camera: value '{obstacle.camera}': stands on Base: a sight line "
+                "begins at a camera with T_wrist_lens or T_world_lens"
+            )
         if obstacle.camera is not None and obstacle.camera not in cameras:
             hint = nearest(obstacle.camera, cameras)
             yield (

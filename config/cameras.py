@@ -12,7 +12,7 @@ Pixels = Annotated[float, Field(gt=0, le=1e5)]
 
 
 class Camera(Section):
-    """A camera that looks for one planar tag; fixed to the Wrist or to the World.
+    """A camera that looks for one planar tag; fixed to the Wrist, to World or to Base.
 
     The Lens frame has its origin in the pinhole, x to the right of the picture, y down, z ahead.
     """
@@ -20,6 +20,9 @@ class Camera(Section):
     name: Name = Field(description="name of the camera")
     T_wrist_lens: Pose | None = Field(None, description="Lens in the Wrist, of a carried camera")
     T_world_lens: Pose | None = Field(None, description="Lens in World, of one beside the arm")
+    T_base_lens: Pose | None = Field(
+        None, description="Lens in Base, of one that stands beside the arm on what carries both"
+    )
     device: str | None = Field(
         None, description="index, path or URL that OpenCV opens; none: rendered by the rig"
     )
@@ -47,9 +50,22 @@ class Camera(Section):
 
     @model_validator(mode="after")
     def _one_place(self) -> "Camera":
-        if (self.T_wrist_lens is None) == (self.T_world_lens is None):
-            raise ValueError("give either T_wrist_lens or T_world_lens")
+        places = (self.T_wrist_lens, self.T_world_lens, self.T_base_lens)
+        if sum(place is not None for place in places) != 1:
+            raise ValueError("give one of T_wrist_lens, T_world_lens, T_base_lens")
         return self
+
+    @property
+    def on(self) -> Literal["wrist", "world", "base"]:
+        """The frame that it is fixed to."""
+        if self.T_wrist_lens is not None:
+            return "wrist"
+        return "base" if self.T_world_lens is None else "world"
+
+    @property
+    def place(self) -> Pose:
+        """The Lens in that frame."""
+        return self.T_wrist_lens or self.T_world_lens or self.T_base_lens or Pose()
 
     @property
     def centre(self) -> tuple[float, float]:

@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .cameras import Camera, RigTag, Vision
-from .obstacles import Avoidance, Obstacle
 from .moving import Frames, RigFrames
 from .potential import PotentialField
+from .obstacles import Avoidance, Obstacle
 from .section import Name as Name
 from .section import Pose as Pose
 from .section import Section as Section

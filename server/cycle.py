@@ -161,10 +161,11 @@ class Cycle:
 
     def _finish(self, now_s: float) -> None:
         reading = self.plant.read(now_s)
-        moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
-        self._orders.moved = self._frames.step(self.tick, moving=moving)
         view = self._look_around(now_s, reading)
         self._intake.take(view, None if self.output is None else self.output.T_world_mrf)
+        # Only now: what was just ordered was placed where arm and frames were together, a tick ago.
+        moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
+        self._orders.moved = self._frames.step(self.tick, moving=moving)
         trouble = self._find_trouble(reading)
         if trouble is not None and self.mode is not Mode.FAULT:
             self._quick_stop(trouble, "fault")
@@ -322,7 +323,7 @@ class Cycle:
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,
             paused=orders.paused,
-            view=self._vision.goal() if moving else None,
+            view=self._vision.goal(orders.moved.base.T) if moving else None,
             posture=orders.posture if moving else None,
             at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,
@@ -336,7 +337,11 @@ class Cycle:
         self.compute_s = time.perf_counter() - start
         if self._vision.watching:
             T_mrf_wrist = inputs.settings.T_wrist_mrf.inverse()
-            self._vision.remember(self.tick, self.output.T_world_mrf_measured @ T_mrf_wrist)
+            self._vision.remember(
+                self.tick,
+                self.output.T_world_mrf_measured @ T_mrf_wrist,
+                orders.moved.T_world_base_measured,
+            )
         if self.output.refusal is not None and self.mode is not Mode.FAULT:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")

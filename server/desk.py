@@ -12,8 +12,8 @@ import numpy as np
 from ..protocols import messages as m
 from ..protocols import motion
 from ..protocols.codec import encode
-from ..protocols.obstacles import AvoidanceRequest
 from ..protocols.moving import FrameRequest
+from ..protocols.obstacles import AvoidanceRequest
 from ..protocols.sightings import StoreView
 from .admission import Admission, Now, Refused, Why
 from .control.frames import Array, Pose

@@ -1,8 +1,8 @@
 """What operators say in one period: requests answered, commands admitted and put in force."""
 
 from ..protocols.messages import Command, Keepalive
-from ..protocols.obstacles import ObstacleNews
 from ..protocols.moving import FrameNews
+from ..protocols.obstacles import ObstacleNews
 from ..protocols.sightings import Sighting
 from ..protocols.topics import Topic
 from .admission import Admission, Refused

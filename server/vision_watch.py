@@ -7,6 +7,7 @@ that is not believed, and the view lost and found again, is an event; a row of e
 
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..config.cameras import Camera, Vision
 from ..config.load import Cell
@@ -25,7 +26,7 @@ class _Track:
 
     camera: Camera
     T_lens: Pose
-    """Lens in the Wrist, or in World."""
+    """Lens in the Wrist, in World or in Base."""
     known: Known | None = None
     newest_tick: int = -1
     doubt: Doubt | None = None
@@ -34,13 +35,29 @@ class _Track:
     @property
     def carried(self) -> bool:
         """True for a camera on the Wrist."""
-        return self.camera.T_wrist_lens is not None
+        return self.camera.on == "wrist"
 
-    def T_anchor_lens(self, T_world_wrist: Pose) -> Pose:
-        """Return the Lens in the frame in which its target stands still."""
-        if self.carried:
-            return T_world_wrist @ self.T_lens
-        return T_world_wrist.inverse() @ self.T_lens
+    def T_world_lens(self, at: "_Place") -> Pose:
+        """Return the Lens in World."""
+        match self.camera.on:
+            case "wrist":
+                return at.T_world_wrist @ self.T_lens
+            case "base":
+                return at.T_world_base @ self.T_lens
+        return self.T_lens
+
+    def T_anchor_lens(self, at: "_Place") -> Pose:
+        """Return the Lens in the frame in which its target stands still: World, or the Wrist."""
+        T = self.T_world_lens(at)
+        return T if self.carried else at.T_world_wrist.inverse() @ T
+
+
+class _Place(NamedTuple):
+    """Where the arm was measured to be in one tick."""
+
+    tick: int
+    T_world_wrist: Pose
+    T_world_base: Pose
 
 
 class VisionWatch:
@@ -60,7 +77,7 @@ class VisionWatch:
             vision.smoothing_s,
         )
         self._tracks = {c.name: _Track(c, _place(c)) for c in cell.config.cameras}
-        self._wrist: deque[tuple[int, Pose]] = deque(maxlen=self._timeout + 2)
+        self._places: deque[_Place] = deque(maxlen=self._timeout + 2)
         self._camera = vision.camera or next(iter(self._tracks), "")
         view = vision.view
         self._view = None if view is None else Pose.from_xyz_rpy(view.xyz, view.rpy)
@@ -74,24 +91,24 @@ class VisionWatch:
     def view(self) -> Pose | None:
         """The target in the Lens as last believed, None when stale."""
         track = self._tracks.get(self._camera)
-        if track is None or track.known is None or not self._wrist:
+        if track is None or track.known is None or not self._places:
             return None
-        return track.T_anchor_lens(self._wrist[-1][1]).inverse() @ track.known.T_anchor_target
+        return track.T_anchor_lens(self._places[-1]).inverse() @ track.known.T_anchor_target
 
     @property
     def lens(self) -> Mount | None:
         """Where the Lens is of the camera whose view is kept."""
         track = self._tracks.get(self._camera)
-        return None if track is None else Mount("wrist" if track.carried else "world", track.T_lens)
+        return None if track is None else Mount(track.camera.on, track.T_lens)
 
     def age(self, tick: int) -> int | None:
         """Return how many ticks old the newest picture is that was believed, None when stale."""
         track = self._tracks.get(self._camera)
         return None if track is None or track.known is None else tick - track.known.tick
 
-    def remember(self, tick: int, T_world_wrist: Pose) -> None:
-        """Keep the measured pose of the Wrist at a tick, for pictures that belong to it."""
-        self._wrist.append((tick, T_world_wrist))
+    def remember(self, tick: int, T_world_wrist: Pose, T_world_base: Pose) -> None:
+        """Keep where Wrist and Base were measured at a tick, for pictures that belong to it."""
+        self._places.append(_Place(tick, T_world_wrist, T_world_base))
 
     def take(self, sighting: Sighting, tick: int) -> None:
         """Take in what a camera saw. Raises `Refused` for a camera that the cell does not have."""
@@ -124,7 +141,7 @@ class VisionWatch:
         track = self._tracks.get(name)
         if track is None:
             raise Refused(Why.UNKNOWN_CAMERA, f"{name!r} is none of {', '.join(self._tracks)}")
-        if track.known is None or not self._wrist:
+        if track.known is None or not self._places:
             raise Refused(Why.SENSOR_STALE, f"camera {name} sees no tag now")
         self._camera = name
         self._view = self.view
@@ -138,23 +155,29 @@ class VisionWatch:
         if self._view is None:
             raise Refused(Why.NOT_NOW, "no view is stored yet: ask operator/store_view first")
 
-    def goal(self) -> ViewGoal | None:
-        """Return where the view is to bring the arm; None without a view, or when it is stale."""
+    def goal(self, T_world_base: Pose) -> ViewGoal | None:
+        """Return where the view is to bring the arm, with Base where this tick's command has it.
+
+        None without a view, or when it is stale.
+        """
         track = self._tracks.get(self._camera)
         if track is None or track.known is None or self._view is None:
             return None
         if track.carried:
             return ViewGoal(track.T_lens, track.known.T_anchor_target @ self._view.inverse())
-        return ViewGoal(track.known.T_anchor_target, track.T_lens @ self._view, track.T_lens.R)
+        T_world_lens = track.T_lens
+        if track.camera.on == "base":
+            T_world_lens = T_world_base @ T_world_lens
+        return ViewGoal(track.known.T_anchor_target, T_world_lens @ self._view, T_world_lens.R)
 
     def _judge(self, track: _Track, sighting: Sighting) -> Known | Doubt:
         if sighting.tick <= track.newest_tick:
             return Doubt.OUT_OF_ORDER
         track.newest_tick = sighting.tick
-        wrist = next((T for at, T in self._wrist if at == sighting.tick), None)
-        if wrist is None:
+        place = next((p for p in self._places if p.tick == sighting.tick), None)
+        if place is None:
             return Doubt.LATE
-        T_anchor_lens = track.T_anchor_lens(wrist)
+        T_anchor_lens = track.T_anchor_lens(place)
         poses = tuple(T_anchor_lens @ Pose.from_xyz_rpy(p[:3], p[3:]) for p in sighting.poses)
         return judge(
             track.known,
@@ -176,5 +199,4 @@ class VisionWatch:
 
 
 def _place(camera: Camera) -> Pose:
-    place = camera.T_wrist_lens or camera.T_world_lens
-    return Pose.identity() if place is None else Pose.from_xyz_rpy(place.xyz, place.rpy)
+    return Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)

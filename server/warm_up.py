@@ -27,6 +27,8 @@ def warm_up(cell: Cell, control: Control) -> None:
     settings = Orders(cell).settings()
     every = Pulls(dict.fromkeys(OBJECTIVES, 0.1), q)
     settings = replace(settings, pulls=every)
+    orders = Orders(cell)
+    moved = orders.moved if cell.config.frames.moving else None
     stick = StickCommand(np.full(6, 0.01), np.eye(3))
     for intent in Intent:
         memory = control.seed(q)
@@ -35,7 +37,9 @@ def warm_up(cell: Cell, control: Control) -> None:
             goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((Segment(np.zeros(6), 1.0),), 3))
             goal = goals[i * len(goals) // TICKS]
             view = ViewGoal(settings.T_wrist_mrf, T)
-            inputs = Inputs(0.0, intent, q, settings, stick=stick, goal=goal, view=view)
+            inputs = Inputs(
+                0.0, intent, q, settings, stick=stick, goal=goal, view=view, moved=moved
+            )
             memory, _ = control.tick(memory, inputs)
     decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
     command = JoystickTwist(token="-", epoch=0, seq=0, seen_tick=0, twist=(0.0,) * 6)

@@ -246,9 +246,8 @@ class World:
         carried = False
         if obstacle.camera is not None:
             camera = self._cameras[obstacle.camera]
-            carried = camera.T_wrist_lens is not None
-            place = camera.T_wrist_lens or camera.T_world_lens
-            xyz = _ZERO if place is None else place.xyz
+            carried, place = camera.on == "wrist", camera.place
+            xyz = place.xyz
         return Known(
             name=obstacle.name,
             shape=obstacle.shape,

@@ -84,6 +84,24 @@ class Motions(ABC):
             t.MASTER_POSE, xyz=tuple(xyz), rpy=tuple(rpy), expressed_in=m.Frame(expressed_in)
         )
 
+    def put_frame(
+        self,
+        frame: str,
+        xyz: Sequence[float] = (0.0, 0.0, 0.0),
+        rpy: Sequence[float] = (0.0, 0.0, 0.0),
+        relative_to: str | None = None,
+        **more: Any,
+    ) -> None:
+        """Redefine the "mrf" or the "crf"; nothing moves because of it.
+
+        By default a pose [m, rad] in the Wrist or in World; relative to another frame, as that is
+        now. `put_frame("crf", relative_to="mrf")` puts the CRF here. See `FrameRequest`.
+        """
+        there = None if relative_to is None else m.Frame(relative_to)
+        self.request(
+            t.FRAME, frame=frame, xyz=tuple(xyz), rpy=tuple(rpy), relative_to=there, **more
+        )
+
     def redundancy(self, objective: str, gain: float, posture: str | None = None) -> None:
         """Set a redundancy objective's gain, 0 for off."""
         self.request(t.REDUNDANCY, objective=ObjectiveName(objective), gain=gain, posture=posture)

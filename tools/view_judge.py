@@ -12,7 +12,8 @@ class ViewJudge:
     """Remembers the true view when one is stored, and compares."""
 
     def __init__(self, cell: Cell) -> None:
-        mrf = cell.config.mechanism.T_wrist_mrf
+        mrf, base = cell.config.mechanism.T_wrist_mrf, cell.config.mechanism.T_world_base
+        self._base = (*base.xyz, *base.rpy)
         self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
         self._cameras = {c.name: c for c in cell.config.cameras}
         tags = () if cell.config.rig is None else cell.config.rig.tags
@@ -28,7 +29,11 @@ class ViewJudge:
             return None
         T_world_mrf = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
         T_world_wrist = T_world_mrf @ self._T_mrf_wrist
-        return _lens(seen_by, T_world_wrist).inverse() @ _tag(tag, T_world_wrist, truth)
+        base = truth.frames.get("base", self._base)
+        T_world_base = Pose.from_xyz_rpy(base[:3], base[3:])
+        return _lens(seen_by, T_world_wrist, T_world_base).inverse() @ _tag(
+            tag, T_world_wrist, truth
+        )
 
     def on_event(self, event: m.Event, truth: m.RigTruth) -> None:
         """Take in an event, with the truth at its time."""
@@ -44,19 +49,16 @@ class ViewJudge:
         now = self.view(truth)
         if self._stored is None or now is None:
             return None
-        carried = self._cameras[self._camera].T_wrist_lens is not None
+        carried = self._cameras[self._camera].on == "wrist"
         a, b = (self._stored.inverse(), now.inverse()) if carried else (self._stored, now)
         turn = rotation_log(a.R.T @ b.R)
         way = b.p - a.p
         return math.sqrt(float(way @ way)), math.sqrt(float(turn @ turn))
 
 
-def _lens(camera: Camera, T_world_wrist: Pose) -> Pose:
-    if camera.T_wrist_lens is not None:
-        return T_world_wrist @ Pose.from_xyz_rpy(camera.T_wrist_lens.xyz, camera.T_wrist_lens.rpy)
-    if camera.T_world_lens is None:
-        return T_world_wrist
-    return Pose.from_xyz_rpy(camera.T_world_lens.xyz, camera.T_world_lens.rpy)
+def _lens(camera: Camera, T_world_wrist: Pose, T_world_base: Pose) -> Pose:
+    stands = {"wrist": T_world_wrist, "base": T_world_base, "world": Pose.identity()}
+    return stands[camera.on] @ Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)
 
 
 def _tag(tag: RigTag, T_world_wrist: Pose, truth: m.RigTruth) -> Pose:

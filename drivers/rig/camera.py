@@ -46,7 +46,8 @@ class RigCameras:
         spec.compiler.discardvisual = False  # what only can be seen is what we are here for
         tip = spec.body(cell.config.mechanism.tip_link)
         for camera in self._cameras.values():
-            _add_camera(spec.worldbody if camera.T_world_lens else tip, camera)
+            stands = {"world": spec.worldbody, "base": spec.worldbody.first_body(), "wrist": tip}
+            _add_camera(stands[camera.on], camera)
         for tag in rig.tags:
             _add_tag(spec, spec.worldbody if tag.T_world_tag else tip, tag)
         _light(spec)
@@ -115,7 +116,7 @@ def _close(renderers: "tuple[mujoco.Renderer, ...]") -> None:
 
 
 def _add_camera(body: mujoco.MjsBody, camera: Camera) -> None:
-    place = camera.T_world_lens or camera.T_wrist_lens or Pose()
+    place = camera.place
     turn = _rotation(place) @ _LENS_TO_CAMERA
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, turn.ravel())

@@ -40,7 +40,7 @@ def test_a_camera_and_a_tag_are_read(seeing):
     [
         ('camera = "eye"', 'camera = "eyes"', r"vision\.camera: value 'eyes': no such .*'eye'"),
         ("T_wrist_lens = {", "T_wrist_lense = {", r"cameras\[0\]\.T_wrist_lense: unknown key"),
-        ("tag = 7\n\n[sou", "T_world_lens = {}\n\n[sou", r"cameras\[0\]: give either T_wrist_lens"),
+        ("tag = 7\n\n[sou", "T_world_lens = {}\n\n[sou", r"cameras\[0\]: give one of T_wrist_lens"),
         ("tag = 7\n\n[sou", "focal = [500.0, 510.0]\n\n[sou", r"cameras\[0\]\.focal: .*pinhole"),
         ("tag = 7\n\n[sou", "tag = 7\ntag_size = 0.2\n\n[sou", r"tag_size: value 0\.2: .*as 0\.1"),
         ('camera = "eye"', "gain = [-1.0, 1, 1, 1, 1, 1]", r"vision\.gain\[0\]: value -1"),

@@ -12,6 +12,7 @@ from telerobot.server.events import Events
 from telerobot.server.vision_watch import VisionWatch
 
 TARGET = Pose(rotation_rpy(1.5708, 0.3, -1.4), np.array([1.2, 0.1, 0.5]))
+BASE = Pose.identity()
 WRIST = Pose(rotation_rpy(0.0, 1.5708, 0.0), np.array([0.6, 0.0, 0.4]))
 
 
@@ -47,7 +48,7 @@ class Watching:
             last = self.wrists.get(self.tick - 1, WRIST)
             self.wrists[self.tick] = Pose(rotation_exp(0.01 * w) @ last.R, last.p + 0.01 * v)
             self.events.at(self.tick, 0.01 * self.tick)
-            self.watch.remember(self.tick, self.wrists[self.tick])
+            self.watch.remember(self.tick, self.wrists[self.tick], BASE)
             self.watch.look(self.tick)
 
     def sighting(self, tick: int, **changes) -> Sighting:
@@ -79,7 +80,7 @@ def test_a_late_picture_from_a_moving_arm_puts_the_target_where_it_is(watching):
     watching.go(30, (0.2, -0.1, 0.1, 0.3, 0.5, -0.4))
     watching.see(late=20)
     watching.watch._view = Pose.identity()
-    goal = watching.watch.goal()
+    goal = watching.watch.goal(BASE)
     # With the view "tag and Lens are one" the goal is the target itself.
     np.testing.assert_allclose(goal.T_world_goal.p, TARGET.p, atol=1e-12)
     np.testing.assert_allclose(goal.T_world_goal.R, TARGET.R, atol=1e-12)
@@ -91,7 +92,7 @@ def test_the_stored_view_is_the_one_of_now_and_not_of_the_pictures_instant(watch
     stored = watching.watch.store(None)
     truth = (watching.wrists[watching.tick] @ watching.lens).inverse() @ TARGET
     np.testing.assert_allclose(list(stored.values()), truth.to_xyz_rpy(), atol=1e-12)
-    goal = watching.watch.goal()
+    goal = watching.watch.goal(BASE)
     lens_now = watching.wrists[watching.tick] @ watching.lens
     np.testing.assert_allclose(goal.T_world_goal.p, lens_now.p, atol=1e-12)
 
@@ -101,15 +102,15 @@ def test_news_that_stops_is_a_view_that_is_lost_and_the_first_picture_finds_it(w
     watching.watch.store("wrist")
     assert watching.told() == [("view_found", None)]
     watching.go(25)
-    assert watching.watch.goal() is not None
+    assert watching.watch.goal(BASE) is not None
     watching.go(1)
-    assert watching.watch.goal() is None
+    assert watching.watch.goal(BASE) is None
     assert watching.watch.view is None
     assert watching.watch.age(watching.tick) is None
     assert watching.told() == [("view_lost", "no_picture")]
     watching.see()
     assert watching.told() == [("view_found", None)]
-    assert watching.watch.goal() is not None
+    assert watching.watch.goal(BASE) is not None
 
 
 def test_a_covered_tag_is_told_once_and_then_the_view_is_lost_for_that_reason(watching):
@@ -124,18 +125,20 @@ def test_a_covered_tag_is_told_once_and_then_the_view_is_lost_for_that_reason(wa
 def test_a_target_that_jumps_is_refused_until_the_old_one_is_forgotten(watching):
     watching.see()
     watching.watch.store(None)
-    before = watching.watch.goal()
+    before = watching.watch.goal(BASE)
     watching.target = Pose(TARGET.R, TARGET.p + np.array([0.0, 0.3, 0.0]))
     watching.told()
     watching.go(5)
     watching.see()
     assert watching.told() == [("picture_rejected", "jump")]
-    np.testing.assert_allclose(watching.watch.goal().T_world_goal.p, before.T_world_goal.p)
+    np.testing.assert_allclose(watching.watch.goal(BASE).T_world_goal.p, before.T_world_goal.p)
     for _ in range(5):
         watching.go(5)
         watching.see()
     assert watching.told() == [("view_lost", "jump"), ("view_found", None)]
-    assert watching.watch.goal().T_world_goal.p[1] == pytest.approx(before.T_world_goal.p[1] + 0.3)
+    assert watching.watch.goal(BASE).T_world_goal.p[1] == pytest.approx(
+        before.T_world_goal.p[1] + 0.3
+    )
 
 
 def test_of_two_poses_the_one_that_agrees_with_the_last_picture_is_kept(watching):
@@ -154,7 +157,7 @@ def test_two_poses_with_nothing_to_compare_them_to_are_refused_by_name(watching)
     wrong = (*truth[:3], truth[3] + 0.6, *truth[4:])
     watching.see(poses=(truth, wrong), errors_px=(0.4, 0.5))
     assert watching.told() == [("picture_rejected", "ambiguous")]
-    assert watching.watch.goal() is None
+    assert watching.watch.goal(BASE) is None
 
 
 def test_poor_late_and_repeated_pictures_are_refused_by_name(watching):
@@ -195,7 +198,7 @@ def test_a_view_is_stored_only_of_a_camera_that_sees_something(watching):
 def test_a_cell_without_cameras_has_no_view():
     watch = VisionWatch(load_cell("pa10"), Events())
     assert not watch.watching
-    assert watch.goal() is None
+    assert watch.goal(BASE) is None
     with pytest.raises(Refused, match="the cell has no camera"):
         watch.require_view()
 
@@ -214,7 +217,7 @@ def test_a_camera_beside_the_arm_moves_what_the_arm_carries(watching):
     there = watching.wrists[watching.tick] @ carried
     watching.go(20, (0.3, 0.1, 0.0, 0.0, 0.4, 0.0))
     see()
-    goal = watching.watch.goal()
+    goal = watching.watch.goal(BASE)
     np.testing.assert_allclose(goal.T_wrist_point.p, carried.p, atol=1e-12)
     np.testing.assert_allclose(goal.T_world_goal.p, there.p, atol=1e-12)
     np.testing.assert_allclose(goal.R_world_lens, lens.R)
@@ -235,7 +238,7 @@ def servo(watching, late, stamped_late, gain=4.0, seconds=12.0):
             seen = watching.sighting(watching.tick - late)
             stamp = watching.tick - (late if stamped_late else 0)
             watching.watch.take(seen.model_copy(update={"tick": stamp}), watching.tick)
-        goal = watching.watch.goal()
+        goal = watching.watch.goal(BASE)
         rate = np.zeros(3) if goal is None else gain * (goal.T_world_goal.p - lens.p)
         rate *= min(1.0, 0.4 / max(1e-12, float(np.linalg.norm(rate))))
         watching.go(1, (*rate, 0.0, 0.0, 0.0))
@@ -253,3 +256,28 @@ def test_pictures_stamped_when_they_came_would_swing_for_ever(watching):
     # The same loop, its pictures' lateness not told: 0.2 s at 4 /s is past what is stable.
     away = servo(watching, late=20, stamped_late=False, gain=12.0)
     assert away[-100:].max() > 0.02
+
+
+def test_a_camera_on_a_base_that_moves_places_what_it_sees_by_the_base_of_its_tick(cell):
+    """The carried target is seen at tick 1000, from where Base was then; now it is elsewhere."""
+    beside = cell.config.cameras[1]
+    T_base_lens = beside.T_world_lens
+    moved = beside.model_copy(update={"T_world_lens": None, "T_base_lens": T_base_lens})
+    config = cell.config.model_copy(update={"cameras": (moved,)})
+    watch = VisionWatch(Cell(cell.path, config, cell.robot), Events())
+    lens = Pose.from_xyz_rpy(T_base_lens.xyz, T_base_lens.rpy)
+    then = Pose(rotation_rpy(0.0, 0.0, 0.2), np.array([0.1, -0.05, 0.0]))
+    T_wrist_target = Pose(rotation_rpy(0.3, 0.0, 0.0), np.array([0.0, -0.06, 0.02]))
+    watch.remember(1000, WRIST, then)
+    watch.remember(1001, WRIST, BASE)
+    seen = (then @ lens).inverse() @ WRIST @ T_wrist_target
+    fields = {"poses": (seen.to_xyz_rpy(),), "errors_px": (0.1,), "quality": 0.9}
+    watch.take(Sighting(camera=moved.name, tick=1000, **fields), 1001)
+    watch.store(moved.name)
+    assert watch.lens.on == "base"
+    goal = watch.goal(then)
+    np.testing.assert_allclose(goal.T_wrist_point.p, T_wrist_target.p, atol=1e-9)
+    # The view was stored with Base where it is now; with Base where it was, the goal goes along.
+    expected = then @ WRIST @ T_wrist_target
+    np.testing.assert_allclose(goal.T_world_goal.p, expected.p, atol=1e-9)
+    np.testing.assert_allclose(goal.T_world_goal.R, expected.R, atol=1e-9)
