@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from .cameras import Camera, RigTag, Vision
 from .moving import Frames, RigFrames
-from .potential import PotentialField
 from .obstacles import Avoidance, Obstacle
+from .potential import PotentialField
 from .section import Name as Name
 from .section import Pose as Pose
 from .section import Section as Section

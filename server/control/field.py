@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .frames import Array
+from .frames import Array, Pose
 from .mechanism import Kinematics
 from .parameters import Parameters
 from .paths.goals import Goal
@@ -66,11 +66,23 @@ class Field:
         if link is not None:
             self._direction = np.array(link.direction) / math.hypot(*link.direction)
 
-    def look(self, q: Array, k: Kinematics, scene: Scene | None, pulls: Pulls) -> Seen | None:
-        """Return what there is to know of the field at q (n,) [rad], None if nothing follows it."""
+    def look(
+        self,
+        q: Array,
+        k: Kinematics,
+        scene: Scene | None,
+        pulls: Pulls,
+        T_world_base: Pose | None = None,
+    ) -> Seen | None:
+        """Return what there is to know of the field at q (n,) [rad], None if nothing follows it.
+
+        `T_world_base` is where a Base that moves is now.
+        """
         if pulls.gains["field"] <= 0.0 and self._p.potential.virtual_link is None:
             return None
-        ends = np.zeros((0, 2, 3)) if self._links is None else self._links.place(q[None]).ends[0]
+        ends = np.zeros((0, 2, 3))
+        if self._links is not None:
+            ends = self._links.place(q[None], T_world_base).ends[0]
         return self._flow.look(shape(q, k.J, k.T_world_mrf.p, ends), self._charges(k, scene))
 
     def self_motion(self, seen: Seen | None, null: Array) -> tuple[Array | None, Felt | None]:

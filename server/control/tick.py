@@ -192,7 +192,7 @@ class Control:
         base = None if inputs.moved is None else inputs.moved.base.T
         factor, felt = inputs.settings.speed_factor, None
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture
-        seen = self.field.look(q, k, inputs.scene, memory.pulls) if spare else None
+        seen = self.field.look(q, k, inputs.scene, memory.pulls, base) if spare else None
         give_way = self.field.give_way(seen, memory.off_path, inputs.goal, factor)
         task = resolve(
             k.J,
