@@ -49,7 +49,7 @@ COMMANDS: Final = (
     Command("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
             ("telerobot bench", "telerobot bench --quick --json bench.json")),
     Command("campaign", "campaign.cli", "behaviour at scale: random scripts, scenes and faults",
-            ("telerobot campaign", "telerobot campaign --cells pa10 --seeds 7:8")),
+            ("telerobot campaign", "telerobot campaign --only=hostile --cells pa10 --seeds 7:8")),
 )  # fmt: skip
 
 

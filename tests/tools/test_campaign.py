@@ -1,5 +1,6 @@
 """A seeded sample of the campaign, and its judges against cases that are known."""
 
+import json
 import math
 
 import numpy as np
@@ -8,6 +9,7 @@ from telerobot.config.load import load_cell
 from telerobot.tools.campaign.arm import Arm
 from telerobot.tools.campaign.feasible import Judge
 from telerobot.tools.campaign.generator import generate
+from telerobot.tools.campaign.parts import PARTS
 from telerobot.tools.campaign.poses import difference, rotation, rotation_vector
 from telerobot.tools.campaign.report import Report
 from telerobot.tools.campaign.verdict import verdict
@@ -140,6 +142,25 @@ def test_a_campaign_without_a_reached_goal_breaks_its_promise():
     report = Report([])
     assert not report.kept
     assert report.promises["no_limit_violated"]
+
+
+def test_an_unknown_part_is_bad_usage_and_the_parts_are_named(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["campaign", "--only", "hostil"])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert all(f"'{name}'" in said for name in ("hostil", *PARTS))
+
+
+def test_a_part_is_played_and_its_figures_stand_under_its_name(tmp_path, capsys):
+    out = tmp_path / "figures.json"
+    arguments = ["--only", "hostile", "--cells", "ur5e", "--seeds", "0:1", "--jobs", "1"]
+    code = main(["campaign", *arguments, "--json", str(out)])
+    figures = json.loads(out.read_text())
+    assert list(figures) == ["hostile"]
+    assert figures["hostile"]["runs"] == 1
+    assert code == (0 if all(figures["hostile"]["promises"].values()) else 1)
+    assert "--- hostile" in capsys.readouterr().out
 
 
 def test_seeds_that_are_no_range_are_bad_usage(capsys):

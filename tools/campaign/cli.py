@@ -7,16 +7,29 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from ...config.load import load_cell
-from .report import Report
-from .verdict import Verdict, verdict
+from .part import Findings, Played, Selection
+from .parts import PARTS
+
+Job = tuple[str, Any]
+"""A part's name, and one of its jobs."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
     parser.add_argument(
-        "--cells", default="pa10,ur5e", metavar="A,B", help="cells to run (default %(default)s)"
+        "--only",
+        action="append",
+        choices=sorted(PARTS),
+        metavar="PART",
+        help=f"run this part, may be given again; all by default: {', '.join(PARTS)}",
+    )
+    parser.add_argument(
+        "--cells",
+        default="pa10,ur5e",
+        metavar="A,B",
+        help="cells of the part 'hostile' (default %(default)s)",
     )
     parser.add_argument(
         "--seeds",
@@ -33,19 +46,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the campaign; return 0 only if every promise was kept."""
-    cells = [name for name in args.cells.split(",") if name]
-    for name in cells:
-        load_cell(name)  # a mistake in a cell shows here, in one line, and not in every worker
-    jobs = [(name, seed) for seed in args.seeds for name in cells]
-    verdicts = []
-    for v in _played(jobs, max(1, args.jobs)):
-        verdicts.append(v)
-        _progress(len(verdicts), len(jobs), v)
-    report = Report(verdicts)
+    selection = Selection(tuple(name for name in args.cells.split(",") if name), args.seeds)
+    chosen = [name for name in PARTS if not args.only or name in args.only]
+    jobs = [(name, job) for name in chosen for job in PARTS[name].jobs(selection)]
+    results: dict[str, list[Played]] = {name: [] for name in chosen}
+    for done, ((name, _), played) in enumerate(
+        zip(jobs, _played(jobs, max(1, args.jobs)), strict=True), start=1
+    ):
+        results[name].append(played)
+        _progress(done, len(jobs), played)
+    findings = {name: PARTS[name].report(found) for name, found in results.items()}
     if args.json:
-        args.json.write_text(json.dumps(report.figures(), indent=1))
-    print("\n".join(report.lines()))
-    return 0 if report.kept else 1
+        figures = {name: found.figures() for name, found in findings.items()}
+        args.json.write_text(json.dumps(figures, indent=1))
+    for name, found in findings.items():
+        _show(name, found)
+    return 0 if all(found.kept for found in findings.values()) else 1
 
 
 def _seeds(text: str) -> range:
@@ -59,25 +75,30 @@ def _seeds(text: str) -> range:
     return seeds
 
 
-def _played(jobs: list[tuple[str, int]], processes: int) -> Iterator[Verdict]:
+def _played(jobs: list[Job], processes: int) -> Iterator[Played]:
     if processes == 1:
-        for job in jobs:
-            yield _play(job)
+        yield from map(_play, jobs)
         return
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # inherited by the workers
-    # Spawned, not forked: a run must depend on its cell and seed alone.
+    # Spawned, not forked: a run must depend on its job alone.
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
         yield from pool.imap(_play, jobs)
 
 
-def _play(job: tuple[str, int]) -> Verdict:
-    return verdict(*job)
+def _play(job: Job) -> Played:
+    name, what = job
+    return PARTS[name].play(what)
 
 
-def _progress(done: int, of: int, v: Verdict) -> None:
-    lasting = bool(v.reasons) or not sys.stderr.isatty() or done == of
-    if v.reasons or not lasting or done % 10 == 0 or done == of:
-        words = "; ".join(v.reasons) or "well"
-        line = f"{done}/{of} {v.cell} seed {v.seed}: {words}"[:160]
+def _show(name: str, found: Findings) -> None:
+    print(f"--- {name}")
+    print("\n".join(found.lines()))
+
+
+def _progress(done: int, of: int, played: Played) -> None:
+    lasting = bool(played.reasons) or not sys.stderr.isatty() or done == of
+    if played.reasons or not lasting or done % 10 == 0 or done == of:
+        words = "; ".join(played.reasons) or "well"
+        line = f"{done}/{of} {played.name}: {words}"[:160]
         clear = "\x1b[K" if sys.stderr.isatty() else ""
         print(f"{line}{clear}", file=sys.stderr, end="\n" if lasting else "\r", flush=True)

@@ -93,7 +93,7 @@ class Report:
         }
         lines = [f"{name:20} {text}" for name, text in shown.items()]
         for v in self.verdicts:
-            again = f"telerobot campaign --cells {v.cell} --seeds {v.seed}:{v.seed + 1}"
+            again = f"telerobot campaign --only hostile --cells {v.cell} --seeds {v.seed}"
             lines += [f"{again}  # {reason}" for reason in v.reasons]
         broken = [name for name, kept in self.promises.items() if not kept]
         lines.append("all promises kept" if self.kept else f"broken: {', '.join(broken)}")

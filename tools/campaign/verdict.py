@@ -58,6 +58,11 @@ class Verdict:
     command_hash: str
 
     @property
+    def name(self) -> str:
+        """Cell and seed."""
+        return f"{self.cell} seed {self.seed}"
+
+    @property
     def counts(self) -> bool:
         """True when the goal was feasible and nothing was hit."""
         return not self.infeasible and not self.touched and not self.failure

@@ -1,0 +1,52 @@
+"""What a part of the campaign is: jobs, how one is played, and what all of them showed.
+
+Jobs and results cross processes, so both are plain, picklable values; `play` is a function of a
+module. A part is one more file, and one more line in `parts.py`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+
+class Selection(NamedTuple):
+    """What the command's arguments choose."""
+
+    cells: tuple[str, ...]
+    """Names of cells, for parts that run in any cell."""
+    seeds: range
+    """Seeds, for parts that are drawn."""
+
+
+class Played(Protocol):
+    """The result of one job."""
+
+    @property
+    def name(self) -> str:
+        """What was played, in a few words."""
+
+    @property
+    def reasons(self) -> list[str]:
+        """What speaks against it, nothing if all went well."""
+
+
+class Findings(Protocol):
+    """What all results of a part show together."""
+
+    @property
+    def kept(self) -> bool:
+        """True when all promises hold."""
+
+    def figures(self) -> dict[str, object]:
+        """Return everything as plain values, for JSON."""
+
+    def lines(self) -> list[str]:
+        """Return the report for people."""
+
+
+class Part(NamedTuple):
+    """One part of the campaign."""
+
+    jobs: Callable[[Selection], list[Any]]
+    """Lists the jobs; raises `ConfigError` where a cell is wrong."""
+    play: Callable[[Any], Played]
+    report: Callable[[Sequence[Any]], Findings]
