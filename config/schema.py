@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from .cameras import Camera, RigTag, Vision
 from .moving import Frames, RigFrames
 from .obstacles import Avoidance, Obstacle
+from .peg import RigHole, RigPeg
 from .potential import PotentialField
 from .section import Name as Name
 from .section import Pose as Pose
@@ -419,6 +420,8 @@ class Rig(Section):
     )
     wall: Wall | None = Field(None, description="a wall of known stiffness")
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
+    peg: RigPeg | None = Field(None, description="a peg as the tool")
+    holes: tuple[RigHole, ...] = Field((), max_length=16, description="holes to insert it into")
     tags: tuple[RigTag, ...] = Field((), description="planar tags that cameras can see")
     frames: RigFrames = Field(
         default_factory=RigFrames, description="motion of platform and Carrier, and their news"

@@ -100,6 +100,8 @@ class Simulation:
         self.truths: list[m.RigTruth] = []
         self.on_tick: Callable[[Simulation], None] | None = None
         """Called after every tick, for a judge that looks deeper."""
+        self.on_physics: Callable[[Simulation], None] | None = None
+        """Called after every physics step, for one that must not miss a spike."""
         self._hash = hashlib.sha256()
         self._bus = bus
         self._errors: deque[tuple[float, float] | None] = deque(
@@ -142,6 +144,8 @@ class Simulation:
         for _ in range(round(period / self.rig.dt)):
             self.hub.time_s = self.rig.time_s + self.rig.dt  # nodes send at the end of a step
             self.rig.step()
+            if self.on_physics is not None:
+                self.on_physics(self)
         self._judge()
         if self.on_tick is not None:
             self.on_tick(self)

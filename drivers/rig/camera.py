@@ -17,7 +17,8 @@ from ...config.load import Cell
 from ...config.schema import Pose
 from ..device import DeviceError
 from ..vision.opencv import cells, marker
-from .scene import PLATFORM, build_spec, quaternion
+from .geoms import quaternion
+from .scene import PLATFORM, build_spec
 
 Picture = NDArray[np.uint8]
 

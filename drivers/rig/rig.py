@@ -17,10 +17,11 @@ from .can_node import CanNode
 from .drive_loops import DriveLoops
 from .faults import Faults
 from .force_torque_node import SimulatedForceTorque
+from .geoms import quaternion
 from .gripper_node import SimulatedGripper
 from .link import NodeLink
 from .movers import Movers
-from .scene import quaternion, turned_by
+from .scene import turned_by
 from .servo_node import SimulatedDrive
 from .tags import KINDS, Tags
 from .world import Vector, World

@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 
 from ...config.load import Cell
 from ...config.schema import Mechanism, Pose, Rig, Wall
+from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion
+from .peg import add_hole, add_peg
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""
@@ -16,10 +18,6 @@ PLATFORM = tuple(f"platform_{axis}" for axis in ("x", "y", "z", "roll", "pitch",
 HELD = "held"
 """Body of what the gripper holds, at the sensor's site."""
 
-_ARM, _FIXED = 1, 2
-"""Contact groups: arm against arm and arm against fixed things; fixed things never meet."""
-_SOLREF = (0.004, 1.0)
-_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 _LOCK_SOLREF = (0.002, 1.0)
 _LOCK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """A closed brake gives way by microradians: MuJoCo's constraints are springs, this one is hard."""
@@ -37,7 +35,7 @@ def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
     cell and its URDF do not fit together.
     """
     model = build_spec(cell).compile()
-    fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == _FIXED]
+    fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == FIXED]
     return model, frozenset(fixed)
 
 
@@ -63,6 +61,8 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
             name=box.name, pos=box.xyz, quat=quaternion(Pose(rpy=box.rpy))
         )
         _add_fixed_box(body, f"{box.name}_box", box.half_size)
+    for hole in rig.holes:
+        add_hole(spec, hole)
     return spec
 
 
@@ -89,14 +89,6 @@ def _put_on_platform(spec: mujoco.MjSpec, root: mujoco.MjsBody, mass: float) -> 
         hold.solref[:], hold.solimp[:] = _LOCK_SOLREF, _LOCK_SOLIMP
 
 
-def quaternion(pose: Pose) -> tuple[float, float, float, float]:
-    """Return a pose's rotation (fixed-axis roll, pitch, yaw) as MuJoCo's w, x, y, z."""
-    quat = np.zeros(4)
-    mujoco.mju_euler2Quat(quat, np.array(pose.rpy), "XYZ")
-    w, x, y, z = quat.tolist()
-    return w, x, y, z
-
-
 def turned_by(turn: NDArray[np.float64], quat: tuple[float, ...]) -> NDArray[np.float64]:
     """Return the rotation matrix (3, 3) of a quaternion turned by a rotation vector (3,) [rad]."""
     angle = float(np.linalg.norm(turn))
@@ -113,15 +105,14 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
         raise ValueError(f"tip_link {mechanism.tip_link} is not a link of {mechanism.urdf}")
     n = len(mechanism.drives)
     for geom in arm.geoms:
-        geom.contype, geom.conaffinity = _ARM, _ARM | _FIXED
-        geom.solref[:], geom.solimp[:] = _SOLREF, _SOLIMP
+        of_arm(geom)
     for i, drive in enumerate(mechanism.drives):
         joint = arm.joint(drive.joint)
         if joint is None:
             raise ValueError(f"drive {drive.node}: {mechanism.urdf} has no joint {drive.joint}")
         joint.armature = _of_joint(rig.drive.armature, i, n)
         joint.frictionloss = _of_joint(rig.drive.friction, i, n)
-        joint.solref_friction[:], joint.solimp_friction[:] = _SOLREF, _LOCK_SOLIMP
+        joint.solref_friction[:], joint.solimp_friction[:] = SOLREF, _LOCK_SOLIMP
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
         motor = arm.add_actuator(
             name=drive.joint, target=drive.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
@@ -143,8 +134,9 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
             name="tool_ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=mrf.xyz, density=0
         )
         ball.size[0] = rig.tool_radius
-        ball.contype, ball.conaffinity = _ARM, _ARM | _FIXED
-        ball.solref[:], ball.solimp[:] = _SOLREF, _SOLIMP
+        of_arm(ball)
+    if rig.peg is not None:
+        add_peg(tip, mrf, rig.peg)
     _add_sensor(arm, tip, mechanism, rig)
 
 
@@ -201,10 +193,7 @@ def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
 def _add_fixed_box(
     body: mujoco.MjsBody, name: str, half_size: tuple[float, float, float]
 ) -> mujoco.MjsGeom:
-    geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half_size)
-    geom.contype, geom.conaffinity = _FIXED, _ARM
-    geom.solref[:], geom.solimp[:] = _SOLREF, _SOLIMP
-    return geom
+    return fixed(body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half_size))
 
 
 def _of_joint(values: tuple[float, ...], joint: int, n: int) -> float:

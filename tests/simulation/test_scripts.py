@@ -11,8 +11,8 @@ from telerobot.tools.simulation import Simulation
 from .conftest import Run
 
 CELL_OF = {"ur5e_tour": "ur5e"}
-SEEING = {name for name in shipped("scripts") if name.startswith("vision_")}
-"""Scripts that need pictures: `test_vision.py` plays them."""
+ELSEWHERE = {name for name in shipped("scripts") if name.startswith(("vision_", "peg_"))}
+"""Scripts that need pictures or a peg: `test_vision.py` and `test_peg.py` play them."""
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources"}
 """Scripts that `test_frames.py` and `test_all_sources.py` play."""
 
@@ -22,7 +22,7 @@ def run_shipped(name, cell):
     return Run(simulation, simulation.run())
 
 
-@pytest.mark.parametrize("name", sorted(set(shipped("scripts")) - SEEING - FRAMES))
+@pytest.mark.parametrize("name", sorted(set(shipped("scripts")) - ELSEWHERE - FRAMES))
 def test_every_shipped_script_plays_without_refusal_fault_or_violation(name, pa10, ur5e):
     run = run_shipped(name, ur5e if CELL_OF.get(name) == "ur5e" else pa10)
     assert run.summary["failure"] is None

@@ -22,8 +22,9 @@ HOSTILE_S = (5.8, 7.4)
 """Length of the hostile part [s]."""
 RESTORE_S = 1.3
 """Restoring lease, mode, gains and frames takes this long [s]."""
-POSTURE_S = 5.6
-"""A posture is reached within this time from wherever the hostile part ends [s]."""
+POSTURE_S = 7.0
+"""A posture is reached within this time from wherever the hostile part ends, also where the tool
+has to go half around the arm at its greatest speed [s]."""
 SETTLE_S = 2.6
 """After a path, and after a nudge, the error feedback has this long to settle [s]."""
 FURNISHED = 0.12

@@ -2,7 +2,9 @@
 
 from .hostile_runs import HOSTILE
 from .part import Part
+from .peg_runs import PEG
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
+    "peg": PEG,
 }

@@ -1,0 +1,65 @@
+"""A peg goes into a hole that is not where it is meant to be: some of the campaign's directions."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.campaign.insertion import (
+    DIRECTIONS,
+    GENTLE,
+    OFFSET,
+    ROUGH,
+    TILT,
+    Attempt,
+    attempt,
+    misplaced,
+)
+from telerobot.tools.campaign.poses import matrix, rotation_vector
+from telerobot.tools.script import load_script
+from telerobot.tools.simulation import simulate
+
+
+@pytest.mark.parametrize(("direction", "part"), [(4, 1), (20, 1), (20, 2)])
+def test_rate_and_force_together_insert_the_peg_gently(direction, part):
+    found = attempt(Attempt(direction, stiff=False, part=part))
+    assert found.inserted, found
+    assert found.limit_violations == 0
+    # It was felt on the way: the hole really is off.
+    assert found.peak_n > 10.0
+
+
+@pytest.mark.parametrize("direction", [0, 19])
+def test_without_force_control_the_same_motion_is_rough(direction):
+    found = attempt(Attempt(direction, stiff=True))
+    assert not found.inserted
+    assert found.peak_n > ROUGH > GENTLE
+    assert found.limit_violations == 0
+
+
+def test_the_shipped_insertion_is_played_as_it_is_written():
+    result = simulate("pa10_peg")
+    assert result.ok
+    assert result.summary["refused"] == []
+    assert result.summary["mode"] == "enabled"
+    assert [e for e in result.summary["events"] if e["severity"] == "error"] == []
+    hole = load_cell("pa10_peg").config.rig.holes[0]
+    T = matrix(hole.T_world_hole) @ matrix(hole.misplaced)
+    depth = (T[:3, 3] - result.truths[-1].pose_mrf[:3]) @ T[:3, 2]
+    assert depth > 0.03
+
+
+def test_both_scripts_ask_the_same_of_the_stick():
+    force, stiff = load_script("peg_insert"), load_script("peg_insert_stiff")
+    sticks = [
+        [(s.at_s, s.joystick) for s in script.steps if s.joystick] for script in (force, stiff)
+    ]
+    assert sticks[0] == sticks[1]
+    assert [s.switch.on for s in stiff.steps if s.switch] == [False]
+
+
+def test_every_direction_is_as_far_off_and_each_is_another():
+    poses = [matrix(misplaced(d)) for d in range(DIRECTIONS)]
+    for T in poses:
+        assert np.linalg.norm(T[:3, 3]) == pytest.approx(OFFSET)
+        assert np.linalg.norm(rotation_vector(T[:3, :3])) == pytest.approx(TILT)
+    apart = [np.abs(a - b).max() for i, a in enumerate(poses) for b in poses[:i]]
+    assert min(apart) > 1e-3
