@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -35,9 +35,6 @@ from .player import Phase, Player
 from .record import Recorder
 from .script import Script, load_script
 from .view_judge import ViewJudge
-
-if TYPE_CHECKING:
-    from .pictures import SimulatedCameras
 
 JUDGED_S = 0.5
 """The tool's error is the largest over this long before the end [s]."""
@@ -67,10 +64,26 @@ class Result:
         return self.summary["failure"] is None and self.summary["limit_violations"] == 0
 
 
-class Simulation:
-    """One run of a cell under a script."""
+class Cameras(Protocol):
+    """What the cell's cameras see."""
 
-    def __init__(self, cell: Cell, script: Script, record: Path | None = None) -> None:
+    def run(self, now_s: float, tick: int) -> None:
+        """Hand over what has arrived by `now_s`, and take the pictures due at SYNC `tick`."""
+
+    def close(self) -> None:
+        """Let go of what makes the pictures."""
+
+
+class Simulation:
+    """One run of a cell under a script; `cameras` takes the place of the rendered ones."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        script: Script,
+        record: Path | None = None,
+        cameras: "Callable[[Simulation], Cameras] | None" = None,
+    ) -> None:
         if cell.config.rig is None:
             raise ConfigError(f"{cell.path}: rig: missing: there is nothing to simulate")
         self._recorder = None if record is None else Recorder(record)
@@ -93,7 +106,7 @@ class Simulation:
         self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
         self.blind: str | None = None
         """Why the cell's cameras give no pictures here, None where they do or there are none."""
-        self._cameras = self._open_cameras()
+        self._cameras = self._open_cameras() if cameras is None else cameras(self)
         self.frame_sensors = SimulatedFrameSensors(cell, self.rig, self.link.put)
         self.events: list[m.Event] = []
         self.states: list[m.State] = []
@@ -150,7 +163,7 @@ class Simulation:
         if self.on_tick is not None:
             self.on_tick(self)
 
-    def _open_cameras(self) -> "SimulatedCameras | None":
+    def _open_cameras(self) -> "Cameras | None":
         """Return the cell's rendered cameras; none where it has none, or they cannot be had."""
         if not any(c.device is None for c in self.cell.config.cameras):
             return None

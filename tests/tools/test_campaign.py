@@ -15,7 +15,7 @@ from telerobot.tools.campaign.report import Report
 from telerobot.tools.campaign.verdict import verdict
 from telerobot.tools.cli import main
 
-SAMPLE = [("pa10", 0), ("ur5e", 0), ("pa10", 1), ("ur5e", 1), ("pa10", 2), ("ur5e", 2)]
+SAMPLE = [("pa10", 0), ("ur5e", 0), ("pa10", 1), ("ur5e", 1), ("pa10_vision", 1), ("ur5e", 2)]
 
 
 @pytest.fixture(scope="module")

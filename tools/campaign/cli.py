@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--cells",
-        default="pa10,ur5e",
+        default="pa10,ur5e,pa10_vision",
         metavar="A,B",
         help="cells of the part 'hostile' (default %(default)s)",
     )

@@ -2,6 +2,7 @@
 
 A run is a hostile part (`hostile.py`), then order is restored and the arm is sent to a posture,
 or from a known posture to a target pose, sometimes with a stick that nudges it on the way.
+Some arms have a gripper, some cells cameras (`equipment.py`).
 Most scenes are open: nothing but the arm. Some are the cell's own, with its wall and table, which
 the arm mostly hits: this server does not avoid obstacles.
 """
@@ -14,11 +15,13 @@ import numpy as np
 
 from ...config.load import Cell
 from ..script import Script, Step
+from .equipment import OPENING_S, opening, order, segments, with_gripper
 from .feasible import Judge
-from .hostile import SEGMENTS, Draw, disturbance, schedules, step
+from .hostile import SEGMENTS, disturbance, schedules
 from .poses import Array, difference, rotation
+from .steps import Draw, step
 
-HOSTILE_S = (5.8, 7.4)
+HOSTILE_S = (7.0, 8.6)
 """Length of the hostile part [s]."""
 RESTORE_S = 1.3
 """Restoring lease, mode, gains and frames takes this long [s]."""
@@ -31,6 +34,8 @@ FURNISHED = 0.12
 """Part of the scenes with the cell's wall and table [1]."""
 SCHEDULED = 0.25
 """Part of the cells whose gains follow schedules [1]."""
+GRIPPING = 0.3
+"""Part of the cells that have a gripper, and something to pick up [1]."""
 INFEASIBLE = 0.2
 """Part of the target poses that are drawn without regard to feasibility [1]."""
 FRUITLESS_S = 3.0
@@ -74,8 +79,10 @@ def generate(cell: Cell, seed: int) -> Plan:
     if draw.random() < SCHEDULED:
         config = cell.config.model_copy(update={"schedules": schedules(draw)})
         cell = replace(cell, config=config)
+    if draw.random() < GRIPPING:
+        cell = with_gripper(draw, cell)
     judge = Judge.of(cell)
-    end_s = float(draw.uniform(*HOSTILE_S))
+    end_s = float(draw.uniform(*HOSTILE_S)) + (OPENING_S if cell.config.cameras else 0.0)
     steps = _hostile(draw, cell, end_s) + _restored(cell, end_s)
     go_s = end_s + RESTORE_S
     posture = _posture(draw, cell, judge)
@@ -103,11 +110,12 @@ def _opened(cell: Cell) -> Cell:
 
 
 def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
-    steps: list[Step] = []
-    at_s = 0.1
+    steps = opening(cell)
+    at_s = OPENING_S if steps else 0.1
+    known = (*SEGMENTS, *segments(cell))
     while at_s < end_s - 0.4:
         until_s = min(end_s, at_s + float(draw.uniform(0.5, 1.1)))
-        segment = SEGMENTS[int(draw.integers(len(SEGMENTS)))]
+        segment = known[int(draw.integers(len(known)))]
         steps += segment(draw, cell, at_s, until_s)
         if draw.random() < 0.35:
             steps += disturbance(draw, cell, float(draw.uniform(at_s, until_s)))
@@ -118,7 +126,8 @@ def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
 def _restored(cell: Cell, at_s: float) -> list[Step]:
     """Return what brings order back, whatever state the hostile part has left behind."""
     sources, mrf = cell.config.sources, cell.config.mechanism.T_wrist_mrf
-    wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 21).tolist())
+    besides = order(cell)
+    wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 21 + len(besides)).tolist())
     steps = [
         step(at_s=at_s, link={}, fault={"silence": "force_torque", "on": False}),
         step(at_s=at_s + 0.02, joystick={}, jog={}, master={}),
@@ -136,6 +145,7 @@ def _restored(cell: Cell, at_s: float) -> list[Step]:
         steps.append(step(at_s=next(wait), switch={"source": name, "on": True}))
     for name, pull in cell.config.redundancy.gains.items():
         steps.append(step(at_s=next(wait), redundancy={"objective": name, "gain": pull}))
+    steps += [step(at_s=next(wait), **what) for what in besides]
     whole = {"engaged": True, "translation": 1.0, "rotation": 1.0}
     steps.append(step(at_s=next(wait), clutch=whole))
     steps += [step(at_s=next(wait), mode="enable") for _ in range(3)]

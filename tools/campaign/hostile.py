@@ -13,18 +13,14 @@ from ...config.load import Cell
 from ...config.schema import OBJECTIVES, Schedule
 from ...protocols.messages import Frame
 from ..script import Step
+from . import equipment
+from .steps import Draw, step
 
-Draw = np.random.Generator
 FRAMES = tuple(Frame)
 SPEEDS = (0.4, 2.5)
 """Range of asked tool speeds [m/s]."""
 ANGULAR_SPEEDS = (1.0, 8.0)
 """Range of asked tool rates [rad/s]."""
-
-
-def step(at_s: float, **what: Any) -> Step:
-    """Return a step of a script, checked like one from a file."""
-    return Step.model_validate({"at_s": at_s, **what})
 
 
 def constant(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
@@ -198,6 +194,7 @@ def disturbance(draw: Draw, cell: Cell, at_s: float) -> list[Step]:
             {"fault": {"silence": "force_torque", "on": False}},
         ),
     )
+    choices += equipment.disturbances(draw, cell)
     first, second = choices[int(draw.integers(len(choices)))]
     steps = [step(at_s=at_s, **first)]
     if second:

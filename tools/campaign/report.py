@@ -9,7 +9,7 @@ from .verdict import Verdict
 
 LIMITED_SHARE = 0.3
 """Some limit is active in at least this part of all ticks: the campaign is hostile enough [1]."""
-REACHED_SHARE = 0.9
+REACHED_SHARE = 0.99
 """At least this part of the feasible goals is reached [1]."""
 
 

@@ -14,6 +14,7 @@ from ..simulation import JUDGED_S, Simulation
 from .arm import Arm
 from .generator import Goal, Plan, generate
 from .poses import Array, difference, matrix
+from .sights import ComputedSights
 
 REACHED = (1e-3, 2e-3)
 """A target pose is reached when the true tool stays within this of it [m], [rad]."""
@@ -85,7 +86,7 @@ class Verdict:
 
 def play(plan: Plan) -> Verdict:
     """Run a plan in virtual time and judge it."""
-    simulation = Simulation(plan.cell, plan.script)
+    simulation = Simulation(plan.cell, plan.script, cameras=lambda s: ComputedSights(s, plan.seed))
     result = simulation.run()
     summary = result.summary
     touched = _touched(Arm.of(plan.cell), result.truths)
