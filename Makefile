@@ -8,13 +8,15 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+PEERS := .venv-peers
+PEERS_STAMP := $(PEERS)/.installed
 JOBS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help venv demo test check bench campaign format clean
+.PHONY: help venv demo test check bench bench-peers campaign format clean
 
 help: ## Show these targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 venv: $(STAMP) ## Build the environment in .venv, if it is not up to date
 
@@ -47,8 +49,20 @@ format: venv ## Format the code and sort its imports
 bench: venv ## Measure the speed of the control computation
 	@$(BIN)/telerobot bench
 
+bench-peers: $(PEERS_STAMP) ## The same random scenes for telerobot, Pink and mink; ARGS="--seeds 0:20"
+	@mkdir -p out
+	@$(PEERS)/bin/python -m telerobot.tools.bench.peers --jobs $(JOBS) \
+	  --json out/peers.json --markdown out/peers.md $(ARGS)
+
+$(PEERS_STAMP): pyproject.toml constraints.txt constraints-peers.txt
+	@test -x $(PEERS)/bin/python || { echo "creating $(PEERS)"; "$(PYTHON)" -m venv $(PEERS); }
+	@echo "installing telerobot and its peers into $(PEERS)"
+	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check \
+	  -c constraints.txt -c constraints-peers.txt -e . pin-pink mink daqp
+	@touch $@
+
 campaign: venv ## Behaviour at scale: random scripts, scenes and faults
 	@$(BIN)/telerobot campaign
 
 clean: ## Remove what can be built again
-	@rm -rf $(VENV) dist build out .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf $(VENV) $(PEERS) dist build out .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

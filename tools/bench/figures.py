@@ -22,8 +22,8 @@ def percentiles(values: NDArray[np.float64]) -> dict[str, float]:
     return {name: round(float(np.percentile(values, p)), 1) for name, p in PERCENTILES.items()}
 
 
-def machine() -> Figures:
-    """Return what the figures depend on: cores, processor, kernel, versions."""
+def machine(packages: tuple[str, ...] = PACKAGES) -> Figures:
+    """Return what the figures depend on: cores, processor, kernel, versions of packages."""
     return {
         "cores": len(os.sched_getaffinity(0)),
         "processor": _processor(),
@@ -31,7 +31,7 @@ def machine() -> Figures:
         "kernel": platform.release(),
         "python": platform.python_version(),
         "openblas_num_threads": os.environ.get("OPENBLAS_NUM_THREADS"),
-        "packages": {name: _version(name) for name in PACKAGES},
+        "packages": {name: _version(name) for name in packages},
     }
 
 

@@ -1,0 +1,1 @@
+"""The same random scenes for telerobot and for other libraries' collision avoidance."""

@@ -1,0 +1,118 @@
+"""The arm's real shapes and a scene's things, for whoever measures distances between them.
+
+The judge of the runs reads clearances here, with Coal on the URDF's own cylinders and spheres;
+none of the controllers under test is asked. The shapes and the pairs are the same for all.
+"""
+
+import math
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ....config.load import Cell
+from ....server.control.frames import Array, Pose
+from .scenes import Thing
+
+NEIGHBOURS = 2
+"""Links that so many joints part, or fewer, are not kept apart: they are built to be close [1]."""
+
+
+class Clearance(NamedTuple):
+    """Least distances [m]; negative when inside each other, infinite where there is nothing."""
+
+    things: float
+    own: float
+
+
+class Geometry:
+    """The arm of a cell among things. Holds scratch memory: not for two threads."""
+
+    def __init__(self, cell: Cell, things: tuple[Thing, ...]) -> None:
+        """Build from the cell's URDF. Joints outside of the chain stand at zero."""
+        full = pin.buildModelFromXML(cell.robot.description())
+        shapes = pin.buildGeomFromUrdfString(
+            full, cell.robot.description(), pin.GeometryType.COLLISION
+        )
+        chain = tuple(joint.name for joint in cell.robot.joints)
+        others = [i for i in range(1, full.njoints) if full.names[i] not in chain]
+        if others:
+            full, shapes = pin.buildReducedModel(full, shapes, others, pin.neutral(full))
+        base = cell.config.mechanism.T_world_base
+        self.model, self.shapes, self.things = full, shapes, things
+        self.data = full.createData()
+        self.T_base_world = Pose.from_xyz_rpy(base.xyz, base.rpy).inverse()
+        # Names and joints, not the objects: adding to the list moves them in memory.
+        arm = [(shape.name, shape.parentJoint) for shape in shapes.geometryObjects]
+        self._index = [shapes.addGeometryObject(self._object(thing)) for thing in things]
+        self.own = tuple(
+            (i, k)
+            for i, (_, a) in enumerate(arm)
+            for k, (_, b) in enumerate(arm)
+            if i < k and abs(a - b) > NEIGHBOURS
+        )
+        moved = [i for i, (_, joint) in enumerate(arm) if joint > 0]
+        self.names = tuple(name for name, _ in arm)
+        self.with_things = tuple((i, k) for i in moved for k in self._index)
+        for i, k in self.own + self.with_things:
+            shapes.addCollisionPair(pin.CollisionPair(i, k))
+        self.shape_data = pin.GeometryData(shapes)
+        mechanism = cell.config.mechanism
+        self._tip = full.getFrameId(mechanism.tip_link)
+        self._T_wrist_mrf = Pose.from_xyz_rpy(mechanism.T_wrist_mrf.xyz, mechanism.T_wrist_mrf.rpy)
+        self._T_world_base = Pose.from_xyz_rpy(base.xyz, base.rpy)
+
+    def move(self, time_s: float) -> None:
+        """Put the things where they are at a time."""
+        for thing, i in zip(self.things, self._index, strict=True):
+            if thing.moves:
+                p = thing.at(time_s).centre
+                T = self.T_base_world
+                self.shapes.geometryObjects[i].placement.translation = T.R @ p + T.p
+
+    def clearance(self, q: Array) -> Clearance:
+        """Return the least distances at joint angles q (n,) [rad]."""
+        pin.computeDistances(self.model, self.data, self.shapes, self.shape_data, q)
+        found = [result.min_distance for result in self.shape_data.distanceResults]
+        cut = len(self.own)
+        return Clearance(min(found[cut:], default=math.inf), min(found[:cut], default=math.inf))
+
+    def keep(self, clearance: float, own: float) -> None:
+        """Set what `clear` asks for: distances from things and of links [m]."""
+        for k, request in enumerate(self.shape_data.collisionRequests):
+            request.security_margin = own if k < len(self.own) else clearance
+
+    def clear(self, q: Array) -> bool:
+        """Return whether what `keep` asks for is kept at q (n,) [rad]."""
+        return not pin.computeCollisions(
+            self.model, self.data, self.shapes, self.shape_data, q, True
+        )
+
+    def tool(self, q: Array) -> Pose:
+        """Return the MRF's pose in World at q (n,) [rad]."""
+        pin.forwardKinematics(self.model, self.data, q)
+        T = pin.updateFramePlacement(self.model, self.data, self._tip)
+        T_base_wrist = Pose(T.rotation.copy(), T.translation.copy())
+        return self._T_world_base @ T_base_wrist @ self._T_wrist_mrf
+
+    def jacobian(self, q: Array) -> Array:
+        """Return the MRF's Jacobian (6, n), World axes."""
+        align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        J = pin.computeFrameJacobian(self.model, self.data, q, self._tip, align)
+        J = np.kron(np.eye(2), self._T_world_base.R) @ J
+        lever = self.tool(q).R @ self._T_wrist_mrf.R.T @ self._T_wrist_mrf.p
+        J[:3] -= pin.skew(lever) @ J[3:]
+        return np.asarray(J)
+
+    def _object(self, thing: Thing) -> "pin.GeometryObject":
+        T = self.T_base_world @ Pose.from_xyz_rpy(thing.xyz, thing.rpy)
+        shape: coal.CollisionGeometry
+        match thing.shape:
+            case "sphere":
+                shape = coal.Sphere(thing.radius)
+            case "capsule":
+                shape = coal.Capsule(thing.radius, 2.0 * thing.half_length)
+            case "box":
+                shape = coal.Box(*(2.0 * half for half in thing.half_size))
+        return pin.GeometryObject(thing.name, 0, pin.SE3(T.R, T.p), shape)

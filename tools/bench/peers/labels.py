@@ -1,0 +1,137 @@
+"""Is a target feasible? Judged beforehand, by other means than any controller under test.
+
+A target is feasible if a posture with the tool at it is found (Newton from many random starts),
+and a way there through joint space from the posture that reached the target before it
+(RRT-Connect), both inside the joint limits and `CLEARANCE` away from everything. What swings counts
+as standing everywhere that it swings through: such a way is free at any time, whoever waits for
+whom. So *feasible* is a proof, by example; *not feasible* says that no example was found.
+"""
+
+import numpy as np
+
+from ....config.load import Cell
+from ....server.control.frames import Array, Pose, pose_error
+from .geometry import Geometry
+from .scenes import Scene, Target
+
+CLEARANCE = 0.03
+"""Kept from things: the promise of 20 mm, and room to keep it with [m]."""
+SELF_CLEARANCE = 0.02
+"""Kept between links [m]."""
+LIMIT_ROOM = 0.05
+"""Kept from joint limits beyond the cell's margins [rad]."""
+RESTARTS = 150
+ENOUGH = 6
+"""Postures that are looked for; ways are looked for to each of them in turn [1]."""
+ITERATIONS = 40
+CONVERGED = 1e-6
+BRANCHES = 600
+"""Random branches that are tried before a way is given up [1]."""
+STRIDE = 0.3
+"""Length of a branch [rad]."""
+LOOK = 0.04
+"""Clearance is looked at this often along a branch: largest joint step [rad]."""
+
+Draw = np.random.Generator
+
+
+def room(cell: Cell) -> tuple[Array, Array]:
+    """Return the joint angles (n,) [rad] that postures are looked for between."""
+    drives = {drive.joint: drive for drive in cell.config.mechanism.drives}
+    margin = np.array([drives[j.name].position_margin for j in cell.robot.joints]) + LIMIT_ROOM
+    low = np.array([j.lower for j in cell.robot.joints]) + margin
+    high = np.array([j.upper for j in cell.robot.joints]) - margin
+    return low, high
+
+
+def labelled(cell: Cell, scene: Scene, copies: int) -> Scene:
+    """Return the scene with a label on each target; `copies` stand for each swing."""
+    things = tuple(copy for thing in scene.things for copy in thing.swept(copies))
+    geometry = Geometry(cell, things)
+    geometry.keep(CLEARANCE, SELF_CLEARANCE)
+    draw = np.random.default_rng([scene.seed, 7])
+    q = np.array(scene.start)
+    found: list[Target] = []
+    for target in scene.targets:
+        reached, why = _reach(draw, cell, geometry, q, target.pose)
+        feasible = reached is not None and all(t.feasible for t in found)
+        if reached is not None:
+            q = reached
+            why = "" if feasible else "the target before it is not feasible"
+        found.append(target.model_copy(update={"feasible": feasible, "why": why}))
+    return scene.model_copy(update={"targets": tuple(found)})
+
+
+def _reach(
+    draw: Draw, cell: Cell, geometry: Geometry, start: Array, T: Pose
+) -> tuple[Array | None, str]:
+    """Return a posture at T that a clear way leads to from `start`, or why there is none."""
+    low, high = room(cell)
+    postures: list[Array] = []
+    for i in range(RESTARTS):
+        seed = start if i == 0 else draw.uniform(low, high)
+        q = _solved(geometry, T, seed, low, high)
+        if q is not None and geometry.clear(q):
+            postures.append(q)
+        if len(postures) == ENOUGH:
+            break
+    if not postures:
+        return None, "no clear posture found"
+    postures.sort(key=lambda q: float(np.abs(q - start).max()))
+    for q in postures:
+        if connected(draw, geometry, start, q, low, high):
+            return q, ""
+    return None, "no clear way found"
+
+
+def _solved(geometry: Geometry, T: Pose, q: Array, low: Array, high: Array) -> Array | None:
+    """Return a posture inside the limits with the tool at T, by damped Newton steps from q."""
+    for _ in range(ITERATIONS):
+        error = pose_error(T, geometry.tool(q))
+        if np.abs(error).max() < CONVERGED:
+            return q
+        J = geometry.jacobian(q)
+        step = J.T @ np.linalg.solve(J @ J.T + 1e-4 * float(error @ error) * np.eye(6), error)
+        q = np.clip(q + step * min(1.0, 0.5 / float(np.abs(step).max())), low, high)
+    return None
+
+
+def connected(
+    draw: Draw, geometry: Geometry, start: Array, goal: Array, low: Array, high: Array
+) -> bool:
+    """Return whether a clear way was found (RRT-Connect: Kuffner, LaValle 2000)."""
+    if not (geometry.clear(start) and geometry.clear(goal)):
+        return False
+    here, there = [start], [goal]
+    if _grown(geometry, here, goal, far=True):
+        return True
+    for _ in range(BRANCHES):
+        before = len(here)
+        _grown(geometry, here, draw.uniform(low, high), far=False)
+        if len(here) > before and _grown(geometry, there, here[-1], far=True):
+            return True
+        here, there = there, here
+    return False
+
+
+def _grown(geometry: Geometry, tree: list[Array], to: Array, far: bool) -> bool:
+    """Grow a tree towards a posture, one branch or as `far` as it goes; True if it got there."""
+    nodes = np.array(tree)
+    q = nodes[int(np.argmin(((nodes - to) ** 2).sum(axis=1)))]
+    while True:
+        way = to - q
+        size = float(np.linalg.norm(way))
+        step = way * min(1.0, STRIDE / max(size, 1e-12))
+        if not _free(geometry, q, step):
+            return False
+        q = q + step
+        tree.append(q)
+        if size <= STRIDE:
+            return True
+        if not far:
+            return False
+
+
+def _free(geometry: Geometry, q: Array, step: Array) -> bool:
+    looks = max(1, int(np.ceil(float(np.abs(step).max()) / LOOK)))
+    return all(geometry.clear(q + step * (i / looks)) for i in range(1, looks + 1))
