@@ -10,6 +10,7 @@ import time
 import numpy as np
 
 from ...config.load import Cell
+from ...server.control.evolve import evolve
 from ...server.control.frames import Array, Pose
 from ...server.control.mechanism import Mechanism
 from ...server.control.parameters import Parameters
@@ -70,7 +71,8 @@ def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
     draw = np.random.default_rng(1)
     q = np.array(cell.config.mechanism.postures["ready"])
     memory = control.seed(q)
-    settings = _settings(cell)
+    posture = np.array(cell.config.mechanism.postures["ready"])
+    settings = evolve(settings_of(cell), pulls=Pulls(EVERY_OBJECTIVE, posture))
     # Goals lie about where the arm starts, so that it is led back however the stick pulls it.
     home = mechanism.pose_wrist(q) @ settings.T_wrist_mrf
     command, goal = StickCommand(np.zeros(6), np.eye(3)), PathGoal(home, 0)
@@ -103,7 +105,8 @@ def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
     return _Phase(seconds[WARM_UP:], limited)
 
 
-def _settings(cell: Cell) -> Settings:
+def settings_of(cell: Cell) -> Settings:
+    """Return a cell's settings at start, every source on."""
     sources, config = cell.config.sources, cell.config
     mrf, crf = config.mechanism.T_wrist_mrf, config.T_world_crf
     gains: dict[str, Array] = {
@@ -117,5 +120,4 @@ def _settings(cell: Cell) -> Settings:
         T_wrist_mrf=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),
         T_world_crf=Pose.from_xyz_rpy(crf.xyz, crf.rpy),
         wrench_bias=np.zeros(6),
-        pulls=Pulls(EVERY_OBJECTIVE, np.array(config.mechanism.postures["ready"])),
     )

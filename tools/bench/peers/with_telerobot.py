@@ -6,14 +6,16 @@ import numpy as np
 
 from ....config.load import Cell
 from ....protocols.obstacles import ObstacleNews
+from ....server.control.evolve import evolve
 from ....server.control.frames import Array, Pose
 from ....server.control.mechanism import Mechanism
 from ....server.control.parameters import Parameters
 from ....server.control.sources.position import PathGoal
-from ....server.control.state import Inputs, Intent, Settings
+from ....server.control.state import Inputs, Intent
 from ....server.control.tick import Control
 from ....server.events import Events
 from ....server.world import World
+from ..tick import settings_of
 from .controllers import CLEARANCE, SELF_CLEARANCE, NoCommand
 from .scenes import Scene, Thing
 
@@ -34,7 +36,7 @@ class Telerobot:
         self._moving = tuple(thing for thing in scene.things if thing.moves)
         for thing in scene.things:
             self._world.take(_news(thing, 0, self._period_s), 0)
-        self._settings = _settings(cell)
+        self._settings = evolve(settings_of(cell), avoid=True)
         self._goal: PathGoal | None = None
 
     def aim(self, target: Pose) -> None:
@@ -64,23 +66,6 @@ class Telerobot:
     def settings() -> dict[str, object]:
         """Return how it is set up."""
         return {"cell": "as shipped", "clearance_m": CLEARANCE, "barriers": "on"}
-
-
-def _settings(cell: Cell) -> Settings:
-    config, sources = cell.config, cell.config.sources
-    mrf, crf = config.mechanism.T_wrist_mrf, config.T_world_crf
-    return Settings(
-        gains={
-            "joystick": np.array(sources.joystick.gain),
-            "position": np.array(sources.position.gain),
-            "vision": np.array(sources.vision.gain),
-            "force": np.array(sources.force.gain),
-        },
-        T_wrist_mrf=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),
-        T_world_crf=Pose.from_xyz_rpy(crf.xyz, crf.rpy),
-        wrench_bias=np.zeros(6),
-        avoid=True,
-    )
 
 
 def _news(thing: Thing, tick: int, period_s: float) -> ObstacleNews:
