@@ -235,12 +235,19 @@ def _scaled(draw: Draw, gain: tuple[float, ...]) -> list[float]:
 
 
 def _redefined(draw: Draw, frame: str) -> dict[str, Any]:
+    """Return a frame anew: from the numbers alone, or from where the arm and its frames are now."""
     reach = 0.05 if frame == "mrf" else 0.5
-    return {
+    found: dict[str, Any] = {
         "frame": frame,
         "xyz": draw.uniform(-reach, reach, 3).tolist(),
         "rpy": draw.uniform(-1.0, 1.0, 3).tolist(),
     }
+    if draw.random() < 0.5:
+        found["relative_to"] = Frame.MRF
+        found["origin_only"] = bool(draw.random() < 0.3)
+    if frame == "crf":
+        found["moves_with"] = str(draw.choice(["world", "base"]))
+    return found
 
 
 def _objective(draw: Draw, cell: Cell) -> dict[str, Any]:
