@@ -124,14 +124,16 @@ class Simulation:
         self.cycle.plant.fieldbus.taps.append(self._on_sent)
         self.link.listen(self._on_telemetry)
 
-    def run(self) -> Result:
-        """Play the script to its end; return what it showed."""
+    def run(self, until: Callable[[], bool] | None = None) -> Result:
+        """Play the script to its end, or until that is so; return what it showed."""
         try:
             self.cycle.boot()
             while not self.player.over:
                 self.step()
                 waiting = self.player.phase is not Phase.PLAYING
                 if waiting and self.clock.time_s > ENABLE_WITHIN_S:
+                    break
+                if until is not None and until():
                     break
             return self._result()
         finally:
@@ -244,7 +246,7 @@ class Simulation:
         settled = len(judged) == self._errors.maxlen
         micros = np.array(self._compute) * 1e6 if self._compute else np.zeros(1)
         failure = self.player.failure or (
-            None if self.player.phase is Phase.OVER else "the arm was not enabled"
+            None if self.player.phase in (Phase.OVER, Phase.PLAYING) else "the arm was not enabled"
         )
         summary: dict[str, object] = {
             "cell": self.cell.config.name,

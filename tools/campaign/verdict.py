@@ -87,7 +87,10 @@ class Verdict:
 def play(plan: Plan) -> Verdict:
     """Run a plan in virtual time and judge it."""
     simulation = Simulation(plan.cell, plan.script, cameras=lambda s: ComputedSights(s, plan.seed))
-    result = simulation.run()
+    settled_s = JUDGED_S if plan.goal.kind == "posture" else math.inf
+    result = simulation.run(
+        lambda: simulation.clock.time_s >= _posture_s(plan.goal, simulation) + settled_s
+    )
     summary = result.summary
     touched = _touched(Arm.of(plan.cell), result.truths)
     error = _error(plan.goal, simulation, result.truths)
@@ -131,9 +134,7 @@ def _touched(arm: Arm, truths: tuple[RigTruth, ...]) -> bool:
 
 def _error(goal: Goal, simulation: Simulation, truths: tuple[RigTruth, ...]) -> tuple[float, float]:
     if goal.kind == "posture":
-        since_s = simulation.player.start_s + goal.at_s
-        said = [e.time_s for e in simulation.events if e.name == "posture_reached"]
-        when_s = next((t for t in said if t >= since_s), math.inf)
+        when_s = _posture_s(goal, simulation)
         truth = next((t for t in truths if t.time_s >= when_s), None)
         if truth is None:
             return 0.0, math.inf
@@ -144,6 +145,13 @@ def _error(goal: Goal, simulation: Simulation, truths: tuple[RigTruth, ...]) -> 
         max((float(np.linalg.norm(e[:3])) for e in errors), default=math.inf),
         max((float(np.linalg.norm(e[3:])) for e in errors), default=math.inf),
     )
+
+
+def _posture_s(goal: Goal, simulation: Simulation) -> float:
+    """Return when the server said that the posture of the goal is reached, inf if not yet [s]."""
+    since_s = simulation.player.start_s + goal.at_s
+    said = (e.time_s for e in simulation.events if e.name == "posture_reached")
+    return next((t for t in said if t >= since_s), math.inf)
 
 
 def _pose(truth: RigTruth) -> Array:
