@@ -460,3 +460,8 @@ class CellConfig(Section):
         default_factory=PotentialField, description="what repels the links, softly"
     )
     rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")
+
+    @property
+    def keeps_clear(self) -> bool:
+        """True for a cell that says anything of obstacles or their avoidance."""
+        return bool({"avoidance", "obstacles"} & self.model_fields_set)

@@ -271,6 +271,8 @@ class State(Message):
 
     `path` tells how far a path is: `leg` of `legs`, counted from 0, the `part` of the leg's time
     that is over, and the `pace`, which a pause takes to 0; `path_mrf` is the pose it has got to.
+    `avoiding` says whether clearances are kept, `gaps` the nearest pairs of the commanded arm:
+    link, obstacle or other link, distance of their surfaces [m], and whether its barrier acts.
     `master` tells of the clutch: whether it is `engaged`, whether a master's pose is `leading` the
     tool, and the scales of `translation` and `rotation`.
     """
@@ -310,6 +312,8 @@ class State(Message):
     sigma_min: float
     potential: dict[str, float] | None = None
     off_path: Vector3 | None = None
+    avoiding: bool = False
+    gaps: tuple[tuple[str, str, float, bool], ...] = ()
     at_goal: bool
     speed_factor: float
     drives: tuple[str, ...]

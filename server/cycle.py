@@ -17,6 +17,7 @@ from ..protocols.codec import encode
 from ..protocols.topics import DESCRIPTION, EVENT, STATE
 from .admission import Admission, Now, Refused, Why
 from .clock import Clock
+from .control.avoidance.clearance import Gap
 from .control.frames import Array, Pose
 from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
@@ -280,6 +281,8 @@ class Cycle:
             return "protective stop"
         if view.essential_stale:
             return "sensor stale"
+        if self._orders.avoid and self._world.stop is not None:
+            return "obstacle stale"
         if self._late_in_a_row > self._tolerated_overruns:
             return "overruns"
         return None
@@ -342,6 +345,8 @@ class Cycle:
                 self.output.T_world_mrf_measured @ T_mrf_wrist,
                 orders.moved.T_world_base_measured,
             )
+        if self.output.stop_worsened:
+            self._tell_worsened(self.output.gaps)
         if self.output.refusal is not None and self.mode is not Mode.FAULT:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
@@ -350,6 +355,17 @@ class Cycle:
         if self.output.at_goal and orders.posture is not None:
             orders.finish_posture()
             self._events.info("posture_reached")
+
+    def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
+        """Tell that an obstacle came too near for any stop, and which is nearest."""
+        nearest = gaps[0] if gaps else None
+        self._events.warning(
+            "stop_worsened",
+            "no stop keeps every clearance any more: the least bad one is taken",
+            link=None if nearest is None else nearest.link,
+            obstacle=None if nearest is None else nearest.other,
+            gap_m=None if nearest is None else nearest.gap,
+        )
 
     def _tell(self, now_s: float, reading: PlantReading, q: Array) -> None:
         if self.output is None:

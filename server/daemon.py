@@ -16,6 +16,7 @@ from ..drivers.force_torque import RobotousSensor
 from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
 from .clock import Clock, MonotonicClock
+from .control.avoidance.guard import Guard
 from .control.mechanism import Mechanism
 from .control.parameters import Parameters
 from .control.tick import Control
@@ -56,8 +57,17 @@ def build(
         if gripper is None
         else GripperOutput(fieldbus, gripper, config.timing, devices / "simulated_output.eds"),
     )
-    control = Control(Parameters.from_cell(cell), Mechanism.from_cell(cell))
+    parameters = Parameters.from_cell(cell)
+    control = Control(parameters, Mechanism.from_cell(cell), guard_of(cell, parameters))
     return Cycle(cell, control, plant, link, clock, new_token, gain_judge(cell))
+
+
+def guard_of(cell: Cell, p: Parameters) -> Guard | None:
+    """Return what keeps a cell's clearances; None for a cell that says nothing of avoidance.
+
+    Raises `ConfigError` where a link's shape is not known.
+    """
+    return Guard(cell, p.acceleration, p.jerk) if cell.config.keeps_clear else None
 
 
 class Ending:

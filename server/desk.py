@@ -205,6 +205,8 @@ class Desk:
                 self._orders.set_path(message)
                 self._events.info("path_" + _PAST[message.action])
             case AvoidanceRequest():
+                if message.on and not self._orders.can_avoid:
+                    raise Refused(Why.NOT_NOW, "the cell says nothing of avoidance")
                 self._orders.avoid = message.on
                 self._events.info("avoidance_switched", "", on=message.on)
             case m.TareRequest():
@@ -249,6 +251,8 @@ class Desk:
             )
         if view.essential_stale:
             raise Refused(Why.SENSOR_STALE, f"{', '.join(view.essential_stale)} is stale")
+        if self._orders.avoid and view.world.stop is not None:
+            raise Refused(Why.SENSOR_STALE, f"the news of obstacle {view.world.stop} is stale")
 
     def _clear(self, message: m.ProtectiveClear, view: View) -> None:
         lease = self._admission.lease

@@ -78,6 +78,7 @@ class Orders:
         self._vision_on = self.on["vision"]
         self.avoid = config.avoidance.enabled
         """Whether clearances are kept."""
+        self.can_avoid = config.keeps_clear
         sensor = config.mechanism.force_torque
         self._T_wrist_sensor = None
         if sensor is not None:

@@ -108,6 +108,8 @@ def report(
         sigma_min=output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
         potential=None if output.field is None else potential(output.field),
         off_path=None if output.off_path is None else _three(output.off_path),
+        avoiding=orders.avoid,
+        gaps=tuple((g.link, g.other, g.gap, g.active) for g in output.gaps),
         at_goal=output.at_goal or orders.posture_reached,
         speed_factor=orders.speed_factor,
         drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),

@@ -1,18 +1,22 @@
 """What of the asked joint rates every barrier allows.
 
-Scaled to the joint speed bounds first; then the nearest rates that keep every barrier: self-motion
-is spent first, then speed along the path, and only then the path.
+Scaled to the joint speed bounds first, and beside things to the tool's; then the nearest rates that
+keep every barrier: self-motion is spent first, then speed along the path, and only then the path.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from .avoidance.clearance import Gap, Levels
+from .avoidance.guard import Guard, Situation, Watch
 from .avoidance.joint_room import JointRoom
 from .avoidance.nearest import nearest
 from .frames import Array
 from .mechanism import Kinematics
 from .parameters import Parameters
+from .scene import Scene
+from .state import Memory, Settings
 
 
 class Allowed(NamedTuple):
@@ -23,23 +27,40 @@ class Allowed(NamedTuple):
     """Share of the asked tool motion that is left, 0 to 1."""
     limits: tuple[str, ...]
     """Names of what took the rest."""
+    watch: Watch | None = None
+    """What is around the arm; None where clearances are not kept."""
+    gaps: tuple[Gap, ...] = ()
+    """The nearest pairs."""
+
+    @property
+    def levels(self) -> Levels:
+        """What the next tick has to know of gaps that are below their bounds."""
+        return {} if self.watch is None else self.watch.levels
 
 
 class Allow:
     """The barriers of one cell, composed."""
 
-    def __init__(self, p: Parameters) -> None:
+    def __init__(self, p: Parameters, guard: Guard | None = None) -> None:
         self._p = p
+        self.guard = guard
         T = p.period_s
         self.room = JointRoom(p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T)
 
-    def nearest(self, q: Array, k: Kinematics, dq: Array, error: Array, factor: float) -> Allowed:
-        """Return the rates nearest to dq (n,) [rad/s] that all bounds allow at q (n,) [rad].
+    def nearest(
+        self,
+        memory: Memory,
+        k: Kinematics,
+        dq: Array,
+        error: Array,
+        settings: Settings,
+        scene: Scene | None = None,
+    ) -> Allowed:
+        """Return the rates nearest to dq (n,) [rad/s] that all bounds allow.
 
-        `error` (n,) [rad] is the command's lead over the joints, which the leash bounds; `factor`
-        the reduced-speed setting.
+        `error` (n,) [rad] is the command's lead over the joints, which the leash bounds.
         """
-        V = factor * self._p.velocity
+        q, V = memory.motion.q, settings.speed_factor * self._p.velocity
         limits: tuple[str, ...] = ()
         share = 1.0 / max(1.0, float((np.abs(dq) / V).max()))
         if share < 1.0:
@@ -50,12 +71,29 @@ class Allow:
         low = np.maximum(np.maximum(room.low, leash.low), -V)
         high = np.minimum(np.minimum(room.high, leash.high), V)
         low, high = np.minimum(low, high), np.maximum(low, high)
-        if ((dq < low) | (dq > high)).any():
+        beyond = bool(((dq < low) | (dq > high)).any())
+        if beyond:
             limits += self._reasons(dq, room.low, room.high, "joint_limit")
             limits += self._reasons(dq, leash.low, leash.high, "leash")
-            found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length)
+        watch = None
+        if self.guard is not None and settings.avoid:
+            p, T = k.T_world_mrf.p, settings.T_wrist_mrf
+            at = Situation(q, memory.motion.dq, error, p, k.J, T, scene, settings.speed_factor)
+            watch = self.guard.watch(at, dq, memory.levels)
+            slow = self.guard.tool_share(watch, dq)
+            if slow < 1.0:
+                dq, share, limits = slow * dq, slow * share, (*limits, "near_speed")
+        rows = None if watch is None else watch.rows
+        broken = None if rows is None else rows.A @ dq < rows.low
+        if watch is not None and broken is not None and self.guard is not None and broken.any():
+            limits += self.guard.named(watch, broken)
+            beyond = True
+        if beyond:
+            found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length, rows)
             dq, share = found.dq, share * found.share
-        return Allowed(dq, share, limits)
+        if watch is None or broken is None or self.guard is None:
+            return Allowed(dq, share, limits)
+        return Allowed(dq, share, limits, watch, self.guard.gaps(watch, broken))
 
     def _reasons(self, dq: Array, low: Array, high: Array, name: str) -> tuple[str, ...]:
         beyond = (dq < low) | (dq > high)

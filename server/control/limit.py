@@ -4,8 +4,12 @@ A step is accepted only if, from the state it leads to, the stop of all joints s
 joint limits all the way, or is no worse than the stop already held in every bound that is broken.
 If not, half the target is tried, then a fifth; then the stop verified one tick earlier goes on.
 So there is always a known way to rest.
+
+A judge may have more to say about a stop: by how much it falls short of what is to be kept. News
+from outside may make even the stored stop fall short; then the least bad one is taken.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +31,15 @@ class Limited(NamedTuple):
     stop: Stop
     stopped: bool
     """True when the stop of the tick before had to take over."""
+    worsened: bool = False
+    """True when news made even the stop of the tick before fall short of what is to be kept."""
+
+
+Judge = Callable[[Stop], float]
+"""By how much a stop falls short of what is to be kept [m]; 0 for one that keeps everything."""
+
+WORSE = 1e-3
+"""The stored stop has become worse when it falls short by more than this [m]."""
 
 
 class Limiter:
@@ -47,7 +60,14 @@ class Limiter:
         """Return the stop from a motion."""
         return self._planner.stop(motion)
 
-    def step(self, motion: Motion, held: Stop, target: Array, factor: float) -> Limited:
+    def step(
+        self,
+        motion: Motion,
+        held: Stop,
+        target: Array,
+        factor: float,
+        judge: Judge | None = None,
+    ) -> Limited:
         """Return the motion one period later on the way to joint rates `target` (n,).
 
         `held` is the stop verified from `motion`; `factor` is the reduced-speed setting, which
@@ -61,18 +81,31 @@ class Limiter:
             return Limited(motion, held, False)
         low = np.minimum(self._lower, held.low)
         high = np.maximum(self._upper, held.high)
+        least, least_bad = np.inf, None
         for part, synchronised in ATTEMPTS:
             try:
                 candidate = self._planner.step(motion, part * target, self._period_s, synchronised)
                 stop = self._planner.stop(candidate)
             except TrajectoryError:
                 continue
-            if bool((stop.low >= low).all()) and bool((stop.high <= high).all()):
+            if (stop.low < low).any() or (stop.high > high).any():
+                continue
+            short = 0.0 if judge is None else judge(stop)
+            if short <= 0.0:
                 return Limited(candidate, stop, False)
+            if short < least:
+                least, least_bad = short, Limited(candidate, stop, False, worsened=True)
+        if judge is not None:
+            short = judge(held)
+            if short > WORSE:
+                return (
+                    least_bad if least_bad is not None and least < short else self.go_on(held, True)
+                )
         return self.go_on(held)
 
-    def go_on(self, held: Stop) -> Limited:
+    def go_on(self, held: Stop, worsened: bool = False) -> Limited:
         """Return the motion one period further along a verified stop."""
         stop = held.advanced(self._period_s)
         motion = stop.at(0.0)
-        return Limited(Motion.at_rest(motion.q) if stop.finished else motion, stop, True)
+        motion = Motion.at_rest(motion.q) if stop.finished else motion
+        return Limited(motion, stop, True, worsened)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .avoidance.clearance import Gap, Levels
 from .field import Felt
 from .frames import Array, Pose
 from .paths.goals import Goal
@@ -130,6 +131,8 @@ class Memory:
     bleeding: bool = False
     off_path: Array | None = None
     """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
+    levels: Levels = field(default_factory=dict)
+    """Best gap so far of pairs of links and obstacles that are below their bounds."""
 
 
 class Output(NamedTuple):
@@ -171,3 +174,7 @@ class Output(NamedTuple):
     """The potential field; None where nothing follows it."""
     off_path: Array | None = None
     """Where the virtual link has the tool off its path, in World (3,) [m]."""
+    gaps: tuple[Gap, ...] = ()
+    """The nearest pairs of links and obstacles, nearest first."""
+    stop_worsened: bool = False
+    """News made the stored stop fall short of a clearance; the least bad one was taken."""

@@ -9,10 +9,12 @@ A pure function of its inputs: no I/O, no clock, no thread, no logging.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from .allow import Allow
+from .allow import Allow, Allowed
+from .avoidance.guard import Guard, Watch
 from .evolve import evolve
 from .field import Felt, Field, further, on_path, shifted
 from .frames import Array, Pose
@@ -29,7 +31,7 @@ from .sources.position import PositionState
 from .sources.vision import VisionState
 from .state import Inputs, Intent, Memory, Output
 from .summing import Summing
-from .trajectory import Motion
+from .trajectory import Motion, Stop
 
 POSTURE_GAIN = 4.0
 """Approach to a joint posture close to it [1/s]."""
@@ -60,7 +62,8 @@ class _Asked:
 class Control:
     """The control computation of one cell. Holds constants and scratch memory only."""
 
-    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+    def __init__(self, p: Parameters, mechanism: Mechanism, guard: Guard | None = None) -> None:
+        """Build it; `guard` keeps clearances, None in a cell that has none to keep."""
         self.p = p
         self.mechanism = mechanism
         T = p.period_s
@@ -68,7 +71,7 @@ class Control:
         self.gains = Gains(p.schedules, T)
         self.redundancy = Redundancy(p, mechanism)
         self.field = Field(p)
-        self.allow = Allow(p)
+        self.allow = Allow(p, guard)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
 
@@ -113,15 +116,16 @@ class Control:
         memory, asked = self._ask(memory, inputs, kinematics)
         error = memory.sent[1] - inputs.q_measured
         allowed = self.allow.nearest(
-            memory.motion.q, kinematics, asked.dq, error, inputs.settings.speed_factor
+            memory, kinematics, asked.dq, error, inputs.settings, inputs.scene
         )
+        memory = evolve(memory, levels=allowed.levels)
         asked = evolve(
             asked,
             dq=allowed.dq,
             scale=asked.scale * allowed.scale,
             limits=asked.limits + allowed.limits,
         )
-        limited = self._limit(memory, inputs, asked)
+        limited = self._limit(memory, inputs, asked, allowed)
         refusal = self.gate.refusal(limited.motion.q, memory.sent)
         return self._remember(memory, inputs, limited, asked), Output(
             q=limited.motion.q,
@@ -137,6 +141,8 @@ class Control:
             twist=asked.twist,
             scale=asked.scale,
             limits=asked.limits + (("verified_stop",) if limited.stopped else ()),
+            stop_worsened=limited.worsened,
+            gaps=allowed.gaps,
             sigma_min=asked.sigma_min,
             gains=memory.gains,
             pulls=memory.pulls,
@@ -240,13 +246,18 @@ class Control:
             factor * limits.angular_speed / max(w, 1e-12),
         )
 
-    def _limit(self, memory: Memory, inputs: Inputs, asked: _Asked) -> Limited:
+    def _limit(self, memory: Memory, inputs: Inputs, asked: _Asked, allowed: Allowed) -> Limited:
         """Bound acceleration and jerk, and keep a verified stop at hand."""
         if inputs.intent is Intent.STOP:
             return self.limiter.go_on(memory.stop)
         if inputs.intent is Intent.SEED:
             return Limited(memory.motion, memory.stop, False)
-        return self.limiter.step(memory.motion, memory.stop, asked.dq, inputs.settings.speed_factor)
+        guard, watch = self.allow.guard, allowed.watch
+        judge = None
+        if guard is not None and watch is not None:
+            judge = partial(_shortfall, guard, watch)
+        factor = inputs.settings.speed_factor
+        return self.limiter.step(memory.motion, memory.stop, asked.dq, factor, judge)
 
     # --- what is remembered ------------------------------------------------------------------
 
@@ -274,3 +285,8 @@ def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:
     """Return where a pose on the present ground is in World."""
     ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
     return T if ground is None or T is None else ground.T @ T
+
+
+def _shortfall(guard: Guard, watch: Watch, stop: Stop) -> float:
+    """Return by how much a stop breaks what the guard keeps [m]; 0 for not at all."""
+    return guard.shortfall(watch, stop.to_go_s, stop.low, stop.high, stop.postures)

@@ -62,10 +62,23 @@ class Profile:
 class Stop(Profile):
     """A jerk-limited way to rest."""
 
+    origin: Array
+    """Where it began (n,): the trajectory counts from there."""
     low: Array
     """Least position of each joint along the whole stop (n,)."""
     high: Array
     """Greatest position of each joint along the whole stop (n,)."""
+
+    def postures(self, ahead_s: Array) -> Array:
+        """Return the positions (s, n) at times (s,) after now."""
+        at_time, since = self.trajectory.at_time, self.elapsed_s
+        ways = np.array([at_time(since + t)[0] for t in ahead_s.tolist()])
+        return np.asarray(self.origin + ways)
+
+    def at(self, ahead_s: float = 0.0) -> Motion:
+        """Return the motion `ahead_s` after now."""
+        way, dq, ddq = super().at(ahead_s)
+        return Motion(self.origin + way, dq, ddq)
 
 
 def _state(at_time: tuple[list[float], list[float], list[float]]) -> Motion:
@@ -120,11 +133,13 @@ class VelocityPlanner:
 
     def stop(self, motion: Motion) -> Stop:
         """Return the quickest stop of each degree of freedom on its own."""
-        trajectory = self._plan(motion, np.zeros(self._n), synchronised=False)
+        # Ruckig counts a target position of zero to the extrema: so let zero be where it starts.
+        start = Motion(np.zeros(self._n), motion.dq, motion.ddq)
+        trajectory = self._plan(start, np.zeros(self._n), synchronised=False)
         extrema = trajectory.position_extrema
-        low = np.array([e.min for e in extrema])
-        high = np.array([e.max for e in extrema])
-        return Stop(trajectory, 0.0, trajectory.duration, low, high)
+        low = motion.q + [e.min for e in extrema]
+        high = motion.q + [e.max for e in extrema]
+        return Stop(trajectory, 0.0, trajectory.duration, motion.q, low, high)
 
 
 class PositionPlanner:

@@ -5,14 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..frames import Array, Pose
 from .chain import Chain
-
-Index = NDArray[np.int64]
+from .distance import Flags as Flags
+from .distance import Index as Index
 
 SLACK = 1e-9
 """A part that sticks out of another by less is inside it [m]."""

@@ -3,6 +3,8 @@
 Self-motion is spent first, then the tool slows along its path, and only then does it leave the
 path: the unknowns are the joint rates and the share s of the asked tool motion, and leaving the
 path (J dq ≠ s ẋ) costs far more than going slower (s < 1), which costs far more than self-motion.
+Bounds of joint rates are hard; other barriers are soft, at a price that only what cannot be had at
+all makes worth paying: an arm that is inside a bound is led back as well as it can be.
 """
 
 from typing import NamedTuple
@@ -19,6 +21,9 @@ SLOW_DOWN = 3.0
 SELF_MOTION = 0.01
 """Cost of joint rates other than asked, per part of V squared."""
 
+_SOFT = 8
+"""DAQP's sign of a soft constraint."""
+
 
 class Nearest(NamedTuple):
     """Joint rates inside all bounds."""
@@ -33,11 +38,18 @@ class BarrierError(Exception):
 
 
 def nearest(
-    dq: Array, J: Array, low: Array, high: Array, velocity: Array, characteristic_length: float
+    dq: Array,
+    J: Array,
+    low: Array,
+    high: Array,
+    velocity: Array,
+    characteristic_length: float,
+    rows: tuple[Array, Array] | None = None,
 ) -> Nearest:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
-    J (6, n) is the task's Jacobian and `velocity` (n,) the joint speed bounds.
+    J (6, n) is the task's Jacobian and `velocity` (n,) the joint speed bounds; `rows` are A (m, n)
+    and b (m,) of further barriers A dq ≥ b.
     """
     n = len(dq)
     weight = np.array([1.0, 1.0, 1.0] + [characteristic_length] * 3)
@@ -59,9 +71,15 @@ def nearest(
     f[n] = -slow
     upper = np.append(high, 1.0)
     lower = np.append(low, 0.0)
-    solution, _, flag, _ = daqp.solve(
-        H, f, np.zeros((0, n + 1)), upper, lower, np.zeros(n + 1, dtype=np.int32)
-    )
+    m = 0 if rows is None else len(rows[1])
+    A = np.zeros((m, n + 1))
+    sense = np.zeros(n + 1 + m, dtype=np.int32)
+    if rows is not None and m:
+        A[:, :n] = rows[0]
+        lower = np.concatenate([lower, rows[1]])
+        upper = np.concatenate([upper, np.full(m, 1e30)])
+        sense[n + 1 :] = _SOFT
+    solution, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     if flag not in (1, 2):
         raise BarrierError(f"solver flag {flag}, bounds {low} to {high}")
     return Nearest(np.clip(solution[:n], low, high), float(solution[n]))

@@ -86,10 +86,10 @@ def test_any_moment_is_a_good_one_to_stop():
     motion = Motion.at_rest(np.zeros(1))
     stop = limiter.verified_stop(motion)
     for _ in range(40):
-        motion, stop, _ = limiter.step(motion, stop, np.array([2.0]), 1.0)
+        motion, stop, *_ = limiter.step(motion, stop, np.array([2.0]), 1.0)
     expected_end = stop.at(stop.to_go_s).q
     for _ in range(1000):
-        motion, stop, stopped = limiter.go_on(stop)
+        motion, stop, stopped, _ = limiter.go_on(stop)
         assert stopped
     assert not motion.dq.any()
     assert not motion.ddq.any()
@@ -117,15 +117,15 @@ def test_a_start_beyond_a_bound_can_be_backed_out_of_and_gets_no_worse(side):
     start = Motion.at_rest(np.array([1.1 * side]))
     motion, stop = start, limiter.verified_stop(start)
     for _ in range(100):
-        motion, stop, _ = limiter.step(motion, stop, np.array([2.0 * side]), 1.0)
+        motion, stop, *_ = limiter.step(motion, stop, np.array([2.0 * side]), 1.0)
         assert side * motion.q[0] <= 1.1 + 1e-12
     for _ in range(100):
-        motion, stop, stopped = limiter.step(motion, stop, np.array([-1.0 * side]), 1.0)
+        motion, stop, stopped, _ = limiter.step(motion, stop, np.array([-1.0 * side]), 1.0)
         assert not stopped
     assert side * motion.q[0] < 0.5
     # Once inside, the bound holds as for anybody.
     for _ in range(300):
-        motion, stop, _ = limiter.step(motion, stop, np.array([2.0 * side]), 1.0)
+        motion, stop, *_ = limiter.step(motion, stop, np.array([2.0 * side]), 1.0)
         assert side * motion.q[0] <= 1.0 + 1e-9
 
 
@@ -134,12 +134,12 @@ def test_half_way_back_from_beyond_a_bound_is_not_given_up_again():
     motion = Motion.at_rest(np.array([1.2]))
     stop = limiter.verified_stop(motion)
     for _ in range(20):
-        motion, stop, _ = limiter.step(motion, stop, np.array([-0.5]), 1.0)
+        motion, stop, *_ = limiter.step(motion, stop, np.array([-0.5]), 1.0)
     motion, stop = Motion.at_rest(motion.q), limiter.verified_stop(Motion.at_rest(motion.q))
     reached = float(motion.q[0])
     assert 1.0 < reached < 1.2
     for _ in range(100):
-        motion, stop, _ = limiter.step(motion, stop, np.array([0.5]), 1.0)
+        motion, stop, *_ = limiter.step(motion, stop, np.array([0.5]), 1.0)
         assert motion.q[0] <= reached + 1e-12
 
 
@@ -150,3 +150,31 @@ def test_rest_that_is_asked_for_at_rest_changes_nothing():
     limited = limiter.step(motion, stop, np.zeros(1), 1.0)
     assert limited.motion is motion
     assert not limited.stopped
+
+
+def test_a_joint_whose_range_is_far_from_zero_moves_as_freely():
+    limiter = Limiter(np.array([2.0]), np.array([3.0]), np.array([5.0]), np.array([100.0]), T)
+    motion = Motion.at_rest(np.array([2.2]))
+    stop = limiter.verified_stop(motion)
+    for _ in range(300):
+        motion, stop, *_ = limiter.step(motion, stop, np.array([0.5]), 1.0)
+        assert motion.q[0] <= stop.high[0] <= 3.0
+    assert motion.q[0] > 2.9
+
+
+def test_a_judge_has_a_say_and_news_that_worsens_the_stored_stop_is_told():
+    limiter = one_joint()
+    motion = Motion.at_rest(np.zeros(1))
+    stop = limiter.verified_stop(motion)
+    for _ in range(40):
+        motion, stop, *_ = limiter.step(motion, stop, np.array([2.0]), 1.0, lambda _: 0.0)
+    # Nothing but the stored stop is good enough.
+    held = stop
+    limited = limiter.step(motion, stop, np.array([2.0]), 1.0, lambda s: float(s is not held))
+    assert limited.stopped
+    assert not limited.worsened
+    # Now nothing is, and the least bad is taken, whichever that is.
+    limited = limiter.step(motion, stop, np.array([2.0]), 1.0, lambda s: 0.5 + (s is held))
+    assert (limited.worsened, limited.stopped) == (True, False)
+    limited = limiter.step(motion, stop, np.array([2.0]), 1.0, lambda s: 1.5 - (s is held))
+    assert (limited.worsened, limited.stopped) == (True, True)

@@ -1,0 +1,119 @@
+"""Everything that keeps the arm clear, looked at once per tick: links, obstacles, the workspace.
+
+One look serves both the barriers of the tick and the judgement of the stops that it considers.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....config.load import Cell
+from ..frames import Array, Pose
+from ..scene import Scene
+from .approach import Rows
+from .clearance import Clearance, Gap, Levels, Postures, Sight
+from .links import Flags
+from .workspace import Walls
+
+NAMED = 3
+"""So many of the barriers that act are named [1]."""
+
+ORDERED = 1e-4
+"""A tool that is to go at more than this was told to [m/s, rad/s]."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What one tick has to know of the arm."""
+
+    q: Array
+    dq: Array
+    error: Array
+    """What the joints are behind the command (n,) [rad]."""
+    p: Array
+    """Where the MRF is in World (3,) [m]."""
+    J: Array
+    """Its Jacobian (6, n)."""
+    T_wrist_mrf: Pose
+    scene: Scene | None
+    factor: float
+    """The reduced-speed setting."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """What is around the arm in one tick."""
+
+    at: Situation
+    sight: Sight
+    rows: Rows
+    """Barriers: first those of the gaps that are near, then those of the workspace."""
+
+    @property
+    def levels(self) -> Levels:
+        """What to hand to the next tick."""
+        return self.sight.levels
+
+
+class Guard:
+    """Keeps one cell's clearances and workspace."""
+
+    def __init__(self, cell: Cell, acceleration: Array, jerk: Array) -> None:
+        avoidance = cell.config.avoidance
+        self.clearance = Clearance(cell, acceleration, jerk)
+        self.walls = Walls(cell, self.clearance.links.chain, self.clearance.braking)
+        self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
+        self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
+        links = self.clearance.links
+        self._tool = links.body == links.chain.n
+
+    def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
+        """Return what is around the arm, if joints are to go at `asked` (n,) [rad/s]."""
+        fastest = np.maximum(np.abs(asked), np.abs(at.dq))
+        # Only an arm that is to move is led out of a bound; self-motion alone is no order.
+        clearance, widen = self.clearance, bool(np.abs(at.J @ asked).max() > ORDERED)
+        sight = clearance.look(at.q, fastest, at.error, at.scene, at.factor, levels)
+        rows = clearance.rows(sight, at.factor, widen)
+        if self.walls.given:
+            walls = self.walls.rows(at.p, at.J, at.factor, widen)
+            rows = Rows(np.concatenate([rows.A, walls.A]), np.concatenate([rows.low, walls.low]))
+        return Watch(at, sight, rows)
+
+    def tool_share(self, watch: Watch, asked: Array) -> float:
+        """Return the share (0 to 1) of a tool motion that is slow enough beside what is near."""
+        if self._near_speed is None:
+            return 1.0
+        near = watch.sight.near
+        beside = (near.obstacle >= 0) & self._tool[near.pairs.first]
+        if not beside.any():
+            return 1.0
+        gap = float(near.gap[beside].min())
+        far = (gap - self._clearance) / (self._near_distance - self._clearance)
+        bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
+        v = watch.at.J[:3] @ asked
+        return min(1.0, watch.at.factor * bound / max(math.sqrt(float(v @ v)), 1e-12))
+
+    def named(self, watch: Watch, broken: Flags) -> tuple[str, ...]:
+        """Return the names of barriers that are flagged, the nearest first."""
+        k = watch.sight.near.size
+        gaps = self.clearance.shown(watch.sight, broken[:k], NAMED, only_active=True)
+        names = tuple(f"clearance:{gap.link}:{gap.other}" for gap in gaps)
+        if broken[k:].any():
+            names += ("workspace",)
+        return names
+
+    def gaps(self, watch: Watch, active: Flags) -> tuple[Gap, ...]:
+        """Return the nearest pairs; `active` flags the barriers that act."""
+        return self.clearance.shown(watch.sight, active[: watch.sight.near.size])
+
+    def shortfall(
+        self, watch: Watch, duration_s: float, low: Array, high: Array, postures: Postures
+    ) -> float:
+        """Return by how much a stop breaks what is kept, at its worst place [m]; 0 for not."""
+        at = watch.at
+        short = self.clearance.shortfall(watch.sight, duration_s, low, high, postures)
+        if self.walls.given:
+            times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
+            short = max(short, self.walls.shortfall(at.p, at.T_wrist_mrf, postures(times)))
+        return short
