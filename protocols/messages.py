@@ -362,14 +362,15 @@ class Description(Message):
 class RigFault(Message):
     """A fault for the rig to inject, or to take back with `on = false`.
 
-    `target` is a joint name, "force_torque", or a tag for `cover` and `move`; `value` depends on
+    `target` is a joint name, "force_torque", a tag for `cover` and `move`, or an obstacle for
+    `place`; `value` depends on
     the kind: probability for `drop` and `corrupt`, seconds for `delay`. `vector` is in World: the
-    force [N] at the joint's link for `push`, the tag's new place [m] for `move`.
+    force [N] at the joint's link for `push`, the new place [m] for `move` and `place`.
     """
 
     kind: Literal[
         "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-        "cover", "move",
+        "cover", "move", "place",
     ]  # fmt: skip
     target: str = Field(max_length=64)
     on: bool = True

@@ -7,9 +7,12 @@ from functools import partial
 
 from ..protocols import messages as m
 from ..protocols import topics as t
+from ..protocols.codec import encode
 from ..protocols.moving import RigMotion
+from ..protocols.obstacles import ObstacleNews
 from .delay_line import DelayLine
 from .master import MovingMaster
+from .obstacles import MovingObstacles
 from .pilot import Ask, Pilot, PilotError, Put
 from .script import MasterStep, Script, Step, WrenchStep
 
@@ -44,6 +47,7 @@ class Player:
         self._links: dict[str, DelayLine] = {}
         self._pilots: dict[str, Pilot] = {}
         self._masters: dict[str, MovingMaster] = {}
+        self._obstacles = MovingObstacles(self._tell, inject)
         self._steps = deque(script.steps)
         self._now_s = 0.0
         self.pilot = self._pilot("operator")
@@ -72,6 +76,11 @@ class Player:
                 self._do(self._steps.popleft())
             if now_s >= self.start_s + self.script.duration_s - 1e-9:
                 self.phase = Phase.OVER
+        if self.pilot.state is not None:
+            try:
+                self._obstacles.run(now_s, self.pilot.state.tick)
+            except ValueError as error:
+                self._fail(str(error))
         for pilot in self._pilots.values():
             pilot.run(now_s)
 
@@ -171,6 +180,10 @@ class Player:
         if step.raw is not None:
             topic = next(x for x in t.TOPICS if x.key == step.raw.topic)
             self._put(topic, bytes.fromhex(step.raw.hex))
+        if step.avoidance is not None:
+            ask(t.AVOIDANCE, on=step.avoidance)
+        if step.obstacle is not None:
+            self._obstacles.take(step.obstacle, self._now_s)
         try:
             if step.fault is not None:
                 self._inject(m.RigFault(**dict(step.fault)))
@@ -214,6 +227,9 @@ class Player:
         master = self._masters.setdefault(pilot.name, MovingMaster())
         master.move(step.twist, step.expressed_in, self._now_s)
         pilot.stream_made(t.MASTER_POSE, master.fields)
+
+    def _tell(self, news: ObstacleNews) -> None:
+        self._put(t.OBSTACLE, encode(news))
 
     def _note(self, step: Step, topic: t.Topic) -> Callable[[m.Reply], None]:
         def note(reply: m.Reply) -> None:

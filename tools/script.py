@@ -155,7 +155,7 @@ class MotionStep(Part):
 
 FaultKind = Literal[
     "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-    "cover", "move",
+    "cover", "move", "place",
 ]  # fmt: skip
 
 
@@ -178,6 +178,34 @@ class FaultStep(Part):
             raise ValueError(f"one fault of {', '.join(get_args(FaultKind))}")
         rest = {k: v for k, v in data.items() if k != kinds[0]}
         return {"kind": kinds[0], "target": data[kinds[0]], **rest}
+
+
+class ObstacleStep(Part):
+    """An obstacle that is put somewhere, moves on at a velocity, or goes.
+
+    What is physical and what the daemon is told are two things: without `physical` it is only
+    told, without `tell` it is only there. Of one that moves, news is told 20 times a second, with
+    its velocity where `max_acceleration` is given; `silent` ends the news, the obstacle goes on.
+    """
+
+    name: str = Field(max_length=32)
+    shape: Literal["point", "sphere", "capsule", "box", "sight_line"] | None = None
+    xyz: m.Place | None = None
+    to: m.Place | None = None
+    rpy: m.Attitude | None = None
+    half_size: m.Vector3 | None = None
+    radius: float | None = None
+    velocity: m.Vector3 | None = None
+    max_speed: float | None = None
+    max_acceleration: float | None = None
+    timeout_s: float | None = None
+    stale: Literal["keep", "grow", "stop"] | None = None
+    clearance: float | None = None
+    hard: bool | None = None
+    remove: bool = False
+    physical: bool = True
+    tell: bool = True
+    silent: bool = False
 
 
 class LinkStep(Part):
@@ -231,6 +259,9 @@ class Step(Part):
     master: MasterStep | None = None
     force: m.Wrench | WrenchStep | None = None
     raw: Raw | None = None
+    obstacle: ObstacleStep | None = None
+    avoidance: bool | None = None
+    """Whether clearances are kept."""
     fault: FaultStep | None = None
     platform: MotionStep | None = None
     """How what the arm stands on moves from now on."""

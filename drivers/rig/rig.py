@@ -208,6 +208,10 @@ class Rig:
         """
         if isinstance(fault, RigMotion):
             self._movers.move(fault)
+        elif fault.kind == "place":
+            if fault.vector is None:
+                raise ValueError("fault place: give its vector [m], in World")
+            self.world.place(fault.target, np.array(fault.vector))
         elif fault.kind in KINDS:
             self.tags.inject(fault)
         else:

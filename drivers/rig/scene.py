@@ -8,6 +8,7 @@ from ...config.load import Cell
 from ...config.schema import Mechanism, Pose, Rig, Wall
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion
 from .peg import add_hole, add_peg
+from .solids import add_solid, attitude
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""
@@ -63,6 +64,10 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
         _add_fixed_box(body, f"{box.name}_box", box.half_size)
     for hole in rig.holes:
         add_hole(spec, hole)
+    for obstacle in cell.config.obstacles:
+        solid = add_solid(spec, obstacle, quaternion(attitude(obstacle)))
+        if solid is not None:
+            fixed(solid)
     return spec
 
 

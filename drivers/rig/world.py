@@ -6,6 +6,7 @@ otherwise; joint vectors are (n,) in the order of the cell's drives.
 """
 
 from functools import cached_property
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,8 +14,21 @@ from numpy.typing import NDArray
 
 from ...config.load import Cell
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model
+from .solids import place
 
 Vector = NDArray[np.float64]
+
+
+class Nearest(NamedTuple):
+    """Where the arm is nearest to something."""
+
+    distance: float
+    """[m]; negative inside one another, at most 1."""
+    on_arm: Vector
+    """In World (3,) [m]."""
+    on_other: Vector
+    other: str
+    """Name of the other body."""
 
 
 class World:
@@ -167,25 +181,46 @@ class World:
         return total
 
     def clearance(self) -> float | None:
-        """Return the least distance between arm or tool and wall or boxes [m].
+        """Return the least distance of arm or tool from wall, boxes and obstacles [m].
 
         Negative inside one another, None where there is nothing to touch.
         """
-        if not self._pairs:
+        nearest = self.nearest()
+        return None if nearest is None else nearest.distance
+
+    def nearest(self) -> Nearest | None:
+        """Return where arm or tool are nearest to wall, boxes and obstacles, if there are any."""
+        if not len(self._pairs):
             return None
         mujoco.mj_kinematics(self.model, self.data)
-        least = 1.0
-        for arm, fixed in self._pairs:
-            distance = mujoco.mj_geomDistance(self.model, self.data, arm, fixed, least, None)
-            least = min(least, distance)
-        return float(least)
+        first, second = self._pairs.T
+        # Bounding balls tell which pairs can be the nearest at all.
+        way = self.data.geom_xpos[first] - self.data.geom_xpos[second]
+        bound = np.sqrt((way * way).sum(axis=1)) - self.model.geom_rbound[self._pairs].sum(axis=1)
+        fromto = np.zeros(6)
+        found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
+        for i in np.argsort(bound, kind="stable"):
+            if bound[i] >= found.distance:
+                break
+            arm, fixed = (int(g) for g in self._pairs[i])
+            least = found.distance
+            distance = mujoco.mj_geomDistance(self.model, self.data, arm, fixed, least, fromto)
+            if distance < least:
+                name = self.model.body(self.model.geom_bodyid[fixed]).name
+                found = Nearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
+        return found
+
+    def place(self, obstacle: str, xyz: Vector) -> None:
+        """Move an obstacle of the cell to a place in World [m]. Raises `ValueError`."""
+        place(self.model, self.data, obstacle, xyz)
 
     def wall_travel(self) -> float:
         """Return how far the wall is pushed in, against its normal [m]. Raises `KeyError`."""
         return -float(self.data.joint(WALL_SLIDE).qpos[0])
 
     @cached_property
-    def _pairs(self) -> list[tuple[int, int]]:
+    def _pairs(self) -> NDArray[np.int64]:
         weld = self.model.body_weldid[self.model.geom_bodyid]
         arm = [g for g in range(self.model.ngeom) if g not in self._fixed and weld[g] != 0]
-        return [(a, f) for a in arm for f in sorted(self._fixed)]
+        pairs = [(a, f) for a in arm for f in sorted(self._fixed)]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
