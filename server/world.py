@@ -14,7 +14,7 @@ from ..config.obstacles import Obstacle, Shape, Stale
 from ..protocols.obstacles import ObstacleNews
 from .admission import Refused, Why
 from .control.frames import Array, rotation_rpy
-from .control.scene import Boxes, Rounds, Scene
+from .control.scene import UNBOUNDED, Boxes, Rounds, Scene
 from .events import Events
 
 MOST = 64
@@ -231,7 +231,7 @@ class World:
             velocity=velocity,
             speed=speed,
             acceleration=np.array(
-                [np.inf if k.max_acceleration is None else k.max_acceleration for k in every]
+                [UNBOUNDED if k.max_acceleration is None else k.max_acceleration for k in every]
             ),
             age=age,
             still_after=still,

@@ -18,6 +18,9 @@ from .frames import Array, Pose
 
 Flags = NDArray[np.bool_]
 
+UNBOUNDED = 1e9
+"""Acceleration of what may have any [m/s²]: finite, so that no time at all leads nowhere."""
+
 
 @dataclass(frozen=True)
 class Rounds:
@@ -63,7 +66,7 @@ class Scene:
     speed: Array
     """Bound of its speed away from there (k,) [m/s]; zero for what stands still."""
     acceleration: Array
-    """Bound of the same (k,) [m/s²]; infinite where there is none."""
+    """Bound of the same (k,) [m/s²]; `UNBOUNDED` where there is none."""
     age: Array
     """Age of its news (k,) [s]; zero for what stands still."""
     still_after: Array
@@ -82,9 +85,7 @@ class Scene:
         `ahead` is one time, or (s, 1) for (s, k) distances [m].
         """
         since = np.minimum(self.age + ahead, self.still_after)
-        with np.errstate(invalid="ignore"):  # an infinite bound times no time
-            by_acceleration = np.nan_to_num(0.5 * self.acceleration * since * since, nan=0.0)
-        return np.minimum(self.speed * since, by_acceleration)
+        return np.minimum(self.speed, 0.5 * self.acceleration * since) * since
 
     def placed(self, T_world_wrist: Pose) -> Self:
         """Return the scene with every sight line in World that starts at a carried camera."""

@@ -1,5 +1,6 @@
 """The campaign's table of parts, in the order in which they are run."""
 
+from .crowd_runs import SCENES
 from .hostile_runs import HOSTILE
 from .part import Part
 from .peg_runs import PEG
@@ -7,4 +8,5 @@ from .peg_runs import PEG
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
     "peg": PEG,
+    "scenes": SCENES,
 }

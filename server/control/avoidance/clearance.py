@@ -13,7 +13,7 @@ import numpy as np
 from ....config.load import Cell
 from ..frames import Array
 from ..scene import Scene
-from .approach import Braking, Rows
+from .approach import Braking
 from .links import Flags, Index, Links
 from .neighbours import Around, Neighbours
 
@@ -63,6 +63,8 @@ class Sight:
 
     q: Array
     scene: Scene | None
+    lever: Array
+    """Distances of capsules from the joints' axes (c, n) [m]."""
     room: Array
     """How far each capsule may come before other pairs matter (c,) [m]."""
     near: Neighbours
@@ -71,6 +73,16 @@ class Sight:
     floor: Array
     """What each gap (k,) must keep where it is below its bound already [m]."""
     levels: Levels
+
+
+def travel(lever: Array, way: Array) -> Array:
+    """Return how far capsules move at most (c,) [m] when joints move by no more than `way` (n,).
+
+    The levers (c, n) themselves grow with the motion: D' ≤ Σ way (lever + D), so that
+    D ≤ lever·way (exp(σ) − 1)/σ with σ the sum of all ways.
+    """
+    total = float(way.sum())
+    return np.asarray(lever @ way * (math.expm1(total) / total if total > 1e-9 else 1.0))
 
 
 class Clearance:
@@ -92,20 +104,21 @@ class Clearance:
         `error` (n,) [rad] is what the joints are behind the command; `factor` the reduced-speed
         setting; `levels` those of the sight before.
         """
-        way = self.braking.stop_way(fastest, factor)
-        room = 1.3 * (self.links.lever @ way) + 0.03 + self._margin
-        near = self.around.look(q, scene, room, HORIZON_S)
+        placed = self.links.place(q[None])
+        lever = self.links.levers(placed)
+        room = travel(lever, self.braking.stop_way(fastest, factor)) + 0.03 + self._margin
+        near = self.around.look(placed, scene, room, HORIZON_S)
         tube = np.abs(near.rows) @ np.abs(error)
         floor, levels = self._floors(near, tube, scene, levels)
-        return Sight(q, scene, room, near, tube, floor, levels)
+        return Sight(q, scene, lever, room, near, tube, floor, levels)
 
-    def rows(self, sight: Sight, factor: float, widen: bool) -> Rows:
-        """Return the barriers of what is near."""
+    def room(self, sight: Sight) -> Array:
+        """Return how far each gap may close (k,) [m]; negative beyond its barrier."""
         near = sight.near
         room = near.gap - near.promise - self._margin - sight.tube
         if sight.scene is not None and sight.scene.moves:
             room = room - self._growth(near, sight.scene, LATENCY * self._period_s)
-        return self.braking.rows(near.rows, room, near.speed, factor, widen)
+        return room
 
     def shortfall(
         self, sight: Sight, duration_s: float, low: Array, high: Array, postures: Postures
@@ -115,36 +128,41 @@ class Clearance:
         `low` and `high` (n,) bound the joints along the stop; `postures` gives them at times.
         """
         deviation = np.maximum(high - sight.q, sight.q - low)
-        way = self.links.lever @ deviation
+        way = travel(sight.lever, deviation)
         if (way > sight.room).any():
-            # Further than was looked ahead: look again, as far as this stop may lead.
-            near = self.around.look(sight.q, sight.scene, way + 0.03 + self._margin, HORIZON_S)
-            tube = np.full(near.size, float(sight.tube.max(initial=0.0)))
-            floor, _ = self._floors(near, tube, sight.scene, sight.levels)
-            sight = Sight(sight.q, sight.scene, way, near, tube, floor, sight.levels)
+            sight = self._farther(sight, way)
         near, scene = sight.near, sight.scene
         if not near.size:
             return 0.0
         first = near.pairs.first
-        travel = way[first]
+        closer = way[first]
         if len(near.pairs.own):
-            travel[: len(near.pairs.own)] += way[near.pairs.own[:, 1]]
+            closer[: len(near.pairs.own)] += way[near.pairs.own[:, 1]]
         needed = near.promise + sight.tube + BETWEEN
         end_s = duration_s + (1.0 + LATENCY) * self._period_s
         most = needed + ROUND
         if scene is not None and scene.moves:
             most = most + self._growth(near, scene, end_s)
-        doubtful = near.gap - travel < most
+        doubtful = near.gap - closer < most
         if not doubtful.any():
             return 0.0
-        return self._sampled(sight, doubtful, needed, duration_s, travel, postures)
+        return self._sampled(sight, doubtful, needed, duration_s, closer, postures)
+
+    def _farther(self, sight: Sight, way: Array) -> Sight:
+        """Return a sight that reaches as far as a stop may lead: the first one did not."""
+        near = self.around.look(
+            sight.near.placed, sight.scene, way + 0.03 + self._margin, HORIZON_S
+        )
+        tube = np.full(near.size, float(sight.tube.max(initial=0.0)))
+        floor, _ = self._floors(near, tube, sight.scene, sight.levels)
+        return Sight(sight.q, sight.scene, sight.lever, way, near, tube, floor, sight.levels)
 
     def _sampled(
-        self, sight: Sight, doubtful: Flags, needed: Array, duration_s: float, travel: Array,
+        self, sight: Sight, doubtful: Flags, needed: Array, duration_s: float, closer: Array,
         postures: Postures,
     ) -> float:  # fmt: skip
         near, scene = sight.near, sight.scene
-        longest = float(travel[doubtful].max())
+        longest = float(closer[doubtful].max())
         count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(longest / SAMPLE_M), 1)
         count = min(count, SAMPLES)
         times = np.linspace(0.0, duration_s, count + 1)
@@ -152,7 +170,7 @@ class Clearance:
         ends = self.links.place(postures(times)).ends
         radii = self.around.radii(pairs, scene)
         gaps = self.around.between(ends, pairs, scene).distance - radii
-        chord = travel[doubtful] / count
+        chord = closer[doubtful] / count
         round_off = chord * chord / (8.0 * np.maximum(radii + near.promise[doubtful], 0.02))
         bound = needed[doubtful] + round_off
         if scene is not None and scene.moves:

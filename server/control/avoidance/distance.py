@@ -71,16 +71,16 @@ def segments_boxes(a: Array, b: Array, R: Array, centre: Array, half: Array) -> 
     u = np.einsum("...ji,...j->...i", R, b - a)
     # Where each coordinate passes a side; what never does is put at the start.
     steep = np.where(np.abs(u) > _TINY, u, np.inf)
-    ends = np.zeros((*u.shape[:-1], 1))
-    t = np.concatenate([ends, (-half - p) / steep, (half - p) / steep, ends + 1.0], axis=-1)
-    t = np.sort(np.clip(t, 0.0, 1.0), axis=-1)
+    t = np.empty((*u.shape[:-1], 8))
+    t[..., 0], t[..., 7] = 0.0, 1.0
+    t[..., 1:4], t[..., 4:7] = (-half - p) / steep, (half - p) / steep
+    t = np.minimum(np.maximum(t, 0.0), 1.0)
     x = p[..., None, :] + t[..., None] * u[..., None, :]
-    out = x - np.clip(x, -half[..., None, :], half[..., None, :])
-    slope = np.einsum("...ki,...i->...k", out, u)
-    # Nearest from where the slope stops falling to where it begins to rise: mostly one place.
-    best = 0.5 * (_zero(t, slope, slope < 0.0) + _zero(t, slope, slope <= 0.0))
+    sides = half[..., None, :]
+    out = x - np.minimum(np.maximum(x, -sides), sides)
+    best = _least(t, np.einsum("...ki,...i->...k", out, u))
     x = p + best[..., None] * u
-    out = x - np.clip(x, -half, half)
+    out = x - np.minimum(np.maximum(x, -half), half)
     distance = np.sqrt(dot(out, out))
     normal = out / np.maximum(distance, TOUCHING)[..., None]
     inside = distance < TOUCHING
@@ -94,19 +94,24 @@ def segments_boxes(a: Array, b: Array, R: Array, centre: Array, half: Array) -> 
     )
 
 
-def _zero(t: Array, slope: Array, falling: Flags) -> Array:
-    """Return where a rising, piecewise linear slope (..., k) over t (..., k) ends to be falling."""
-    last = falling.sum(axis=-1)
-    before = np.maximum(last - 1, 0)[..., None]
-    after = np.minimum(last, t.shape[-1] - 1)[..., None]
-    t0, t1 = _pick(t, before), _pick(t, after)
-    g0, g1 = _pick(slope, before), _pick(slope, after)
-    rise = g1 - g0
-    return np.where(rise > 0.0, t0 - np.minimum(g0, 0.0) * (t1 - t0) / np.maximum(rise, _TINY), t1)
+def _least(t: Array, slope: Array) -> Array:
+    """Return where a convex function is least (...,), by its slopes at places t (..., k).
 
-
-def _pick(values: Array, index: Index) -> Array:
-    return np.asarray(np.take_along_axis(values, index, axis=-1)[..., 0])
+    Between the last place where it falls and the first where it does not, the slope is linear;
+    where it is level all the way between two places, the middle is taken.
+    """
+    falls = slope < 0.0
+    last, first = np.where(falls, t, 0.0).max(axis=-1), np.where(falls, 1.0, t).min(axis=-1)
+    down = np.where(falls, slope, -np.inf).max(axis=-1)
+    up = np.where(falls, np.inf, slope).min(axis=-1)
+    level = up == 0.0
+    if level.any():
+        end = np.where(slope <= 0.0, t, 0.0).max(axis=-1)
+        up = np.where(level, 1.0, up)
+        middle = np.where(level, 0.5 * (first + end), 0.0)
+    share = 1.0 / (1.0 - up / np.where(np.isinf(down), -_TINY, down))
+    place = last + np.where(np.isinf(down), 1.0, share) * (first - last)
+    return np.where(level, middle, place) if level.any() else place
 
 
 def _pushed_out(

@@ -62,7 +62,7 @@ class Guard:
     def __init__(self, cell: Cell, acceleration: Array, jerk: Array) -> None:
         avoidance = cell.config.avoidance
         self.clearance = Clearance(cell, acceleration, jerk)
-        self.walls = Walls(cell, self.clearance.links.chain, self.clearance.braking)
+        self.walls = Walls(cell, self.clearance.links)
         self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         links = self.clearance.links
@@ -74,10 +74,12 @@ class Guard:
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
         clearance, widen = self.clearance, bool(np.abs(at.J @ asked).max() > ORDERED)
         sight = clearance.look(at.q, fastest, at.error, at.scene, at.factor, levels)
-        rows = clearance.rows(sight, at.factor, widen)
+        slopes, room, speed = sight.near.rows, clearance.room(sight), sight.near.speed
         if self.walls.given:
-            walls = self.walls.rows(at.p, at.J, at.factor, widen)
-            rows = Rows(np.concatenate([rows.A, walls.A]), np.concatenate([rows.low, walls.low]))
+            slopes = np.concatenate([slopes, at.J[:3], -at.J[:3]])
+            room = np.concatenate([room, self.walls.room(at.p)])
+            speed = np.concatenate([speed, np.zeros(6)])
+        rows = clearance.braking.rows(slopes, room, speed, at.factor, widen)
         return Watch(at, sight, rows)
 
     def tool_share(self, watch: Watch, asked: Array) -> float:
@@ -114,6 +116,8 @@ class Guard:
         at = watch.at
         short = self.clearance.shortfall(watch.sight, duration_s, low, high, postures)
         if self.walls.given:
+            if self.walls.far(at.p, at.T_wrist_mrf, np.maximum(high - at.q, at.q - low)):
+                return short
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
             short = max(short, self.walls.shortfall(at.p, at.T_wrist_mrf, postures(times)))
         return short

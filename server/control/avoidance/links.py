@@ -50,9 +50,18 @@ class Links:
         nodes = [(c.body, p) for c in self.capsules for p in (c.start, c.end)]
         self._node_body = np.array([body for body, _ in nodes])
         self._node = np.array([[*p, 1.0] for _, p in nodes])
-        self.lever = self._levers()
-        """Greatest distance of any point of a capsule from each joint's axis (c, n) [m]; zero for
-        joints that do not move it, 1 for prismatic ones that do."""
+        n = self.chain.n
+        self.moved = (np.arange(1, n + 1) <= self.body[:, None]).astype(float)
+        """Which capsules each joint moves (c, n), as ones and zeros."""
+        origins = self.chain.frames(np.zeros((1, n)))[0, :, :, 3]
+        steps = [float(_length(b - a)) for a, b in itertools.pairwise(origins)]
+        self._steps = np.array(steps) + self.chain.stroke[1:]
+        """From each joint's origin to the next one's, at most (n − 1,) [m]."""
+        far = [max(float(_length(c.start)), float(_length(c.end))) for c in self.capsules]
+        self.lever = np.array(
+            [self.reach(c.body, x) for c, x in zip(self.capsules, far, strict=True)]
+        )
+        """As `levers`, but no posture has greater ones (c, n) [m]."""
 
     def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
         """Return where the capsules are at postures q (s, n) [rad]."""
@@ -79,22 +88,34 @@ class Links:
         J[:, 2] = z[:, 0] * arm[:, :, 1] - z[:, 1] * arm[:, :, 0]
         if self.chain.prismatic.any():
             J[:, :, self.chain.prismatic] = z[self.chain.prismatic].T
-        moved = np.arange(1, self.chain.n + 1) <= self.body[capsule][:, None]
-        return np.asarray(J * moved[:, None, :])
+        return np.asarray(J * self.moved[capsule][:, None, :])
 
-    def _levers(self) -> Array:
-        """Return bounds that hold at every posture: the way along the chain is never longer."""
+    def levers(self, placed: Placed) -> Array:
+        """Return the distances of capsules from the joints' axes at one posture (c, n) [m].
+
+        Of either end, the farther; zero for joints that do not move it, 1 for prismatic ones.
+        """
+        frames = placed.frames[0]
+        z = self.chain.axes(frames)
+        arm = placed.ends[0][:, :, None, :] - frames[:, :, 3]
+        along = np.einsum("ceji,ji->cej", arm, z)
+        across2 = np.einsum("ceji,ceji->cej", arm, arm) - along * along
+        lever = np.sqrt(np.maximum(across2, 0.0).max(axis=1))
+        if self.chain.prismatic.any():
+            lever[:, self.chain.prismatic] = 1.0
+        return np.asarray(lever * self.moved)
+
+    def reach(self, body: int, far: float) -> Array:
+        """Return bounds on the levers (n,) [m] of a point `far` from the origin of a body.
+
+        They hold at every posture: the way along the chain is never longer.
+        """
         chain, n = self.chain, self.chain.n
-        origins = chain.frames(np.zeros((1, n)))[0, :, :, 3]
-        steps = [float(_length(b - a)) for a, b in itertools.pairwise(origins)]
-        steps = [step + float(out) for step, out in zip(steps, chain.stroke[1:], strict=True)]
-        lever = np.zeros((len(self.capsules), n))
-        for c, capsule in enumerate(self.capsules):
-            far = max(float(_length(capsule.start)), float(_length(capsule.end)))
-            far += chain.stroke[capsule.body - 1] if capsule.body else 0.0
-            for j in range(capsule.body):
-                lever[c, j] = far + sum(steps[j : capsule.body - 1])
-        lever[:, chain.prismatic] = np.minimum(lever[:, chain.prismatic], 1.0)
+        lever = np.zeros(n)
+        if body:
+            way = np.concatenate([self._steps[: body - 1], [far + chain.stroke[body - 1]]])
+            lever[:body] = np.cumsum(way[::-1])[::-1]
+        lever[chain.prismatic] = np.minimum(lever[chain.prismatic], 1.0)
         return lever
 
 

@@ -73,16 +73,13 @@ class Around:
         self._own = self._own_pairs(avoidance.self_clearance + avoidance.margin)
         self._radius_own = links.radius[self._own].sum(axis=1)
         self._size_own = (links.half_length + links.radius)[self._own].sum(axis=1)
-        n = links.chain.n
-        self._moved = (np.arange(1, n + 1) <= links.body[:, None]).astype(float)
         self._of: tuple[tuple[str, ...], Flags] | None = None
 
-    def look(self, q: Array, scene: Scene | None, room: Array, ahead_s: float) -> Neighbours:
-        """Return the pairs at q (n,) [rad] that are nearer than promised plus `room` (c,) [m].
+    def look(self, placed: Placed, scene: Scene | None, room: Array, ahead_s: float) -> Neighbours:
+        """Return the pairs at one posture that are nearer than promised plus `room` (c,) [m].
 
         `room` is how far each capsule may come; `ahead_s` the time for which what moves counts.
         """
-        placed = self.links.place(q[None])
         ends = placed.ends[0]
         centre = 0.5 * (ends[:, 0] + ends[:, 1])
         between = centre[self._own[:, 0]] - centre[self._own[:, 1]]
@@ -123,17 +120,20 @@ class Around:
         `ends` (..., c, 2, 3) are the capsules' in World; the scene stands still.
         """
         parts = []
-        if len(pairs.own):
-            first, second = ends[..., pairs.own[:, 0], :, :], ends[..., pairs.own[:, 1], :, :]
+        p, r = len(pairs.own), 0 if scene is None else len(pairs.rounds)
+        if p + r:
+            # Both kinds in one pass: most of its cost is the number of operations.
+            first = ends[..., np.concatenate([pairs.own[:, 0], pairs.rounds[:, 0]]), :, :]
+            second = np.empty_like(first)
+            second[..., :p, :, :] = ends[..., pairs.own[:, 1], :, :]
+            if scene is not None:
+                i = pairs.rounds[:, 1]
+                second[..., p:, 0, :], second[..., p:, 1, :] = (
+                    scene.rounds.start[i],
+                    scene.rounds.end[i],
+                )
             parts.append(
                 segments(first[..., 0, :], first[..., 1, :], second[..., 0, :], second[..., 1, :])
-            )
-        if scene is not None and len(pairs.rounds):
-            link, i = ends[..., pairs.rounds[:, 0], :, :], pairs.rounds[:, 1]
-            parts.append(
-                segments(
-                    link[..., 0, :], link[..., 1, :], scene.rounds.start[i], scene.rounds.end[i]
-                )
             )
         if scene is not None and len(pairs.boxes):
             link, i = ends[..., pairs.boxes[:, 0], :, :], pairs.boxes[:, 1]
@@ -168,9 +168,9 @@ class Around:
         """
         frames = placed.frames[0]
         z, o = self.links.chain.axes(frames), frames[:, :, 3]
-        moved = self._moved[pairs.first]
+        moved = self.links.moved[pairs.first]
         if len(pairs.own):
-            moved[: len(pairs.own)] -= self._moved[pairs.own[:, 1]]
+            moved[: len(pairs.own)] -= self.links.moved[pairs.own[:, 1]]
         rows = _cross(near.place, near.normal) @ z.T - near.normal @ _cross(z, o).T
         prismatic = self.links.chain.prismatic
         if prismatic.any():

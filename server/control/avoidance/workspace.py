@@ -1,11 +1,12 @@
 """The box that the tool's MRF stays in: six walls, each a gap like any other."""
 
+import math
+
 import numpy as np
 
 from ....config.load import Cell
 from ..frames import Array, Pose
-from .approach import Braking, Rows
-from .chain import Chain
+from .links import Links
 
 BETWEEN = 0.002
 """Kept from a wall for what a path dips between two looks at a stop [m]."""
@@ -14,28 +15,35 @@ BETWEEN = 0.002
 class Walls:
     """The workspace of one cell."""
 
-    def __init__(self, cell: Cell, chain: Chain, braking: Braking) -> None:
+    def __init__(self, cell: Cell, links: Links) -> None:
         workspace = cell.config.avoidance.workspace
         self.given = workspace is not None
         self._margin = cell.config.avoidance.margin
-        self._chain = chain
-        self._braking = braking
+        self._links = links
         if workspace is not None:
             self._low, self._high = np.array(workspace.low), np.array(workspace.high)
-        _, self._T_last_wrist = chain.body_of(cell.config.mechanism.tip_link)
+        _, self._T_last_wrist = links.chain.body_of(cell.config.mechanism.tip_link)
 
-    def rows(self, p: Array, J: Array, factor: float, widen: bool) -> Rows:
-        """Return the barriers of the MRF at p (3,) in World, with its Jacobian J (6, n)."""
-        room = np.concatenate([p - self._low, self._high - p]) - self._margin
-        slopes = np.concatenate([J[:3], -J[:3]])
-        return self._braking.rows(slopes, room, np.zeros(6), factor, widen)
+    def room(self, p: Array) -> Array:
+        """Return how far the MRF at p (3,) is inside each barrier (6,) [m]: low walls, then high.
+
+        Their slopes are the first three rows of its Jacobian, and those rows negated.
+        """
+        return np.concatenate([p - self._low, self._high - p]) - self._margin
+
+    def far(self, p: Array, T_wrist_mrf: Pose, way: Array) -> bool:
+        """Return whether joints that move by `way` (n,) cannot lead the MRF out of the box."""
+        tip = self._T_last_wrist @ T_wrist_mrf
+        reach = self._links.reach(self._links.chain.n, math.sqrt(float(tip.p @ tip.p)))
+        room = float(np.minimum(p - self._low, self._high - p).min()) - BETWEEN
+        return float(reach @ way) < room
 
     def shortfall(self, p: Array, T_wrist_mrf: Pose, q: Array) -> float:
         """Return by how much the MRF leaves the box along postures q (s, n) [m]; 0 inside.
 
         From where it is at p (3,), outside, it may only come nearer.
         """
-        frames = self._chain.frames(q)[:, -1]
+        frames = self._links.chain.frames(q)[:, -1]
         tip = self._T_last_wrist @ T_wrist_mrf
         places = frames[:, :, :3] @ tip.p + frames[:, :, 3]
         low = np.minimum(self._low + BETWEEN, p - 1e-4)

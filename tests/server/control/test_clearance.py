@@ -45,7 +45,8 @@ class Kept:
         scene = self.world.scene(0) if scene is None else scene
         around = self.guard.clearance.around
         room = np.full(len(around.links.capsules), FAR)
-        near = around.look(self.run.memory.motion.q, scene, room, 0.0)
+        placed = around.links.place(self.run.memory.motion.q[None])
+        near = around.look(placed, scene, room, 0.0)
         wanted = (near.obstacle < 0) == own
         return float((near.gap - near.promise)[wanted].min(initial=FAR))
 

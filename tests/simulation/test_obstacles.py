@@ -1,0 +1,130 @@
+"""Obstacles in whole runs: clearances by the physics, news that fails, and what operators see."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.protocols import topics as t
+from telerobot.tools.script import Script, load_script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import Run
+
+
+@pytest.fixture(scope="module")
+def crowded():
+    return load_cell("pa10_scene")
+
+
+def play(cell, script) -> Run:
+    script = script if isinstance(script, Script) else load_script(script)
+    simulation = Simulation(cell, script)
+    return Run(simulation, simulation.run())
+
+
+def names(run: Run) -> list[str]:
+    return [event.name for event in run.simulation.events]
+
+
+@pytest.mark.parametrize("name", ["obstacle_drive_into", "obstacle_comes", "obstacle_teleport"])
+def test_every_shipped_script_keeps_the_promise(crowded, name):
+    run = play(crowded, name)
+    assert run.summary["failure"] is None
+    assert run.summary["refused"] == []
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+    assert run.summary["min_clearance_m"] > crowded.config.avoidance.clearance
+    assert [e for e in run.simulation.events if e.severity == "error"] == []
+    stopped = sum("verified_stop" in s.limits for s in run.states)
+    assert stopped < 0.01 * len(run.states)
+
+
+def test_switched_off_the_same_stick_drives_into_the_table(crowded):
+    script = load_script("obstacle_drive_into")
+    off = type(script.step[0]).model_validate({"at_s": 0.1, "avoidance": False})
+    run = play(crowded, script.model_copy(update={"step": (off, *script.step)}))
+    assert run.summary["min_clearance_m"] < 0.001
+    assert not run.states[-1].avoiding
+    assert run.states[-1].gaps == ()
+
+
+def test_operators_see_the_nearest_pairs_and_which_barriers_act(crowded):
+    run = play(crowded, "obstacle_drive_into")
+    state = run.at(5.5)
+    assert state.avoiding
+    link, other, gap, active = state.gaps[0]
+    assert active
+    assert f"clearance:{link}:{other}" in state.limits
+    assert gap == pytest.approx(0.025, abs=0.002)
+
+
+def test_an_obstacle_that_appears_on_the_arm_falls_silent_and_is_taken_back(crowded):
+    run = play(crowded, "obstacle_teleport")
+    every = names(run)
+    order = [n for n in every[every.index("obstacle_set") :] if n in TOLD]
+    for name in TOLD:
+        assert name in order
+    assert order.index("obstacle_stale") < order.index("stopping")
+    # After it was removed, the arm goes on.
+    assert run.at(5.5).mode == "enabled"
+    assert run.states[-1].pose_mrf[1] < run.at(4.3).pose_mrf[1] - 0.1
+
+
+TOLD = ("obstacle_set", "stop_worsened", "obstacle_stale", "stopping", "obstacle_removed")
+
+
+def test_while_news_is_stale_that_calls_for_a_stop_the_arm_cannot_be_resumed(crowded):
+    steps = [
+        {"at_s": 0.3, "obstacle": {**GHOST, "xyz": (1.5, 0.0, 0.5)}},
+        {"at_s": 1.5, "mode": "resume"},
+    ]
+    run = play(crowded, Script.model_validate({"duration_s": 2.0, "step": steps}))
+    assert run.summary["mode"] == "hold"
+    assert len(run.summary["refused"]) == 1
+    assert "the news of obstacle ghost is stale" in run.summary["refused"][0]
+
+
+def test_news_that_jumps_is_told_and_malformed_news_changes_nothing(crowded):
+    steps = [
+        {"at_s": 0.3, "obstacle": {**GHOST, "xyz": (1.5, 0.0, 0.5), "stale": "keep"}},
+        {"at_s": 0.5, "raw": {"topic": t.OBSTACLE.key, "hex": "82a17601"}},
+        {"at_s": 0.6, "obstacle": {"name": "nobody", "xyz": (1.0, 0.0, 0.5), "physical": False}},
+        {"at_s": 0.7, "obstacle": {"name": "table", "xyz": (3.0, 0.0, 0.5), "physical": False}},
+        {"at_s": 0.8, "obstacle": {"name": "ghost", "xyz": (1.5, 0.5, 0.5), "physical": False}},
+    ]
+    run = play(crowded, Script.model_validate({"duration_s": 1.2, "step": steps}))
+    reasons = [e.values.get("reason") for e in run.simulation.events if e.name == "command_refused"]
+    assert reasons == ["not_messagepack", "unknown_obstacle", "fixed_obstacle"]
+    assert "obstacle_jumped" in names(run)
+    assert run.summary["mode"] == "enabled"
+
+
+GHOST = {
+    "name": "ghost", "shape": "sphere", "radius": 0.1, "max_speed": 0.1, "timeout_s": 0.3,
+    "physical": False,
+}  # fmt: skip
+
+
+def test_the_physics_has_every_solid_obstacle_where_the_cell_says(crowded):
+    world = Simulation(crowded, load_script("obstacle_comes")).rig.world
+    for obstacle in crowded.config.obstacles:
+        if obstacle.shape != "sight_line":
+            body = world.model.body(f"obstacle_{obstacle.name}")
+            assert world.data.xpos[body.id] == pytest.approx(np.array(obstacle.xyz))
+    before = world.nearest()
+    world.place("visitor", world.mrf_pose()[0] + np.array([0.0, 0.0, 0.2]))
+    after = world.nearest()
+    assert after.other == "obstacle_visitor"
+    assert after.distance < before.distance
+    assert after.distance == pytest.approx(0.2 - 0.12 - 0.012, abs=0.03)
+
+
+def test_a_cell_that_says_nothing_of_avoidance_cannot_switch_it_on(pa10):
+    step = {"at_s": 0.1, "avoidance": True}
+    run = play(pa10, Script.model_validate({"duration_s": 0.3, "step": [step]}))
+    assert "says nothing of avoidance" in run.summary["refused"][0]
+
+
+def test_equal_runs_among_obstacles_send_equal_frames(crowded):
+    script = load_script("obstacle_comes").model_copy(update={"duration_s": 5.0})
+    first, second = (play(crowded, script).summary["command_hash"] for _ in range(2))
+    assert first == second

@@ -1,0 +1,223 @@
+"""The part `scenes`: clearances among random obstacles, judged by the physics every millisecond."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ...config.load import load_cell
+from ...protocols import topics as t
+from ..simulation import Simulation
+from .crowd import HOSTILE_S, PROMISE, Crowd, crowd
+from .part import Part, Selection
+
+CELL = "pa10"
+DEEPER = 0.001
+"""A start inside the promise gets no deeper than by this: what joints give way by [m]."""
+CLOSING = 0.003
+"""Below the promise, own motion closes a gap to what moves by no more than this [m]."""
+PAUSE_S = 0.3
+"""Between the hostile part and the retreat [s]."""
+RETREAT = 0.15
+"""Speed of the retreat [m/s]."""
+NEAR = 0.06
+"""From farther than this there is nothing to retreat from [m]."""
+LEFT = (0.03, 0.01)
+"""An arm has left when its tool has gone so far, or the gap is wider by so much [m]."""
+STOPPED_SHARE = 0.01
+"""The stored stop takes over in less than this part of all ticks [1]."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The figures of one run; all plain values."""
+
+    seed: int
+    kind: str
+    keepable: bool
+    start_m: float
+    held_m: float
+    """Clearance once the drives hold the arm, which sags a little, or as the daemon sees it at the
+    start, whichever is less [m]."""
+    least_m: float
+    """Least clearance of the physics, after the drives hold [m]."""
+    closed_m: float
+    """Most that own motion closed a gap below the promise to something that moves [m]."""
+    left: bool
+    ticks: int
+    stopped_ticks: int
+    limited_ticks: int
+    limit_violations: int
+    failure: str
+
+    @property
+    def name(self) -> str:
+        """Kind and seed."""
+        return f"scene {self.kind} seed {self.seed}"
+
+    @property
+    def reasons(self) -> list[str]:
+        """What speaks against the run."""
+        found = []
+        if self.failure:
+            found.append(self.failure)
+        if self.limit_violations:
+            found.append(f"{self.limit_violations} limit violations")
+        if self.keepable and self.least_m < PROMISE:
+            found.append(f"clearance {1e3 * self.least_m:.2f} mm, promised {1e3 * PROMISE:.0f}")
+        if self.kind == "inside" and self.least_m < self.held_m - DEEPER:
+            found.append(f"deeper inside: {1e3 * self.least_m:.2f} mm from {1e3 * self.held_m:.2f}")
+        if self.closed_m > CLOSING:
+            found.append(f"own motion closed a gap by {1e3 * self.closed_m:.2f} mm")
+        if not self.left:
+            found.append("did not leave on a retreat")
+        return found
+
+
+class _Judge:
+    """Watches the physics of one run, and plays its retreat."""
+
+    def __init__(self, scene: Crowd, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.first = self.least = self.closed = 0.0
+        self.left = True
+        self._scene = scene
+        self._movers = {f"obstacle_{o.name}" for o in scene.cell.config.obstacles if o.max_speed}
+        self._before = simulation.rig.world.q.copy()
+        self._closing = 0.0
+        self._retreat: tuple[np.ndarray, np.ndarray, float] | None = None
+        self._judging = False
+        simulation.on_physics = self._on_physics
+        simulation.on_tick = self._on_tick
+
+    def _on_physics(self, simulation: Simulation) -> None:
+        world = simulation.rig.world
+        if simulation.player.phase.name != "PLAYING":
+            self._before[:] = world.q
+            return
+        near = world.nearest()
+        if near is None:
+            return
+        if not self._judging:
+            self._judging, self.first, self.least = True, near.distance, near.distance
+        self.least = min(self.least, near.distance)
+        if near.distance < PROMISE and near.other in self._movers:
+            now = world.q.copy()
+            world.q[:] = self._before
+            before = world.nearest()
+            world.q[:] = now
+            self._closing += 0.0 if before is None else before.distance - near.distance
+            self._closing = max(0.0, self._closing)
+            self.closed = max(self.closed, self._closing)
+        else:
+            self._closing = 0.0
+        self._before[:] = world.q
+
+    def _on_tick(self, simulation: Simulation) -> None:
+        at_s = simulation.clock.time_s - simulation.player.start_s
+        if simulation.player.phase.name != "PLAYING" or at_s < HOSTILE_S + PAUSE_S:
+            return
+        world = simulation.rig.world
+        near = world.nearest()
+        if near is None or (self._retreat is None and near.distance > NEAR):
+            return
+        tool = world.mrf_pose()[0]
+        if self._retreat is None:
+            way = near.on_arm - near.on_other
+            way = way * np.sign(near.distance) / max(float(np.linalg.norm(way)), 1e-9)
+            self._retreat, self.left = (tool, way, near.distance), False
+            twist = (*(RETREAT * way).tolist(), 0.0, 0.0, 0.0)
+            simulation.player.pilot.stream(t.JOYSTICK, twist=twist, expressed_in="world")
+        start, way, gap = self._retreat
+        gone = float(way @ (tool - start))
+        self.left = self.left or gone > LEFT[0] or near.distance > gap + LEFT[1]
+
+
+def play(seed: int) -> Scene:
+    """Run the scene of a seed in virtual time and judge it."""
+    scene = crowd(load_cell(CELL), seed)
+    simulation = Simulation(scene.cell, scene.script)
+    judge = _Judge(scene, simulation)
+    result = simulation.run()
+    errors = [e for e in simulation.events if e.severity == "error"]
+    failure = str(result.summary["failure"] or "")
+    if errors and not failure:
+        failure = f"{errors[0].name}: {errors[0].detail}"
+    return Scene(
+        seed=seed,
+        kind=scene.kind,
+        keepable=scene.keepable,
+        start_m=scene.start_m,
+        held_m=min(judge.first, scene.modelled_m),
+        least_m=judge.least,
+        closed_m=judge.closed,
+        left=judge.left,
+        ticks=len(result.states),
+        stopped_ticks=sum("verified_stop" in s.limits for s in result.states),
+        limited_ticks=sum(any("clearance" in name for name in s.limits) for s in result.states),
+        limit_violations=len(simulation.observer.violations),
+        failure=failure,
+    )
+
+
+class Findings:
+    """What all scenes showed together."""
+
+    def __init__(self, scenes: Sequence[Scene]) -> None:
+        self.scenes = scenes
+        self.ticks = sum(s.ticks for s in scenes)
+        self.stopped_share = sum(s.stopped_ticks for s in scenes) / max(1, self.ticks)
+
+    @property
+    def kept(self) -> bool:
+        """True when every scene kept what it promised, and the stored stop stayed the exception."""
+        return not any(s.reasons for s in self.scenes) and self.stopped_share < STOPPED_SHARE
+
+    def figures(self) -> dict[str, object]:
+        """Return everything as plain values, for JSON."""
+        keepable = [s.least_m for s in self.scenes if s.keepable]
+        return {
+            "scenes": len(self.scenes),
+            "kept": self.kept,
+            "keepable": len(keepable),
+            "least_clearance_m": min(keepable, default=None),
+            "promise_m": PROMISE,
+            "did_not_leave": sum(not s.left for s in self.scenes),
+            "most_closed_m": max((s.closed_m for s in self.scenes), default=0.0),
+            "limit_violations": sum(s.limit_violations for s in self.scenes),
+            "stopped_share": self.stopped_share,
+            "limited_share": sum(s.limited_ticks for s in self.scenes) / max(1, self.ticks),
+            "by_scene": [asdict(s) for s in self.scenes],
+        }
+
+    def lines(self) -> list[str]:
+        """Return the report for people."""
+        f = self.figures()
+        kinds = {k: sum(s.kind == k for s in self.scenes) for k in ("free", "near", "inside")}
+        least = f["least_clearance_m"]
+        shown = {
+            "scenes": f"{len(self.scenes)}, {self.ticks} ticks ("
+            + ", ".join(f"{n} {k}" for k, n in kinds.items())
+            + f", {len(self.scenes) - sum(kinds.values())} with things that move)",
+            "keepable": f"{f['keepable']}, least clearance "
+            + ("none" if least is None else f"{1e3 * float(str(least)):.2f} mm")
+            + f", promised {1e3 * PROMISE:.0f} mm",
+            "left on a retreat": f"all but {f['did_not_leave']}, must be all",
+            "limit violations": f"{f['limit_violations']}, must be 0",
+            "stored stop": f"{self.stopped_share:.3%} of ticks, below {STOPPED_SHARE:.0%}",
+            "barriers active": f"{f['limited_share']:.1%} of ticks",
+        }
+        lines = [f"{name:20} {text}" for name, text in shown.items()]
+        for s in self.scenes:
+            again = f"telerobot campaign --only=scenes --seeds {s.seed}:{s.seed + 1}"
+            lines += [f"{again}  # {reason}" for reason in s.reasons]
+        lines.append("all promises kept" if self.kept else "a promise is broken")
+        return lines
+
+
+def _jobs(selection: Selection) -> list[int]:
+    load_cell(CELL)
+    return list(selection.seeds)
+
+
+SCENES = Part(_jobs, play, Findings)
