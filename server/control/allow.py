@@ -17,6 +17,7 @@ from .mechanism import Kinematics
 from .parameters import Parameters
 from .scene import Scene
 from .state import Memory, Settings
+from .tree import Body
 
 
 class Allowed(NamedTuple):
@@ -55,10 +56,12 @@ class Allow:
         error: Array,
         settings: Settings,
         scene: Scene | None = None,
+        base: Body | None = None,
     ) -> Allowed:
         """Return the rates nearest to dq (n,) [rad/s] that all bounds allow.
 
-        `error` (n,) [rad] is the command's lead over the joints, which the leash bounds.
+        `error` (n,) [rad] is the command's lead over the joints, which the leash bounds; `base` a
+        Base that moves.
         """
         q, V = memory.motion.q, settings.speed_factor * self._p.velocity
         limits: tuple[str, ...] = ()
@@ -78,7 +81,9 @@ class Allow:
         watch = None
         if self.guard is not None and settings.avoid:
             p, T = k.T_world_mrf.p, settings.T_wrist_mrf
-            at = Situation(q, memory.motion.dq, error, p, k.J, T, scene, settings.speed_factor)
+            at = Situation(
+                q, memory.motion.dq, error, p, k.J, T, scene, settings.speed_factor, base
+            )
             watch = self.guard.watch(at, dq, memory.levels)
             slow = self.guard.tool_share(watch, dq)
             if slow < 1.0:

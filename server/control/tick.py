@@ -116,7 +116,13 @@ class Control:
         memory, asked = self._ask(memory, inputs, kinematics)
         error = memory.sent[1] - inputs.q_measured
         allowed = self.allow.nearest(
-            memory, kinematics, asked.dq, error, inputs.settings, inputs.scene
+            memory,
+            kinematics,
+            asked.dq,
+            error,
+            inputs.settings,
+            inputs.scene,
+            None if moved is None else moved.base,
         )
         memory = evolve(memory, levels=allowed.levels)
         asked = evolve(

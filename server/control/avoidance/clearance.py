@@ -13,6 +13,7 @@ import numpy as np
 from ....config.load import Cell
 from ..frames import Array
 from ..scene import Scene
+from ..tree import Body
 from .approach import Braking
 from .links import Flags, Index, Links
 from .neighbours import Around, Neighbours
@@ -41,6 +42,9 @@ SHOWN = 4
 Postures = Callable[[Array], Array]
 """Joint angles (s, n) at times (s,) along a stop."""
 
+Base = Body | None
+"""A Base that moves, and how; None for one that stands where the cell says."""
+
 Levels = dict[tuple[int, int, str], float]
 """Best gap so far of each pair that is inside its bound, by capsule, other capsule or −1, name."""
 
@@ -63,6 +67,7 @@ class Sight:
 
     q: Array
     scene: Scene | None
+    base: Base
     lever: Array
     """Distances of capsules from the joints' axes (c, n) [m]."""
     room: Array
@@ -85,6 +90,23 @@ def travel(lever: Array, way: Array) -> Array:
     return np.asarray(lever @ way * (math.expm1(total) / total if total > 1e-9 else 1.0))
 
 
+def carried(near: Neighbours, base: Body) -> Neighbours:
+    """Return neighbours with the speed at which a Base that moves brings links to obstacles."""
+    place, w = near.near.place - base.T.p, base.twist[3:]
+    v = base.twist[:3] + np.stack(
+        [
+            w[1] * place[:, 2] - w[2] * place[:, 1],
+            w[2] * place[:, 0] - w[0] * place[:, 2],
+            w[0] * place[:, 1] - w[1] * place[:, 0],
+        ],
+        axis=1,
+    )
+    others = near.obstacle >= 0
+    closing = np.where(others, -np.einsum("ki,ki->k", near.near.normal, v), 0.0)
+    fastest = np.where(others, np.sqrt(np.einsum("ki,ki->k", v, v)), 0.0)
+    return near._replace(speed=np.maximum(near.speed + closing, 0.0), carried=fastest)
+
+
 class Clearance:
     """The clearances of one cell."""
 
@@ -97,20 +119,22 @@ class Clearance:
 
     def look(
         self, q: Array, fastest: Array, error: Array, scene: Scene | None, factor: float,
-        levels: Levels,
+        levels: Levels, base: Base = None,
     ) -> Sight:  # fmt: skip
         """Return what is near at q (n,) [rad] for joints that go at most `fastest` (n,) [rad/s].
 
         `error` (n,) [rad] is what the joints are behind the command; `factor` the reduced-speed
-        setting; `levels` those of the sight before.
+        setting; `levels` those of the sight before; `base` where a Base that moves is.
         """
-        placed = self.links.place(q[None])
+        placed = self.links.place(q[None], None if base is None else base.T)
         lever = self.links.levers(placed)
         room = travel(lever, self.braking.stop_way(fastest, factor)) + 0.03 + self._margin
         near = self.around.look(placed, scene, room, HORIZON_S)
+        if base is not None:
+            near = carried(near, base)
         tube = np.abs(near.rows) @ np.abs(error)
         floor, levels = self._floors(near, tube, scene, levels)
-        return Sight(q, scene, lever, room, near, tube, floor, levels)
+        return Sight(q, scene, base, lever, room, near, tube, floor, levels)
 
     def room(self, sight: Sight) -> Array:
         """Return how far each gap may close (k,) [m]; negative beyond its barrier."""
@@ -118,6 +142,8 @@ class Clearance:
         room = near.gap - near.promise - self._margin - sight.tube
         if sight.scene is not None and sight.scene.moves:
             room = room - self._growth(near, sight.scene, LATENCY * self._period_s)
+        if sight.base is not None:
+            room = room - near.carried * LATENCY * self._period_s
         return room
 
     def shortfall(
@@ -143,6 +169,8 @@ class Clearance:
         most = needed + ROUND
         if scene is not None and scene.moves:
             most = most + self._growth(near, scene, end_s)
+        if sight.base is not None:
+            most = most + near.carried * end_s
         doubtful = near.gap - closer < most
         if not doubtful.any():
             return 0.0
@@ -155,7 +183,11 @@ class Clearance:
         )
         tube = np.full(near.size, float(sight.tube.max(initial=0.0)))
         floor, _ = self._floors(near, tube, sight.scene, sight.levels)
-        return Sight(sight.q, sight.scene, sight.lever, way, near, tube, floor, sight.levels)
+        if sight.base is not None:
+            near = carried(near, sight.base)
+        return Sight(
+            sight.q, sight.scene, sight.base, sight.lever, way, near, tube, floor, sight.levels
+        )
 
     def _sampled(
         self, sight: Sight, doubtful: Flags, needed: Array, duration_s: float, closer: Array,
@@ -167,7 +199,8 @@ class Clearance:
         count = min(count, SAMPLES)
         times = np.linspace(0.0, duration_s, count + 1)
         pairs = near.pairs.chosen(doubtful)
-        ends = self.links.place(postures(times)).ends
+        base = None if sight.base is None else sight.base.T
+        ends = self.links.place(postures(times), base).ends
         radii = self.around.radii(pairs, scene)
         gaps = self.around.between(ends, pairs, scene).distance - radii
         chord = closer[doubtful] / count
@@ -176,6 +209,9 @@ class Clearance:
         if scene is not None and scene.moves:
             ahead = times[:, None] + (1.0 + LATENCY) * self._period_s
             bound = bound + self._growth_at(near.obstacle[doubtful], scene, ahead)
+        if sight.base is not None:
+            ahead = times[:, None] + (1.0 + LATENCY) * self._period_s
+            bound = bound + near.carried[doubtful] * ahead
         short = np.minimum(bound, sight.floor[doubtful]) - gaps
         return max(0.0, float(short.max()))
 

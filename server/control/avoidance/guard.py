@@ -12,7 +12,7 @@ from ....config.load import Cell
 from ..frames import Array, Pose
 from ..scene import Scene
 from .approach import Rows
-from .clearance import Clearance, Gap, Levels, Postures, Sight
+from .clearance import Base, Clearance, Gap, Levels, Postures, Sight
 from .links import Flags
 from .workspace import Walls
 
@@ -39,6 +39,7 @@ class Situation:
     scene: Scene | None
     factor: float
     """The reduced-speed setting."""
+    base: Base = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Guard:
         fastest = np.maximum(np.abs(asked), np.abs(at.dq))
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
         clearance, widen = self.clearance, bool(np.abs(at.J @ asked).max() > ORDERED)
-        sight = clearance.look(at.q, fastest, at.error, at.scene, at.factor, levels)
+        sight = clearance.look(at.q, fastest, at.error, at.scene, at.factor, levels, at.base)
         slopes, room, speed = sight.near.rows, clearance.room(sight), sight.near.speed
         if self.walls.given:
             slopes = np.concatenate([slopes, at.J[:3], -at.J[:3]])
@@ -119,5 +120,7 @@ class Guard:
             if self.walls.far(at.p, at.T_wrist_mrf, np.maximum(high - at.q, at.q - low)):
                 return short
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
-            short = max(short, self.walls.shortfall(at.p, at.T_wrist_mrf, postures(times)))
+            base = None if at.base is None else at.base.T
+            out = self.walls.shortfall(at.p, at.T_wrist_mrf, postures(times), base)
+            short = max(short, out)
         return short

@@ -55,6 +55,8 @@ class Neighbours(NamedTuple):
     """Speed at which the second may come nearer [m/s]."""
     obstacle: Index
     """Index of the second in the scene; −1 for links."""
+    carried: Array
+    """Speed at which a moving Base carries the first (k,) [m/s]."""
 
     @property
     def size(self) -> int:
@@ -112,7 +114,8 @@ class Around:
                 closing = dot(near.normal[p:], scene.velocity[index])
                 speed[p:] = np.maximum(scene.speed[index] + closing, 0.0)
         rows = self._slopes(pairs, placed, near)
-        return Neighbours(pairs, placed, near, gap, promise, rows, speed, obstacle)
+        none = np.zeros(len(gap))
+        return Neighbours(pairs, placed, near, gap, promise, rows, speed, obstacle, none)
 
     def between(self, ends: Array, pairs: Pairs, scene: Scene | None) -> Near:
         """Return where pairs are nearest, segments taken without their radii.

@@ -38,12 +38,14 @@ class Walls:
         room = float(np.minimum(p - self._low, self._high - p).min()) - BETWEEN
         return float(reach @ way) < room
 
-    def shortfall(self, p: Array, T_wrist_mrf: Pose, q: Array) -> float:
+    def shortfall(
+        self, p: Array, T_wrist_mrf: Pose, q: Array, T_world_base: Pose | None = None
+    ) -> float:
         """Return by how much the MRF leaves the box along postures q (s, n) [m]; 0 inside.
 
         From where it is at p (3,), outside, it may only come nearer.
         """
-        frames = self._links.chain.frames(q)[:, -1]
+        frames = self._links.chain.frames(q, T_world_base)[:, -1]
         tip = self._T_last_wrist @ T_wrist_mrf
         places = frames[:, :, :3] @ tip.p + frames[:, :, 3]
         low = np.minimum(self._low + BETWEEN, p - 1e-4)

@@ -7,9 +7,11 @@ import pytest
 from telerobot.config.load import Cell
 from telerobot.config.obstacles import AllowedContact, Avoidance, Obstacle, Workspace
 from telerobot.server.control.avoidance.guard import Guard
+from telerobot.server.control.frames import Pose
 from telerobot.server.control.scene import Scene
 from telerobot.server.control.state import StickCommand
 from telerobot.server.control.tick import Control
+from telerobot.server.control.tree import Body, Moved
 from telerobot.server.events import Events
 from telerobot.server.world import World
 
@@ -266,3 +268,18 @@ def test_equal_inputs_give_equal_bits(pa10):
             kept.go(0.3, hostile(rng))
         ends.append(kept.run.memory.motion.q)
     assert (ends[0] == ends[1]).all()
+
+
+def test_a_base_that_carries_the_arm_towards_things_leaves_it_more_room(pa10):
+    gaps = []
+    for speed in (0.0, 0.1):
+        kept = Kept(pa10, (POST,))
+        twist = np.array([speed, 0, 0, 0, 0, 0])
+        base = Body(Pose.identity(), twist)
+        moved = Moved(base, Body.standing(Pose.identity()), Pose.identity())
+        for _ in range(300):
+            command = StickCommand(np.array([0.3, 0, 0.1, 0, 0, 0]), np.eye(3))
+            kept.run.tick(stick=command, scene=kept.world.scene(0), moved=moved)
+        gaps.append(kept.gap())
+    assert gaps[0] > 0.0
+    assert gaps[1] > gaps[0] + 0.003
