@@ -11,7 +11,9 @@ from telerobot.tools.simulation import Simulation
 from .conftest import Run
 
 CELL_OF = {"ur5e_tour": "ur5e"}
-ELSEWHERE = {name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))}
+ELSEWHERE = {
+    name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))
+}
 """Scripts that need pictures, a peg or obstacles: `test_vision.py` and its like play them."""
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources"}
 """Scripts that `test_frames.py` and `test_all_sources.py` play."""

@@ -22,7 +22,7 @@ from ...server.events import Events
 from ...server.world import World as Known
 from ..script import Script, Step
 from .arm import Arm
-from .hostile import step
+from .steps import step
 
 PROMISE = 0.02
 """Clearance that the daemon promises in these scenes [m]."""
