@@ -13,6 +13,7 @@ from ....server.control.parameters import Parameters
 from ....server.control.sources.position import PathGoal
 from ....server.control.state import Inputs, Intent
 from ....server.control.tick import Control
+from ....server.daemon import guard_of
 from ....server.events import Events
 from ....server.world import World
 from ..tick import settings_of
@@ -30,7 +31,7 @@ class Telerobot:
         config = cell.config.model_copy(update={"avoidance": avoidance, "obstacles": ()})
         cell = replace(cell, config=config)
         self._period_s = config.timing.period_s
-        self._control = Control(Parameters.from_cell(cell), Mechanism.from_cell(cell))
+        self._control = Control(p := Parameters.from_cell(cell), Mechanism.from_cell(cell), guard_of(cell, p))
         self._memory = self._control.seed(np.array(scene.start))
         self._world = World(cell, Events())
         self._moving = tuple(thing for thing in scene.things if thing.moves)
