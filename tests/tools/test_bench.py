@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.bench import cli, tick
+from telerobot.tools.bench import cli, growth, load, tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.figures import machine, percentiles
 from telerobot.tools.bench.plant import without_self_motion
@@ -30,6 +30,37 @@ def test_bench_writes_its_figures_and_the_machine_as_json(tmp_path, capsys, monk
     assert {"free_us", "limited_us", "p99_us", "target_us", "met"} <= written["tick"]["pa10"].keys()
     assert {"cores", "python", "packages"} <= written["machine"].keys()
     assert "tick pa10" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("count", [1, 16])
+def test_the_load_is_so_many_obstacles_and_every_barrier(count):
+    cell = load.among(load_cell("pa10"), count)
+    shapes = [obstacle.shape for obstacle in cell.config.obstacles]
+    assert len(shapes) == count
+    assert cell.config.keeps_clear
+    assert cell.config.avoidance.enabled
+    if count == load.OBSTACLES:
+        assert set(shapes) == {"point", "sphere", "capsule", "box", "sight_line"}
+
+
+@pytest.mark.parametrize("joints", [6, 12])
+def test_a_made_chain_has_so_many_joints_and_moves(joints, tmp_path):
+    cell = load.among(load.chain(load_cell("pa10"), joints, tmp_path), 2)
+    assert len(cell.robot.joints) == joints
+    figures = tick.bench(cell, ticks=100)
+    assert figures["free_us"]["p50"] > 0.0
+
+
+def test_growth_writes_a_row_for_each_count(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(growth, "COUNTS", (1, 3))
+    monkeypatch.setattr(growth, "JOINTS", (6,))
+    monkeypatch.setattr(growth, "QUICK_TICKS", 60)
+    file = tmp_path / "growth.json"
+    assert main(["bench", "--growth", str(file), "--quick"]) == 0
+    written = json.loads(file.read_text())
+    assert written["obstacles"].keys() == {"1", "3"}
+    assert written["joints"]["6"]["arithmetic_us"] > 0.0
+    assert "3 obstacles" in capsys.readouterr().out
 
 
 def test_an_unknown_benchmark_is_bad_usage():

@@ -11,6 +11,8 @@ from ..local import ChildDied
 from ..operator import OperatorError
 from . import latency, simulate, sync, tick
 from .figures import Figures, machine
+from .growth import growth
+from .load import OBSTACLES, among
 
 Bench = Callable[[Cell, bool], Figures]
 
@@ -18,6 +20,10 @@ BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
     "tick": (
         lambda cell, quick: tick.bench(cell, 1000 if quick else tick.TICKS),
         ("pa10", "ur5e"),
+    ),
+    "load": (
+        lambda cell, quick: tick.bench(among(cell, OBSTACLES), 1000 if quick else tick.TICKS),
+        ("pa10",),
     ),
     "simulate": (
         lambda cell, quick: simulate.bench(cell, 1 if quick else simulate.RUNS),
@@ -38,6 +44,10 @@ BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
+    parser.add_argument(
+        "--growth", type=Path, metavar="FILE",
+        help="measure instead how the tick grows with obstacles and joints, as JSON",
+    )  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="fewer samples, within a minute")
     parser.add_argument(
         "--only", nargs="+", choices=tuple(BENCHES), metavar="NAME",
@@ -49,6 +59,14 @@ def run(args: argparse.Namespace) -> int:
     """Measure; return 1 only if something could not be measured: speed depends on the machine."""
     facts = machine()
     print(f"{facts['cores']} cores, {facts['processor']}, Python {facts['python']}")
+    if args.growth:
+        grown = growth(load_cell("pa10"), args.quick)
+        for of, rows in grown.items():
+            for count, figures in rows.items():
+                for line in table(f"{count} {of}", figures):
+                    print(line)
+        args.growth.write_text(json.dumps({"machine": facts, **grown}, indent=1))
+        return 0
     results: dict[str, dict[str, Figures]] = {}
     failed = False
     for name in args.only:

@@ -19,6 +19,9 @@ from ...server.control.sources.position import PathGoal
 from ...server.control.sources.vision import ViewGoal
 from ...server.control.state import Inputs, Intent, Settings, StickCommand
 from ...server.control.tick import Control
+from ...server.daemon import guard_of
+from ...server.events import Events
+from ...server.world import World
 from ..machine import realtime
 from .figures import Figures, percentiles
 
@@ -67,7 +70,9 @@ class _Phase:
 
 def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
     mechanism = Mechanism.from_cell(cell)
-    control = Control(Parameters.from_cell(cell), mechanism)
+    p = Parameters.from_cell(cell)
+    control = Control(p, mechanism, guard_of(cell, p))
+    world = World(cell, Events())
     draw = np.random.default_rng(1)
     q = np.array(cell.config.mechanism.postures["ready"])
     memory = control.seed(q)
@@ -94,6 +99,7 @@ def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
                 stick=command,
                 goal=goal,
                 view=ViewGoal(Pose.identity(), goal.T_world_target),
+                scene=world.scene(i) if world.known else None,
             )
             start = time.perf_counter()
             memory, output = control.tick(memory, inputs)
@@ -120,4 +126,5 @@ def settings_of(cell: Cell) -> Settings:
         T_wrist_mrf=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),
         T_world_crf=Pose.from_xyz_rpy(crf.xyz, crf.rpy),
         wrench_bias=np.zeros(6),
+        avoid=config.avoidance.enabled,
     )

@@ -6,7 +6,6 @@ import numpy as np
 
 from ....config.load import Cell
 from ....protocols.obstacles import ObstacleNews
-from ....server.control.evolve import evolve
 from ....server.control.frames import Array, Pose
 from ....server.control.mechanism import Mechanism
 from ....server.control.parameters import Parameters
@@ -31,13 +30,15 @@ class Telerobot:
         config = cell.config.model_copy(update={"avoidance": avoidance, "obstacles": ()})
         cell = replace(cell, config=config)
         self._period_s = config.timing.period_s
-        self._control = Control(p := Parameters.from_cell(cell), Mechanism.from_cell(cell), guard_of(cell, p))
+        self._control = Control(
+            p := Parameters.from_cell(cell), Mechanism.from_cell(cell), guard_of(cell, p)
+        )
         self._memory = self._control.seed(np.array(scene.start))
         self._world = World(cell, Events())
         self._moving = tuple(thing for thing in scene.things if thing.moves)
         for thing in scene.things:
             self._world.take(_news(thing, 0, self._period_s), 0)
-        self._settings = evolve(settings_of(cell), avoid=True)
+        self._settings = settings_of(cell)
         self._goal: PathGoal | None = None
 
     def aim(self, target: Pose) -> None:

@@ -1,0 +1,128 @@
+"""The tick at full load: among obstacles of every kind, and for chains of any length.
+
+Obstacles are drawn by seed around where the arm moves, clear of it at the start; the sight line
+looks at a place beside the tool. The chain is made here: links of equal length whose axes
+alternate, as an arm's do.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...config.load import Cell
+from ...config.obstacles import Avoidance, Obstacle, Workspace
+from ...config.urdf import read_robot
+from ...server.control.frames import Array
+from .peers.geometry import Geometry
+from .peers.scenes import Thing
+
+OBSTACLES = 16
+"""At full load [1]."""
+REACH = (0.2, 0.7)
+"""Obstacles lie so far from the tool [m]."""
+CLEAR = 0.08
+"""Kept at the start [m]."""
+KINDS = ("sphere", "capsule", "box", "sphere", "capsule", "box", "point", "sight_line")
+LENGTH = 1.2
+"""Of a made chain, all links together [m]."""
+
+Draw = np.random.Generator
+
+
+def among(cell: Cell, count: int) -> Cell:
+    """Return a cell with so many obstacles, a workspace, and every barrier on."""
+    geometry = Geometry(cell, ())
+    q = np.array(cell.config.mechanism.postures["ready"])
+    tool = geometry.tool(q).p
+    draw = np.random.default_rng(1)
+    found: list[Obstacle] = []
+    while len(found) < count:
+        way = draw.normal(0.0, 1.0, 3)
+        centre = tool + draw.uniform(*REACH) * way / np.linalg.norm(way)
+        obstacle, thing = _drawn(draw, len(found), centre)
+        beside = Geometry(cell, (thing,))
+        if beside.clearance(q).things > CLEAR:
+            found.append(obstacle)
+    avoidance = Avoidance(
+        enabled=True,
+        near_speed=0.1,
+        workspace=Workspace(low=(-3.0, -3.0, -1.0), high=(3.0, 3.0, 3.0)),
+    )
+    config = cell.config.model_copy(update={"obstacles": tuple(found), "avoidance": avoidance})
+    return replace(cell, config=config)
+
+
+def _drawn(draw: Draw, i: int, centre: Array) -> tuple[Obstacle, Thing]:
+    """Return an obstacle, and a thing that fills at least the same space."""
+    kind, name = KINDS[i % len(KINDS)], f"obstacle_{i}"
+    x, y, z = centre.tolist()
+    radius = float(draw.uniform(0.03, 0.08))
+    match kind:
+        case "box":
+            a, b, c = draw.uniform(0.03, 0.08, 3).tolist()
+            obstacle = Obstacle(name=name, shape="box", xyz=(x, y, z), half_size=(a, b, c))
+            return obstacle, Thing(name=name, shape="box", xyz=(x, y, z), half_size=(a, b, c))
+        case "capsule" | "sight_line":
+            half = float(draw.uniform(0.05, 0.2))
+            radius = radius if kind == "capsule" else 0.005
+            ends = {"xyz": (x, y, z - half), "to": (x, y, z + half), "radius": radius}
+            thing = Thing(
+                name=name, shape="capsule", xyz=(x, y, z), radius=radius, half_length=half
+            )
+            return Obstacle.model_validate({"name": name, "shape": kind, **ends}), thing
+        case _:
+            radius = radius if kind == "sphere" else 0.001
+            told = {"name": name, "shape": kind, "xyz": (x, y, z)}
+            if kind == "sphere":
+                told["radius"] = radius
+            thing = Thing(name=name, shape="sphere", xyz=(x, y, z), radius=radius)
+            return Obstacle.model_validate(told), thing
+
+
+def chain(cell: Cell, joints: int, folder: Path) -> Cell:
+    """Return a cell with a made chain of so many joints in place of its arm.
+
+    Its URDF is written to `folder`; the drives are copies of the cell's own.
+    """
+    path = folder / f"chain{joints}.urdf"
+    path.write_text(_urdf(joints), encoding="utf-8")
+    names = [f"joint{i}" for i in range(joints)]
+    mechanism = cell.config.mechanism
+    drives = tuple(
+        mechanism.drives[i % len(mechanism.drives)].model_copy(
+            update={"joint": name, "node": i + 1}
+        )
+        for i, name in enumerate(names)
+    )
+    ready = tuple(0.0 if i % 2 == 0 else 2.4 / (joints // 2) for i in range(joints))
+    mechanism = mechanism.model_copy(
+        update={
+            "urdf": str(path),
+            "tip_link": "tip",
+            "drives": drives,
+            "postures": dict.fromkeys(mechanism.postures, ready),
+        }
+    )
+    robot = read_robot(path, "tip", str(path))
+    config = cell.config.model_copy(update={"mechanism": mechanism})
+    return Cell(path=path, config=config, robot=robot)
+
+
+def _urdf(joints: int) -> str:
+    step = LENGTH / joints
+    parts = ['<link name="link0"/>']
+    for i in range(joints):
+        last = i + 1 == joints
+        child = "tip" if last else f"link{i + 1}"
+        axis = "0 0 1" if i % 2 == 0 else "0 1 0"
+        parts.append(
+            f'<joint name="joint{i}" type="revolute"><parent link="link{i}"/>'
+            f'<child link="{child}"/><origin xyz="0 0 {step if i else 0.3}"/><axis xyz="{axis}"/>'
+            '<limit lower="-2.8" upper="2.8" effort="100" velocity="2"/></joint>'
+            f'<link name="{child}"><inertial><origin xyz="0 0 {step / 2}"/><mass value="2"/>'
+            '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial>'
+            f'<collision><origin xyz="0 0 {step / 2}"/><geometry>'
+            f'<cylinder radius="0.04" length="{step * 0.8}"/></geometry></collision></link>'
+        )
+    return f'<robot name="chain{joints}">{"".join(parts)}</robot>'
