@@ -2,6 +2,7 @@
 
 import json
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from telerobot.config.load import load_cell
 from telerobot.tools.bench import cli, growth, load, tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.figures import machine, percentiles
+from telerobot.tools.bench.growth_plot import BOTTOM, svg
 from telerobot.tools.bench.plant import without_self_motion
 from telerobot.tools.cli import main
 
@@ -61,6 +63,17 @@ def test_growth_writes_a_row_for_each_count(tmp_path, monkeypatch, capsys):
     assert written["obstacles"].keys() == {"1", "3"}
     assert written["joints"]["6"]["arithmetic_us"] > 0.0
     assert "3 obstacles" in capsys.readouterr().out
+
+
+def test_growth_is_drawn_with_a_line_for_each_percentile_and_panel():
+    row = {"free_us": {"p50": 100.0, "p99": 150.0}, "limited_us": {"p50": 120.0, "p99": 200.0}}
+    picture = ElementTree.fromstring(svg({"obstacles": {1: row, 64: row}, "joints": {6: row}}))
+    lines = [e for e in picture.iter() if e.tag.endswith("polyline")]
+    assert len(lines) == 4
+    # What took twice as long stands twice as high above the axis.
+    p99 = [tuple(map(float, pair.split(","))) for pair in lines[1].attrib["points"].split()]
+    p50 = [tuple(map(float, pair.split(","))) for pair in lines[0].attrib["points"].split()]
+    assert (BOTTOM - p99[0][1]) / (BOTTOM - p50[0][1]) == pytest.approx(200.0 / 120.0, rel=0.01)
 
 
 def test_an_unknown_benchmark_is_bad_usage():

@@ -12,6 +12,7 @@ from ..operator import OperatorError
 from . import latency, simulate, sync, tick
 from .figures import Figures, machine
 from .growth import growth
+from .growth_plot import svg
 from .load import OBSTACLES, among
 
 Bench = Callable[[Cell, bool], Figures]
@@ -46,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
     parser.add_argument(
         "--growth", type=Path, metavar="FILE",
-        help="measure instead how the tick grows with obstacles and joints, as JSON",
+        help="measure instead how the tick grows with obstacles and joints, as JSON or as .svg",
     )  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="fewer samples, within a minute")
     parser.add_argument(
@@ -65,7 +66,9 @@ def run(args: argparse.Namespace) -> int:
             for count, figures in rows.items():
                 for line in table(f"{count} {of}", figures):
                     print(line)
-        args.growth.write_text(json.dumps({"machine": facts, **grown}, indent=1))
+        drawn = args.growth.suffix == ".svg"
+        words = svg(grown) if drawn else json.dumps({"machine": facts, **grown}, indent=1)
+        args.growth.write_text(words, encoding="utf-8")
         return 0
     results: dict[str, dict[str, Figures]] = {}
     failed = False

@@ -73,7 +73,7 @@ def _drawn(draw: Draw, i: int, centre: Array) -> tuple[Obstacle, Thing]:
             return Obstacle.model_validate({"name": name, "shape": kind, **ends}), thing
         case _:
             radius = radius if kind == "sphere" else 0.001
-            told = {"name": name, "shape": kind, "xyz": (x, y, z)}
+            told: dict[str, object] = {"name": name, "shape": kind, "xyz": (x, y, z)}
             if kind == "sphere":
                 told["radius"] = radius
             thing = Thing(name=name, shape="sphere", xyz=(x, y, z), radius=radius)

@@ -201,11 +201,12 @@ def test_telerobot_reaches_targets_in_the_open_inside_all_its_bounds(cell, ready
 def test_the_command_writes_scenes_runs_and_table(tmp_path, capsys):
     files = {name: tmp_path / name for name in ("scenes", "json", "markdown")}
     options = [word for name, file in files.items() for word in (f"--{name}", str(file))]
-    assert cli.main(["--seeds", "2:4", "--controllers", "telerobot", *options]) == 0
-    assert [scene.seed for scene in read(files["scenes"])] == [2, 3]
+    assert cli.main(["--seeds", "11:12", "--controllers", "telerobot", *options]) == 0
+    assert [scene.seed for scene in read(files["scenes"])] == [11]
     runs = json.loads(files["json"].read_text())["runs"]
-    assert [r["seed"] for r in runs] == [2, 3]
+    assert [r["seed"] for r in runs] == [11]
     assert all(r["tick_us"]["p50"] > 0.0 and r["acceleration"] <= 1.0 for r in runs)
+    assert all(r["own_collisions"] == 0 for r in runs)
     table = files["markdown"].read_text().splitlines()
     assert table[0].startswith("| scenes | controller |")
     assert "telerobot" in table[2]

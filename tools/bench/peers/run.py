@@ -23,8 +23,8 @@ PATIENCE_S = 4.0
 REST_S = 1.0
 STILL = 1e-3
 """An arm that turned no joint by more in `REST_S` is at rest [rad]."""
-OWN = 1e-7
-"""The arm closes a distance by its own motion if it loses more than this in a substep [m]."""
+OWN = 1e-3
+"""The arm closes a distance by its own motion if that brings it nearer faster than this [m/s]."""
 
 
 @dataclass
@@ -136,5 +136,6 @@ class _Run:
         touching = min(now) < 0.0
         if touching and not self._touching:
             result.collisions += 1
-            result.own_collisions += min(self._geometry.clearance(before)) > min(now) + OWN
+            way = OWN * self._T / SUBSTEPS
+            result.own_collisions += min(self._geometry.clearance(before)) > min(now) + way
         self._touching = touching

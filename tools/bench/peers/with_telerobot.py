@@ -19,6 +19,9 @@ from ..tick import settings_of
 from .controllers import CLEARANCE, SELF_CLEARANCE, NoCommand
 from .scenes import Scene, Thing
 
+FIELD = 1.0
+"""Gain of the self-motion down the potential field [1/s]."""
+
 
 class Telerobot:
     """The daemon's world model and tick, without drives and bus."""
@@ -27,7 +30,10 @@ class Telerobot:
         avoidance = cell.config.avoidance.model_copy(
             update={"enabled": True, "clearance": CLEARANCE, "self_clearance": SELF_CLEARANCE}
         )
-        config = cell.config.model_copy(update={"avoidance": avoidance, "obstacles": ()})
+        redundancy = cell.config.redundancy.model_copy(update={"field": FIELD})
+        config = cell.config.model_copy(
+            update={"avoidance": avoidance, "obstacles": (), "redundancy": redundancy}
+        )
         cell = replace(cell, config=config)
         self._period_s = config.timing.period_s
         self._control = Control(
@@ -67,7 +73,7 @@ class Telerobot:
     @staticmethod
     def settings() -> dict[str, object]:
         """Return how it is set up."""
-        return {"cell": "as shipped", "clearance_m": CLEARANCE, "barriers": "on"}
+        return {"cell": "as shipped", "clearance_m": CLEARANCE, "barriers": "on", "field": FIELD}
 
 
 def _news(thing: Thing, tick: int, period_s: float) -> ObstacleNews:
