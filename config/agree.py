@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from .agree_cameras import camera_disagreements
+from .agree_modes import mode_disagreements
 from .agree_obstacles import obstacle_disagreements
 from .errors import ConfigError, nearest
 from .schema import CellConfig, Drive
@@ -37,6 +38,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from _gripper(config)
     yield from camera_disagreements(config)
     yield from obstacle_disagreements(config)
+    yield from mode_disagreements(config)
     if config.rig is not None:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .cameras import Camera, RigTag, Vision
+from .following import Following
 from .moving import Frames, RigFrames
 from .obstacles import Avoidance, Obstacle
 from .peg import RigHole, RigPeg
@@ -19,6 +20,7 @@ from .section import Pose as Pose
 from .section import Section as Section
 from .section import Vector3 as Vector3
 from .section import Vector6 as Vector6
+from .torque import Torque
 
 NodeId = Annotated[int, Field(ge=1, le=127)]
 CanId = Annotated[int, Field(ge=0, le=0x7FF)]
@@ -115,6 +117,9 @@ class Drive(Section):
     following_window: float = Field(
         0.06, gt=0, le=2, description="following error that means quick stop, also 6065h [rad]"
     )
+    max_torque_rate: float | None = Field(
+        None, gt=0, le=1e7, description="what a commanded torque may change by in CST [N·m/s]"
+    )
     quick_stop_deceleration: float = Field(
         10.0, gt=0, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
     )
@@ -197,6 +202,10 @@ class Mechanism(Section):
     name: Name = Field(description="name of the mechanism")
     urdf: str = Field(description="path, or the name of a URDF that is shipped")
     T_world_base: Pose = Field(default_factory=Pose, description="Base frame in World")
+    operation_mode: Literal["csp", "csv", "cst"] = Field(
+        "csp",
+        description="what the drives are sent: positions, speeds, or the torques of [torque]",
+    )
     tip_link: str = Field(description="last link of the chain: the Wrist frame")
     T_wrist_mrf: Pose = Field(
         default_factory=Pose, description="moving reference frame in the Wrist frame"
@@ -250,12 +259,15 @@ class Sources(Section):
     position: Position = Field(default_factory=Position, description="target poses")
     vision: Vision = Field(default_factory=Vision, description="a camera's view")
     force: Force = Field(default_factory=Force, description="force control")
+    following: Following = Field(default_factory=Following, description="a hand at the tool")
 
 
 class Schedule(Section):
     """A source's gain as a function of something measured: a table of factors, interpolated."""
 
-    source: Literal["joystick", "position", "force"] = Field(description="whose gain it is")
+    source: Literal["joystick", "position", "force", "following"] = Field(
+        description="whose gain it is"
+    )
     by: Literal["contact_force", "distance", "time"] = Field(
         description="what decides: contact force at the MRF [N], distance from the MRF to the "
         "target [m], or time since enable [s]"
@@ -452,6 +464,7 @@ class CellConfig(Section):
     limits: Limits = Field(default_factory=Limits, description="bounds of the tool's motion")
     resolve: Resolve = Field(default_factory=Resolve, description="singularities")
     redundancy: Redundancy = Field(default_factory=Redundancy, description="the null space")
+    torque: Torque = Field(default_factory=Torque, description="the law of drives in CST")
     obstacles: tuple[Obstacle, ...] = Field(
         (), max_length=64, description="what the arm keeps away from"
     )

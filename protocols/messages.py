@@ -55,6 +55,7 @@ class SourceName(StrEnum):
     POSITION = "position"
     VISION = "vision"
     FORCE = "force"
+    FOLLOWING = "following"
 
 
 class Message(BaseModel):
@@ -365,12 +366,13 @@ class RigFault(Message):
     `target` is a joint name, "force_torque", a tag for `cover` and `move`, or an obstacle for
     `place`; `value` depends on
     the kind: probability for `drop` and `corrupt`, seconds for `delay`. `vector` is in World: the
-    force [N] at the joint's link for `push`, the new place [m] for `move` and `place`.
+    force [N] at the joint's link for `push` or at the MRF for `hand` (whose `value` is how long it
+    takes to come and go [s]), the new place [m] for `move` and `place`.
     """
 
     kind: Literal[
         "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-        "cover", "move", "place",
+        "cover", "move", "place", "hand",
     ]  # fmt: skip
     target: str = Field(max_length=64)
     on: bool = True

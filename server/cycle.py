@@ -350,7 +350,7 @@ class Cycle:
         if self.output.refusal is not None and self.mode is not Mode.FAULT:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
-        self.plant.write(self.output.q)
+        self.plant.write(self.output.command)
         self.plant.grip(orders.gripper_closed)
         if self.output.at_goal and orders.posture is not None:
             orders.finish_posture()

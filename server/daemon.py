@@ -15,18 +15,19 @@ from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import RobotousSensor
 from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
+from ..protocols.cia402 import OperationMode
 from .clock import Clock, MonotonicClock
 from .control.avoidance.guard import Guard
 from .control.mechanism import Mechanism
 from .control.parameters import Parameters
 from .control.tick import Control
 from .cycle import Cycle
+from .gain_judge import gain_judge
 from .link import Link, ZenohLink
 from .loop import LoopStatistics, run
 from .mode import Mode
 from .plant import Plant
 from .realtime import prepare
-from .stability import gain_judge
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""
@@ -44,7 +45,15 @@ def build(
     devices = Path(__file__).resolve().parent.parent / "config" / "devices"
     eds = devices / "simulated_drive.eds"
     drives = tuple(
-        ServoDrive(fieldbus, by_joint[j.name], config.timing, lower=j.lower, upper=j.upper, eds=eds)
+        ServoDrive(
+            fieldbus,
+            by_joint[j.name],
+            config.timing,
+            lower=j.lower,
+            upper=j.upper,
+            mode=OperationMode[config.mechanism.operation_mode.upper()],
+            eds=eds,
+        )
         for j in cell.robot.joints
     )
     sensor, gripper = config.mechanism.force_torque, config.mechanism.gripper

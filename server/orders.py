@@ -68,12 +68,14 @@ class Orders:
             "position": np.array(sources.position.gain),
             "vision": np.array(sources.vision.gain),
             "force": np.array(sources.force.gain),
+            "following": np.array(sources.following.gain),
         }
         self.on = {
             "joystick": sources.joystick.enabled,
             "position": sources.position.enabled,
             "vision": sources.vision.enabled and bool(config.cameras),
             "force": sources.force.enabled and config.mechanism.force_torque is not None,
+            "following": sources.following.enabled,
         }
         self._vision_on = self.on["vision"]
         self.avoid = config.avoidance.enabled

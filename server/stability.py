@@ -6,7 +6,6 @@ position source.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,29 +128,3 @@ def vision_periods(cell: Cell) -> float:
     slowest = min((c.rate_hz for c in cell.config.cameras), default=math.inf)
     stamp_s = 1.0 / slowest
     return BUS_PERIODS + DRIVE_PERIODS + stamp_s / cell.config.timing.period_s
-
-
-def gain_judge(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
-    """Return a judge: source and gains (6,) to the reason why they would be unstable, or None."""
-    period = cell.config.timing.period_s
-
-    def judge(source: str, gains: tuple[float, ...]) -> str | None:
-        if source == "force" and cell.config.mechanism.force_torque is None:
-            return "the cell has no force/torque sensor"
-        for i, gain in enumerate(gains):
-            if source == "position":
-                loop, limit = gain * period, bound(BUS_PERIODS + DRIVE_PERIODS)
-            elif source == "vision":
-                loop, limit = gain * period, bound(vision_periods(cell))
-            elif source == "force":
-                axis = force_axis(cell, i, gain)
-                if axis is None:
-                    continue
-                loop, limit = gain * axis.stiffness * period, axis.bound
-            else:
-                continue
-            if loop >= limit:
-                return f"gain[{i}] = {gain:g}: loop gain {loop:.3g}, stable below {limit:.3g}"
-        return None
-
-    return judge

@@ -7,9 +7,11 @@ from typing import Final
 from ..config.load import Cell, load_cell
 from .checks.bus_load import bus_load
 from .checks.drives import drives
+from .checks.following import following
 from .checks.postures import postures
 from .checks.stability import stability
 from .checks.timing import timing
+from .checks.torque import torque
 from .findings import Finding, failed, summary, table, to_json
 
 CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
@@ -18,6 +20,8 @@ CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
     drives,
     stability,
     postures,
+    torque,
+    following,
 )
 
 

@@ -4,6 +4,9 @@ It shares no code with the server's control: it decodes frames by itself, knows 
 cell file, and forms finite differences of the setpoints that were in force at each SYNC. The
 tolerance is what quantised targets add: `STEPS` encoder steps, over T for speed, T² for
 acceleration and T³ for jerk.
+
+Drives in CSV and CST are sent speeds and torques, which are judged by their own bounds (torque and
+its rate in CST); the motion is then judged by what the joints did, as TPDOs tell.
 """
 
 import itertools
@@ -17,6 +20,12 @@ STEPS = (1.0, 2.0, 4.0)
 
 RELATIVE = 1e-6
 """Relative tolerance on every bound, for rounding [1]."""
+
+GATE = 1e-3
+"""Relative tolerance of the torque's rate: the gate's own [1]."""
+
+TRACKING = 0.05
+"""A joint that catches up with its command may be faster than its bound by this part [1]."""
 
 _SYNC = 0x080
 _RPDO1 = 0x200
@@ -36,6 +45,15 @@ class _Joint:
     upper: float
     bounds: tuple[float, float, float]
     step: float
+    torque_bounds: tuple[float, float]
+    """Torque [N·m] and its rate [N·m/s]."""
+    torque_step: float
+    """One step of 6071h, signed [N·m]."""
+    fastest: float
+    """Greatest speed that may be sent in CSV [rad/s]."""
+    measured: float | None = None
+    before: float | None = None
+    """What it was at the SYNC before the last [rad]."""
     pending: float | None = None
     enabled: bool = False
     history: list[tuple[float, float]] = field(default_factory=list)
@@ -58,6 +76,8 @@ class Observer:
     def __init__(self, cell: Cell) -> None:
         limits = {j.name: j for j in cell.robot.joints}
         self._period = cell.config.timing.period_s
+        self._mode = cell.config.mechanism.operation_mode
+        self._length = 4 if self._mode == "cst" else 6
         self._joints: dict[int, _Joint] = {}
         for drive in cell.config.mechanism.drives:
             joint = limits[drive.joint]
@@ -69,6 +89,9 @@ class Observer:
                 upper=joint.upper,
                 bounds=(drive.max_velocity, drive.max_acceleration, drive.max_jerk),
                 step=1.0 / drive.counts_per_radian,
+                torque_bounds=(drive.max_torque, drive.max_torque_rate or float("inf")),
+                torque_step=drive.direction * drive.rated_torque * 1e-3,
+                fastest=drive.max_velocity + cell.config.torque.speed_gain * drive.following_window,
             )
         self.violations: list[Violation] = []
         self.max_speed_ratio = 0.0
@@ -81,28 +104,72 @@ class Observer:
             self.syncs += 1
             for joint in self._joints.values():
                 self._at_sync(joint, time_s)
-        elif _RPDO1 < can_id <= _RPDO1 + 127 and len(data) == 6:
+        elif _RPDO1 < can_id <= _RPDO1 + 127 and len(data) == self._length:
             watched = self._joints.get(can_id - _RPDO1)
             if watched is not None:
-                controlword, counts = struct.unpack("<Hi", data)
+                controlword, raw = struct.unpack("<Hh" if self._length == 4 else "<Hi", data)
                 commanded = controlword & _COMMAND_MASK == _COMMAND
                 on = commanded and watched.enabled
-                watched.pending = watched.zero + watched.scale * counts if on else None
+                watched.pending = self._setpoint(watched, raw) if on else None
         elif _TPDO1 < can_id <= _TPDO1 + 127 and len(data) == 8:
             watched = self._joints.get(can_id - _TPDO1)
             if watched is not None:
-                (statusword,) = struct.unpack_from("<H", data)
+                statusword, counts = struct.unpack_from("<Hi", data)
                 watched.enabled = statusword & _ENABLED_MASK == _ENABLED
+                if self._mode != "csp":
+                    self._moved(time_s, watched, watched.zero + watched.scale * counts)
+
+    def _setpoint(self, joint: _Joint, raw: int) -> float:
+        """Return a raw setpoint in the joint's unit: rad, rad/s or N·m."""
+        if self._mode == "cst":
+            return joint.torque_step * raw
+        return joint.scale * raw + (joint.zero if self._mode == "csp" else 0.0)
+
+    def _moved(self, time_s: float, joint: _Joint, q: float) -> None:
+        """Judge where an enabled joint has come to."""
+        joint.before, joint.measured = joint.measured if joint.enabled else None, q
+        if not joint.enabled:
+            return
+        if not joint.lower - joint.step <= q <= joint.upper + joint.step:
+            bound = joint.lower if q < joint.lower else joint.upper
+            self._found(time_s, joint, "measured_position", q, bound)
+        if joint.before is not None:
+            speed, bound = (q - joint.before) / self._period, joint.bounds[0]
+            self.max_speed_ratio = max(self.max_speed_ratio, abs(speed) / bound)
+            if abs(speed) > bound * (1 + TRACKING) + joint.step / self._period:
+                self._found(time_s, joint, "measured_velocity", speed, bound)
+
+    def _found(self, time_s: float, joint: _Joint, kind: str, value: float, bound: float) -> None:
+        self.violations.append(Violation(time_s, joint.name, kind, value, bound))
 
     def _at_sync(self, joint: _Joint, time_s: float) -> None:
         """Judge the setpoint that this SYNC puts in force."""
         if joint.pending is None:
             joint.history.clear()
             return
-        q = joint.pending
+        if self._mode == "cst":
+            self._judge_torque(joint, time_s, joint.pending)
+        elif self._mode == "csv":
+            if abs(joint.pending) > joint.fastest * (1 + TRACKING) + joint.step:
+                self._found(time_s, joint, "velocity", joint.pending, joint.fastest)
+        else:
+            self._judge_position(joint, time_s, joint.pending)
+
+    def _judge_torque(self, joint: _Joint, time_s: float, torque: float) -> None:
+        most, fastest = joint.torque_bounds
+        step = abs(joint.torque_step)
+        if abs(torque) > most * (1 + RELATIVE) + 0.5 * step:
+            self._found(time_s, joint, "torque", torque, most)
+        if joint.history:
+            rate = (torque - joint.history[-1][1]) / self._period
+            if abs(rate) > fastest * (1 + GATE) + step / self._period:
+                self._found(time_s, joint, "torque_rate", rate, fastest)
+        joint.history = [(time_s, torque)]
+
+    def _judge_position(self, joint: _Joint, time_s: float, q: float) -> None:
         if not joint.lower - joint.step <= q <= joint.upper + joint.step:
             bound = joint.lower if q < joint.lower else joint.upper
-            self.violations.append(Violation(time_s, joint.name, "position", q, bound))
+            self._found(time_s, joint, "position", q, bound)
         joint.history = [*joint.history[-3:], (time_s, q)]
         angles = [q for _, q in joint.history]
         for order, kind in enumerate(("velocity", "acceleration", "jerk")):
@@ -117,7 +184,7 @@ class Observer:
                 ratio = abs(value) / bound
                 self.max_acceleration_ratio = max(self.max_acceleration_ratio, ratio)
             if abs(value) > bound * (1 + RELATIVE) + tolerance:
-                self.violations.append(Violation(time_s, joint.name, kind, value, bound))
+                self._found(time_s, joint, kind, value, bound)
 
 
 def _difference(values: list[float], order: int) -> float:

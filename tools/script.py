@@ -155,7 +155,7 @@ class MotionStep(Part):
 
 FaultKind = Literal[
     "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-    "cover", "move", "place",
+    "cover", "move", "place", "hand",
 ]  # fmt: skip
 
 

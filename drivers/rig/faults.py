@@ -11,6 +11,7 @@
 | stick | joint | extra Coulomb friction [N·m], half the drive's torque by default |
 | freeze | force_torque | 0: repeats its last sample (default); 1: sends none |
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
+| hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |
 | cover | tag | nobody sees it (`tags.py`) |
 | move | tag | `vector` [m] in World is its new place, its attitude stays |
 """
@@ -58,6 +59,8 @@ class Faults:
             raise ValueError(f"fault {fault.kind}: no target {fault.target!r}; there are {known}")
         if fault.kind == "push":
             self._push(fault)
+        elif fault.kind == "hand":
+            self._guide(fault)
         elif fault.kind == "freeze":
             self._freeze(fault)
         elif fault.kind in ("silence", "drop", "delay", "corrupt"):
@@ -110,6 +113,16 @@ class Faults:
             self._world.push_tool(force)
         else:
             self._world.push_joint(self._joints[fault.target], force)
+
+    def _guide(self, fault: RigFault) -> None:
+        if fault.target != SENSOR:
+            raise ValueError(f"fault hand: its target is {SENSOR}, not a joint")
+        if fault.on and fault.vector is None:
+            raise ValueError("fault hand: give its vector [N], in World")
+        if fault.value is not None and fault.value <= 0:
+            raise ValueError(f"fault hand: value {fault.value} s is not above 0")
+        force = np.array(fault.vector) if fault.on and fault.vector is not None else None
+        self._world.push_tool(force, fault.value)
 
 
 def _emcy(fault: RigFault, _joint: int, drive: SimulatedDrive) -> None:

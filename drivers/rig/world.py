@@ -5,6 +5,7 @@ friction, payload) comes from the cell's `[rig]`. Quantities are SI, in World un
 otherwise; joint vectors are (n,) in the order of the cell's drives.
 """
 
+import math
 from functools import cached_property
 from typing import NamedTuple
 
@@ -56,6 +57,8 @@ class World:
         arm = slice(self._first, self._first + self.n)
         self._friction = self.model.dof_frictionloss[arm].copy()
         self._pushes: dict[int, Vector] = {}
+        self._swell: tuple[float, float] | None = None
+        """When the push on the tool began, and how long it takes [s]."""
         self.q: Vector = self.data.qpos[arm]
         self.dq: Vector = self.data.qvel[arm]
         self.q[:] = mechanism.postures["start"]
@@ -99,9 +102,13 @@ class World:
         """Push a joint's link at its centre of mass with a World force (3,) [N]; None: let go."""
         self._push(self._bodies[joint], force)
 
-    def push_tool(self, force: Vector | None) -> None:
-        """Push the tool at the MRF with a World force (3,) [N]; None: let go."""
+    def push_tool(self, force: Vector | None, duration_s: float | None = None) -> None:
+        """Push the tool at the MRF with a World force (3,) [N]; None: let go.
+
+        With a duration T the push comes and goes as `force · sin²(π t / T)`, as a hand's does.
+        """
         self._push(self._tip, force)
+        self._swell = None if force is None or duration_s is None else (self.time_s, duration_s)
 
     def _set_lock(self, joint: int, which: int, on: bool) -> None:
         was = bool(self._locks[joint].any())
@@ -118,7 +125,17 @@ class World:
         else:
             self._pushes[body] = np.asarray(force, dtype=float)
 
+    def _swollen(self) -> float:
+        """Return how much of the push on the tool there is now, 0 to 1."""
+        if self._swell is None:
+            return 1.0
+        since_s, duration_s = self._swell
+        elapsed_s = self.time_s - since_s
+        return math.sin(math.pi * elapsed_s / duration_s) ** 2 if elapsed_s < duration_s else 0.0
+
     def _apply_push(self, body: int, force: Vector) -> None:
+        if body == self._tip:
+            force = self._swollen() * force
         self.data.xfrc_applied[body, :3] = force
         if body == self._tip:
             arm = self.data.site_xpos[self._mrf] - self.data.xipos[body]

@@ -41,7 +41,7 @@ class Mechanism:
         self.joints = joints
         self.T_world_base = T_world_base
         self._data = model.createData()
-        self._tip = model.getFrameId(tip_link)
+        self.tip = model.getFrameId(tip_link)
         self._base_is_world = bool(
             np.array_equal(T_world_base.R, np.eye(3)) and not T_world_base.p.any()
         )
@@ -68,8 +68,8 @@ class Mechanism:
 
         `T_world_base` is where a Base that moves is now; None: where the cell has it.
         """
-        J = pin.computeFrameJacobian(self.model, self._data, q, self._tip, self._align)
-        T_world_wrist = self._placed(self._data.oMf[self._tip], T_world_base)
+        J = pin.computeFrameJacobian(self.model, self._data, q, self.tip, self._align)
+        T_world_wrist = self._placed(self._data.oMf[self.tip], T_world_base)
         R, p = T_world_wrist
         if T_world_base is not None or not self._base_is_world:
             turn = self.T_world_base.R if T_world_base is None else T_world_base.R
@@ -86,7 +86,7 @@ class Mechanism:
     def pose_wrist(self, q: Array, T_world_base: Pose | None = None) -> Pose:
         """Return T_world_wrist at joint angles q (n,) [rad], without a Jacobian."""
         pin.forwardKinematics(self.model, self._data, q)
-        placement = pin.updateFramePlacement(self.model, self._data, self._tip)
+        placement = pin.updateFramePlacement(self.model, self._data, self.tip)
         return self._placed(placement, T_world_base)
 
     def mass_matrix(self, q: Array) -> Array:

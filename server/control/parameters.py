@@ -4,12 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...config.following import Following
 from ...config.load import Cell
 from ...config.potential import PotentialField
 from ...config.schema import CellConfig, Limits, Redundancy, Resolve, Schedule
+from ...config.torque import Torque
 from .avoidance.links import Links
 from .frames import Array, Pose
 from .payload import Payload
+from .sources.following import Impedance
 
 
 def _bounds(translation: float, rotation: float) -> Array:
@@ -20,6 +23,16 @@ def _shape_matters(c: CellConfig) -> bool:
     """Return whether anything in a cell may keep the arm's links away from something."""
     asked = c.redundancy.field > 0.0 or c.potential.virtual_link is not None
     return bool(c.obstacles) or c.avoidance.enabled or asked
+
+
+def _impedance(f: Following) -> Impedance:
+    return Impedance(
+        mass=_bounds(f.mass, f.inertia),
+        damping=_bounds(f.damping, f.angular_damping),
+        stiffness=f.stiffness,
+        deadband=(f.deadband, f.moment_deadband),
+        most=(f.max_force, f.max_moment),
+    )
 
 
 @dataclass(frozen=True)
@@ -61,6 +74,14 @@ class Parameters:
     potential: PotentialField
     links: Links | None
     """The arm's shape; None where nothing asks for it."""
+    impedance: Impedance
+    """What the tool feels like to a hand."""
+    operation_mode: str
+    """What the drives are sent: "csp", "csv" or "cst"."""
+    torque: Torque
+    max_torque: Array
+    max_torque_rate: Array
+    """Bound of what a torque changes by (n,) [N·m/s]; infinite where the cell says none."""
 
     @property
     def n(self) -> int:
@@ -116,4 +137,9 @@ class Parameters:
             hold_leash=c.sources.force.hold_leash,
             potential=c.potential,
             links=Links(cell) if _shape_matters(c) else None,
+            impedance=_impedance(c.sources.following),
+            operation_mode=c.mechanism.operation_mode,
+            torque=c.torque,
+            max_torque=np.array([d.max_torque for d in ordered]),
+            max_torque_rate=np.array([d.max_torque_rate or np.inf for d in ordered]),
         )

@@ -16,11 +16,13 @@ from .paths.goals import Goal
 from .payload import Payload
 from .redundancy import Pulls, SelfMotion
 from .scene import Scene
+from .sources.following import FollowingState
 from .sources.force import ForceState
 from .sources.frames import FramesState
 from .sources.joystick import JoystickState
 from .sources.position import PositionState, Progress
 from .sources.vision import ViewGoal, VisionState
+from .torque import TorqueState
 from .trajectory import Motion, Stop
 from .tree import Moved
 
@@ -51,7 +53,8 @@ class Settings:
     """What an operator may change while running; the tick ramps every change."""
 
     gains: dict[str, Array]
-    """Effective gain (6,) of each source by name; zeros where it is switched off."""
+    """Effective gain (6,) of each source by name; zeros where it is switched off. Following may be
+    left out where there is no hand."""
     T_wrist_mrf: Pose
     T_world_crf: Pose
     wrench_bias: Array
@@ -121,6 +124,7 @@ class Memory:
     position: PositionState
     vision: VisionState
     force: ForceState
+    following: FollowingState
     frames: FramesState = field(default_factory=FramesState)
     load: Array | None = None
     """Payload and bias in effect (10,), see `sources.force.load_of`."""
@@ -133,6 +137,8 @@ class Memory:
     """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
     levels: Levels = field(default_factory=dict)
     """Best gap so far of pairs of links and obstacles that are below their bounds."""
+    torque: TorqueState | None = None
+    """What the torque law remembers, with drives in CST."""
 
 
 class Output(NamedTuple):
@@ -141,6 +147,8 @@ class Output(NamedTuple):
     q: Array
     """Joint command (n,) [rad]."""
     dq: Array
+    command: Array
+    """What the drives are sent for it (n,): rad, rad/s or N·m."""
     refusal: str | None
     """Why the gate refused the command; the drives must quick-stop then."""
     at_rest: bool

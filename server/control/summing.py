@@ -14,12 +14,15 @@ from .frames import Array, Pose, rotate_twist
 from .gains import GAIN_TIME_S
 from .mechanism import Kinematics
 from .parameters import Parameters
+from .sources.following import Following, FollowingState
 from .sources.force import GRAVITY, Force, load_of
 from .sources.frames import Frames, FramesState
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState
 from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Settings
+
+_OFF = np.zeros(6)
 
 
 class Summing:
@@ -31,6 +34,7 @@ class Summing:
         self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
         self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
         self.vision = Vision(p.vision_speed, p.shaping_acceleration, p.shaping_jerk, T)
+        self.following = Following(p.impedance, T)
         self.force = Force(
             p.T_wrist_sensor or Pose.identity(),
             p.wrench_smoothing,
@@ -79,6 +83,7 @@ class Summing:
         """Return each source's twist (6,) in World axes; every source is always on."""
         settings, gains = inputs.settings, memory.gains
         moving = inputs.intent is Intent.MOVE
+        guided = moving and inputs.posture is None and inputs.jog is None
         stick = inputs.stick if moving else None
         joystick_state = memory.joystick if moving else JoystickState.idle()
         joystick, joystick_state = self.joystick.rate(
@@ -93,7 +98,7 @@ class Summing:
         position, position_state = self._position(memory, inputs, k, carried)
         vision, vision_state = self.vision.rate(
             memory.vision if moving else VisionState.idle(),
-            inputs.view if moving and inputs.posture is None and inputs.jog is None else None,
+            inputs.view if guided else None,
             k.T_world_wrist,
             k.T_world_mrf.p,
             gains["vision"],
@@ -104,16 +109,26 @@ class Summing:
         if inputs.R_world_wrench is not None:
             desired = rotate_twist(k.T_world_mrf.R.T @ inputs.R_world_wrench, desired)
         force = self.force.rate(wrench, desired, gains["force"], k.T_world_mrf.R)
+        following, following_state = self.following.rate(
+            memory.following if guided else FollowingState(),
+            None if wrench is None else -wrench,
+            gains.get("following", _OFF) if guided else _OFF,
+            k.T_world_mrf,
+        )
         memory = evolve(
-            memory, joystick=joystick_state, position=position_state, vision=vision_state
+            memory,
+            joystick=joystick_state,
+            position=position_state,
+            vision=vision_state,
+            following=following_state,
         )
         frames, frames_state = np.zeros(6), FramesState()
         if not moving:
             memory, force = self._bleed(memory, inputs, k, wrench, force)
-        elif inputs.posture is None and inputs.jog is None:
+        elif guided:
             frames, frames_state = self.frames.rate(
                 memory.frames,
-                joystick + position + vision + force,
+                joystick + position + vision + force + following,
                 carried,
                 (settings.T_wrist_mrf, settings.redefined, inputs.ground),
                 k.T_world_wrist.R,
@@ -124,6 +139,7 @@ class Summing:
             "position": position,
             "vision": vision,
             "force": force,
+            "following": following,
             "frames": frames,
         }
 

@@ -1,6 +1,6 @@
 """The tick: sum, resolve, avoid, limit, gate. The page to read first.
 
-    sources ──► sum ──► tool speed ──► resolve ──► nearest allowed ──► limit ──► gate ──► q
+    sources ──► sum ──► tool speed ──► resolve ──► nearest allowed ──► limit ──► gate ──► actuate
        ▲                                  ▲               ▲              │
        └── poses, wrench                  └ objectives    └ joint room   └ verified stop
 
@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from .actuate import Now, actuation
 from .allow import Allow, Allowed
 from .avoidance.guard import Guard, Watch
 from .evolve import evolve
@@ -25,6 +26,7 @@ from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
 from .redundancy import Redundancy, SelfMotion
 from .resolve import Travel, resolve
+from .sources.following import FollowingState
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
 from .sources.position import PositionState
@@ -73,6 +75,7 @@ class Control:
         self.field = Field(p)
         self.allow = Allow(p, guard)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
+        self.actuate = actuation(p, mechanism)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
 
     def seed(self, q: Array) -> Memory:
@@ -88,6 +91,7 @@ class Control:
             position=PositionState(),
             vision=VisionState.idle(),
             force=ForceState(),
+            following=FollowingState(),
         )
 
     def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
@@ -105,7 +109,7 @@ class Control:
             q = inputs.q_measured
             if inputs.energised is not None:
                 q = np.where(inputs.energised, memory.motion.q, q)
-            memory = self.seed(q)
+            memory = evolve(self.seed(q), torque=memory.torque)
         memory = evolve(memory, force=measured.force, load=measured.load)
         kinematics = self.mechanism.kinematics(
             memory.motion.q,
@@ -133,20 +137,36 @@ class Control:
         )
         limited = self._limit(memory, inputs, asked, allowed)
         refusal = self.gate.refusal(limited.motion.q, memory.sent)
-        return self._remember(memory, inputs, limited, asked), Output(
+        wrench = self.summing.wrench_mrf(memory, inputs.settings.T_wrist_mrf)
+        actuated = self.actuate(
+            memory.torque,
+            Now(
+                inputs.q_measured,
+                error,
+                memory.motion,
+                limited.motion,
+                None if wrench is None else -wrench,
+                inputs.settings.T_wrist_mrf,
+                inputs.time_s,
+                inputs.intent is Intent.SEED,
+            ),
+        )
+        memory = self._remember(memory, inputs, limited, asked, kinematics)
+        return evolve(memory, torque=actuated.state), Output(
             q=limited.motion.q,
             dq=limited.motion.dq,
-            refusal=refusal,
+            command=actuated.command,
+            refusal=refusal or actuated.refusal,
             at_rest=max(np.abs(limited.motion.dq).max(), np.abs(limited.motion.ddq).max())
             < STANDING,
             following_error=error,
             T_world_mrf=kinematics.T_world_mrf,
             T_world_mrf_measured=T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
-            wrench_mrf=self.summing.wrench_mrf(memory, inputs.settings.T_wrist_mrf),
+            wrench_mrf=wrench,
             twists=asked.twists,
             twist=asked.twist,
             scale=asked.scale,
-            limits=asked.limits + (("verified_stop",) if limited.stopped else ()),
+            limits=asked.limits + (("verified_stop",) if limited.stopped else ()) + actuated.limits,
             stop_worsened=limited.worsened,
             gaps=allowed.gaps,
             sigma_min=asked.sigma_min,
@@ -267,7 +287,9 @@ class Control:
 
     # --- what is remembered ------------------------------------------------------------------
 
-    def _remember(self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked) -> Memory:
+    def _remember(
+        self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked, k: Kinematics
+    ) -> Memory:
         granted = 0.0 if limited.stopped else asked.scale
         return evolve(
             memory,
@@ -275,6 +297,9 @@ class Control:
             stop=limited.stop,
             sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
             position=self.summing.position.advance(memory.position, granted),
+            following=self.summing.following.advance(
+                memory.following, asked.twist, granted, k.T_world_mrf
+            ),
             hold=memory.hold if inputs.intent is Intent.HOLD else None,
             off_path=further(memory.off_path, asked.give_way, granted * self.p.period_s),
         )

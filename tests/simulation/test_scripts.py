@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.load import shipped
+from telerobot.config.load import load_cell, shipped
 from telerobot.tools.script import load_script
 from telerobot.tools.simulation import Simulation
 
 from .conftest import Run
 
-CELL_OF = {"ur5e_tour": "ur5e"}
+CELL_OF = {"ur5e_tour": "ur5e", "hand_push": "pa10_hand", "hand_swell": "pa10_hand"}
 ELSEWHERE = {
     name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))
 }
@@ -25,8 +25,8 @@ def run_shipped(name, cell):
 
 
 @pytest.mark.parametrize("name", sorted(set(shipped("scripts")) - ELSEWHERE - FRAMES))
-def test_every_shipped_script_plays_without_refusal_fault_or_violation(name, pa10, ur5e):
-    run = run_shipped(name, ur5e if CELL_OF.get(name) == "ur5e" else pa10)
+def test_every_shipped_script_plays_without_refusal_fault_or_violation(name):
+    run = run_shipped(name, load_cell(CELL_OF.get(name, "pa10")))
     assert run.summary["failure"] is None
     assert run.summary["refused"] == []
     assert run.summary["mode"] == "enabled"

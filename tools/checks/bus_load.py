@@ -8,7 +8,7 @@ from ..findings import Finding, graded
 LIMIT = 0.80
 """Above this load a classic CAN bus has no room left for SDO, EMCY and repetitions [1]."""
 NOTICE = 0.60
-RPDO_BYTES = 6
+RPDO_BYTES = {"csp": 6, "csv": 6, "cst": 4}
 TPDO_BYTES = 8
 HEARTBEAT_BYTES = 1
 SAMPLE_FRAMES = 2
@@ -27,8 +27,9 @@ def bus_load(cell: Cell) -> Iterator[Finding]:
     """Judge the cyclic traffic against the bit rate, and say what the heartbeats' share is."""
     timing, bitrate = cell.config.timing, cell.config.bus.bitrate
     n = len(cell.config.mechanism.drives)
+    mode = cell.config.mechanism.operation_mode
     per_period = worst_case_bits(0) + n * (
-        worst_case_bits(RPDO_BYTES) + worst_case_bits(TPDO_BYTES)
+        worst_case_bits(RPDO_BYTES[mode]) + worst_case_bits(TPDO_BYTES)
     )
     cyclic = per_period / timing.period_s
     others = 1 if cell.config.mechanism.gripper is None else 2

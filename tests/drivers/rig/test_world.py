@@ -170,3 +170,15 @@ def test_a_push_on_the_tool_is_felt_at_the_joints_as_its_moment(cell: Cell) -> N
     moments = J.T @ np.concatenate((force, np.cross(arm, force)))
     felt = world.data.qfrc_smooth + world.data.qfrc_bias - world.data.qfrc_passive
     np.testing.assert_allclose(felt[: world.n], moments, atol=1e-6)
+
+
+def test_a_hand_comes_and_goes_as_it_was_told(cell: Cell) -> None:
+    world = World(cell)
+    felt = []
+    for _ in range(1300):
+        if len(felt) == 100:
+            world.push_tool(np.array([0.0, 4.0, 0.0]), 1.0)
+        world.step(np.zeros(world.n))
+        felt.append(float(np.abs(world.data.xfrc_applied).max(axis=0)[1]))
+    t = np.clip((np.arange(1300) - 100) * world.dt, 0.0, 1.0)
+    np.testing.assert_allclose(felt, 4.0 * np.sin(np.pi * t) ** 2, atol=0.02)

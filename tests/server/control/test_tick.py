@@ -42,10 +42,18 @@ def test_the_twist_is_the_sum_of_every_sources(run, stick):
     inputs = everything_at_once(run, stick)
     for _ in range(100):
         output = run.tick(**inputs)
-        assert set(output.twists) == {"joystick", "position", "vision", "force", "frames"}
+        assert set(output.twists) == {
+            "joystick",
+            "position",
+            "vision",
+            "force",
+            "frames",
+            "following",
+        }
         total = sum(output.twists.values())
         np.testing.assert_allclose(output.twist, total, rtol=0, atol=1e-16)
     assert not output.twists.pop("frames").any()  # nothing moves, nothing was redefined
+    assert not output.twists.pop("following").any()  # it is off
     assert all(np.linalg.norm(twist) > 1e-3 for twist in output.twists.values())
 
 

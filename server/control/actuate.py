@@ -1,0 +1,123 @@
+"""What the drives are sent for a commanded motion: positions, speeds or torques.
+
+The last stage before the bus. It changes no motion: it says the same motion in the unit of the
+drives' operation mode, and refuses a torque or a speed that is not to be sent, as the gate refuses
+a posture.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from .dynamics import Dynamics
+from .frames import Array, Pose
+from .gate import TOLERANCE
+from .mechanism import Mechanism
+from .parameters import Parameters
+from .torque import TorqueLaw, TorqueState
+from .trajectory import Motion
+
+
+class Now(NamedTuple):
+    """What an actuation may look at."""
+
+    q: Array
+    """Joints as measured (n,) [rad]."""
+    error: Array
+    """Their lag behind the command (n,) [rad]."""
+    before: Motion
+    """The command before this tick."""
+    after: Motion
+    """The command that this tick decided on."""
+    wrench_on_arm: Array | None
+    """What pushes the arm, at and in the MRF (6,); None when stale."""
+    T_wrist_mrf: Pose
+    time_s: float
+    settled: bool
+    """The drives are off."""
+
+
+class Actuated(NamedTuple):
+    """A command (n,) in the drives' unit, and why it may not be sent, if so."""
+
+    command: Array
+    state: TorqueState | None
+    refusal: str | None = None
+    limits: tuple[str, ...] = ()
+
+
+class Actuation(Protocol):
+    """One operation mode."""
+
+    def __call__(self, state: TorqueState | None, now: Now, /) -> Actuated:
+        """Return what to send."""
+        ...
+
+
+def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
+    """Return the actuation of a cell's operation mode."""
+    if p.operation_mode == "csv":
+        return BySpeed(p)
+    if p.operation_mode == "cst":
+        return ByTorque(p, mechanism)
+    return by_position
+
+
+def by_position(_state: TorqueState | None, now: Now) -> Actuated:
+    """CSP: the commanded posture."""
+    return Actuated(now.after.q, None)
+
+
+class BySpeed:
+    """CSV: the commanded rates, and what brings the joints to the command."""
+
+    def __init__(self, p: Parameters) -> None:
+        self._joints, self._gain = p.joints, p.torque.speed_gain
+        self._most = (1.0 + TOLERANCE) * p.velocity + self._gain * p.following_window
+
+    def __call__(self, _state: TorqueState | None, now: Now) -> Actuated:
+        """Return the speeds (n,) [rad/s]."""
+        command = now.after.dq + self._gain * now.error
+        return Actuated(command, None, _beyond(self._joints, command, self._most, "speed", "rad/s"))
+
+
+class ByTorque:
+    """CST: the torques of the law, inside the bounds of torque and of its rate."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+        dynamics = Dynamics(mechanism, np.resize(np.array(p.torque.rotor_inertia), p.n))
+        length = p.resolve.characteristic_length
+        self._law = TorqueLaw(dynamics, p.torque, p.max_torque, length, p.period_s)
+        self._joints, self._most = p.joints, p.max_torque
+        self._step = (1.0 + TOLERANCE) * p.max_torque_rate * p.period_s
+
+    def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
+        """Return the torques (n,) [N·m]."""
+        kept, torques = self._law.step(
+            state,
+            now.q,
+            now.before,
+            now.after,
+            now.wrench_on_arm,
+            now.T_wrist_mrf,
+            now.time_s,
+            now.settled,
+        )
+        tau = torques.tau
+        refusal = _beyond(self._joints, tau, self._most, "torque", "N·m")
+        if refusal is None and state is not None:
+            step = tau - state.tau
+            refusal = _beyond(self._joints, step, self._step, "torque step", "N·m")
+        limits: tuple[str, ...] = ()
+        if torques.beyond.any():
+            limits = tuple(f"disturbance:{self._joints[i]}" for i in np.flatnonzero(torques.beyond))
+        return Actuated(tau, kept, refusal, limits)
+
+
+def _beyond(joints: tuple[str, ...], value: Array, most: Array, what: str, unit: str) -> str | None:
+    """Return why values (n,) may not be sent, or None. What is not finite is beyond, too."""
+    within = np.abs(value) <= most
+    if within.all():
+        return None
+    j = int(np.argmin(within))
+    return f"{joints[j]}: {what} {value[j]:.4g} beyond {most[j]:.4g} {unit}"

@@ -1,0 +1,169 @@
+"""Computed torque in the tool's space, with the null space of equal inertia, for drives in CST.
+
+    q̈* = q̈_0 + J̄ (ẍ* − J q̈_0),   q̈_0 = q̈_c + K_v (q̇_c − q̇) + K_n (q_c − q)
+    ẍ* = ẍ_c + K_d (ẋ_c − ẋ) + K_p (x_c − x) − J̇ q̇,   τ = M q̈* + h − Jᵀ F − r
+
+with `J̄ = M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹`: eq. 6 of Hamaguchi and Taniguchi, whose self-motion is not left to
+itself, F the *measured* force on the arm and r what the momentum observer found beside it. Where
+the tool cannot move, damping takes J̄ away and the joints' own law is what is left.
+
+A torque that is computed from what SYNC k sampled acts from SYNC k + 1 to k + 2: the state is
+predicted to k + 1 with the torque that acts until then.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...config.torque import Torque
+from .dynamics import Dynamics
+from .frames import Array, Pose, pose_error
+from .momentum import MomentumState, begin, corrected, observe
+from .trajectory import Motion
+
+
+class TorqueState(NamedTuple):
+    """What the law remembers of the last tick."""
+
+    q: Array
+    """Joints as measured (n,) [rad]."""
+    dq_next: Array
+    """Their rates as predicted for the next SYNC (n,) [rad/s]."""
+    sent: tuple[Array, Array]
+    """The last two torques (n,), newest first, without what was fed forward against friction."""
+    tau: Array
+    """The last torque (n,) as it was sent [N·m]."""
+    momentum: MomentumState
+    time_s: float
+
+
+class Torques(NamedTuple):
+    """Torques (n,) [N·m], and joints whose disturbance is beyond what may be compensated."""
+
+    tau: Array
+    beyond: NDArray[np.bool_]
+
+
+class TorqueLaw:
+    """The law of one arm; all arrays (n,)."""
+
+    def __init__(
+        self, dynamics: Dynamics, torque: Torque, max_torque: Array, length: float, period_s: float
+    ) -> None:
+        """Build; `length` weighs radians against metres where the tool's mobility is judged [m]."""
+        n = len(max_torque)
+        self._dynamics = dynamics
+        self._gains = torque
+        self._friction = np.resize(np.array(torque.friction), n)
+        self._authority = torque.observer_share * max_torque
+        self._T = period_s
+        self._trust = 1.0 - math.exp(-2.0 * math.pi * torque.velocity_filter_hz * period_s)
+        self._weight = np.array([1.0] * 3 + [length] * 3)
+
+    def step(
+        self,
+        state: TorqueState | None,
+        q: Array,
+        before: Motion,
+        after: Motion,
+        wrench_on_arm: Array | None,
+        T_wrist_mrf: Pose,
+        time_s: float,
+        settled: bool,
+    ) -> tuple[TorqueState, Torques]:
+        """Return what to remember, and the torques to send.
+
+        `q` (n,) was sampled at the last SYNC; the command goes from `before` to `after` while the
+        torque acts. `wrench_on_arm` (6,) is measured, at and in the MRF. `settled` is true while
+        the drives are off: nothing is suspected then.
+        """
+        T = self._T
+        if state is None or not 0.5 * T < time_s - state.time_s < 1.5 * T:
+            state = self._restart(q, time_s)
+        rate = (q - state.q) / T  # in the middle of the period that has passed
+        terms = self._dynamics.terms(q, rate)
+        inverse = np.asarray(np.linalg.inv(terms.M), dtype=np.float64)
+        k = self._dynamics.kinematics(q, T_wrist_mrf)
+        felt = np.zeros_like(q)
+        if wrench_on_arm is not None:
+            R = k.T_world_mrf.R
+            wrench = np.concatenate([R @ wrench_on_arm[:3], R @ wrench_on_arm[3:]])
+            felt = k.J.T @ wrench
+        h = self._dynamics.bias(q, rate)
+        beside = felt + state.momentum.residual - h
+        # The rate now: the encoders' own, half a period old, carried on by what acted since.
+        dq = rate + 0.5 * T * (inverse @ (state.sent[1] + beside))
+        dq = state.dq_next + self._trust * (dq - state.dq_next)
+        known = state.sent[1] + terms.drift + felt
+        momentum = observe(state.momentum, terms.M @ dq, known, self._gains.observer, T)
+        if settled:
+            momentum = begin(terms.M @ dq)
+        else:
+            momentum = self._without_stiction(momentum, terms.M @ dq, q, before, after)
+        ddq = inverse @ (state.sent[0] + felt + momentum.residual - h)
+        q_next, dq_next = q + T * (dq + 0.5 * T * ddq), dq + T * ddq
+        ddq = self._wanted(q_next, dq_next, before, after, inverse, T_wrist_mrf)
+        found = momentum.residual
+        unknown = np.clip(found, -self._authority, self._authority)
+        tau = terms.M @ ddq + self._dynamics.bias(q_next, dq_next) - unknown
+        tau = tau - self._gains.compensation * felt
+        rubbing = self._friction * np.tanh(self._heading(q_next, before, after))
+        sent = tau + rubbing
+        kept = TorqueState(q, dq_next, (tau, state.sent[0]), sent, momentum, time_s)
+        return kept, Torques(sent, np.abs(found) > self._authority)
+
+    def _without_stiction(
+        self, state: MomentumState, momentum: Array, q: Array, before: Motion, after: Motion
+    ) -> MomentumState:
+        """Return the observer's state without what friction alone may hold of a standing joint.
+
+        Learnt at rest, it would be in the way when the joint sets off: friction turns round then.
+        """
+        standing = 1.0 - np.abs(np.tanh(self._heading(q, before, after)))
+        band = self._friction * standing
+        residual = state.residual - np.clip(state.residual, -band, band)
+        return corrected(momentum, residual, self._gains.observer)
+
+    def _heading(self, q: Array, before: Motion, after: Motion) -> Array:
+        """Return where each joint is to go (n,), in terms of the speed that friction is full at."""
+        g = self._gains
+        return np.asarray((after.dq + g.friction_lead * (before.q - q)) / g.friction_speed)
+
+    def _restart(self, q: Array, time_s: float) -> TorqueState:
+        """Return the state of an arm that was not looked at before: at rest, and held."""
+        rest = np.zeros_like(q)
+        held = self._dynamics.bias(q, rest)
+        return TorqueState(q, rest, (held, held), held, begin(rest), time_s - self._T)
+
+    def _wanted(
+        self, q: Array, dq: Array, before: Motion, after: Motion, inverse: Array, T_wrist_mrf: Pose
+    ) -> Array:
+        """Return joint accelerations (n,) that bring tool and joints to the command."""
+        g = self._gains
+        commanded, drift_c = self._dynamics.tool(before.q, before.dq, T_wrist_mrf)
+        actual, drift = self._dynamics.tool(q, dq, T_wrist_mrf)
+        ahead = (after.dq - before.dq) / self._T
+        J = actual.J
+        joints = ahead + g.null_damping * (before.dq - dq) + g.null_stiffness * (before.q - q)
+        tool = (
+            commanded.J @ ahead
+            + drift_c
+            + g.damping * (commanded.J @ before.dq - J @ dq)
+            + g.stiffness * pose_error(commanded.T_world_mrf, actual.T_world_mrf)
+            - drift
+        )
+        return joints + inverse @ (J.T @ self._inertia(J, inverse, tool - J @ joints))
+
+    def _inertia(self, J: Array, inverse: Array, acceleration: Array) -> Array:
+        """Return the wrench (6,) that accelerates the tool (6,), damped where it is stiff.
+
+        The tool's mobility `J M⁻¹ Jᵀ` is inverted along each of its own axes.
+        """
+        g, w = self._gains, self._weight
+        J = w[:, None] * J
+        mobility, axes = np.linalg.eigh(J @ inverse @ J.T)
+        short = np.maximum(0.0, 1.0 - np.maximum(mobility, 0.0) / g.singular_region)
+        damped = mobility / (mobility**2 + (g.singular_damping * short) ** 2)
+        return np.asarray(w * (axes @ (damped * (axes.T @ (w * acceleration)))))

@@ -1,0 +1,72 @@
+"""Dynamics of the arm against finite differences of its own kinematics and energy."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.server.control.dynamics import Dynamics
+from telerobot.server.control.frames import Pose
+from telerobot.server.control.mechanism import Mechanism
+
+ROTORS = np.array([1.5, 1.5, 0.8, 0.8, 0.15, 0.15, 0.1])
+TOOL = Pose.from_xyz_rpy((0.03, -0.02, 0.121), (0.2, 0.1, 0.4))
+TILTED = Pose.from_xyz_rpy((0.4, 0.2, 0.1), (0.3, -0.2, 1.0))
+
+
+@pytest.fixture(params=[Pose.identity(), TILTED], ids=["upright", "tilted"])
+def arm(request):
+    cell = load_cell("pa10_hand")
+    joints = tuple(j.name for j in cell.robot.joints)
+    mechanism = Mechanism(cell.robot.description(), joints, "flange", request.param)
+    return mechanism, Dynamics(mechanism, ROTORS)
+
+
+def states(n):
+    rng = np.random.default_rng(3)
+    return [(rng.uniform(-1.5, 1.5, 7), rng.uniform(-1, 1, 7)) for _ in range(n)]
+
+
+def test_the_tools_drift_is_the_change_of_its_velocity_at_constant_rates(arm) -> None:
+    mechanism, dynamics = arm
+    h = 1e-6
+    for q, dq in states(10):
+        k, drift = dynamics.tool(q, dq, TOOL)
+        np.testing.assert_array_equal(k.J, mechanism.kinematics(q, TOOL).J)
+        ahead = mechanism.kinematics(q + h * dq, TOOL).J @ dq
+        behind = mechanism.kinematics(q - h * dq, TOOL).J @ dq
+        np.testing.assert_allclose(drift, (ahead - behind) / (2 * h), atol=1e-6)
+
+
+def test_gravity_is_the_slope_of_the_potential_energy_in_world(arm) -> None:
+    mechanism, dynamics = arm
+    model = mechanism.model
+    data = model.createData()
+    down = TILTED if not np.array_equal(mechanism.T_world_base.R, np.eye(3)) else Pose.identity()
+    mass = sum(i.mass for i in model.inertias[1:])
+
+    def energy(q):
+        height = (down.R @ pin.centerOfMass(model, data, q))[2]
+        return 9.81 * mass * height
+
+    for q, _ in states(5):
+        slope = [(energy(q + e) - energy(q - e)) / 2e-6 for e in 1e-6 * np.eye(mechanism.n)]
+        np.testing.assert_allclose(dynamics.bias(q, np.zeros(7)), slope, atol=1e-5)
+
+
+def test_momentum_changes_by_torque_and_drift(arm) -> None:
+    _, dynamics = arm
+    h = 1e-6
+    tau = np.array([3.0, -5.0, 1.0, 2.0, 0.3, -0.2, 0.1])
+    for q, dq in states(5):
+        terms = dynamics.terms(q, dq)
+        ddq = np.linalg.solve(terms.M, tau - dynamics.bias(q, dq))
+        momentum = [dynamics.terms(q + s * h * dq, dq).M @ (dq + s * h * ddq) for s in (-1.0, 1.0)]
+        change = (momentum[1] - momentum[0]) / (2 * h)
+        np.testing.assert_allclose(change, tau + terms.drift, atol=1e-5)
+
+
+def test_rotors_add_to_the_inertia_of_their_own_joint(arm) -> None:
+    mechanism, dynamics = arm
+    q, dq = states(1)[0]
+    added = dynamics.terms(q, dq).M - mechanism.mass_matrix(q)
+    np.testing.assert_allclose(added, np.diag(ROTORS), atol=1e-12)
