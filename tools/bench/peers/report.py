@@ -14,8 +14,8 @@ LEGEND = (
     "Collisions: distances that fell below zero; in brackets those that the arm's own motion "
     "closed, the others ran into an arm.",
     "Off path: mean distance of the tool from the straight line to its target.",
-    "Stuck: not reached, and at rest in the end. No command: periods in which a controller found "
-    "none, and stood.",
+    "Stuck: not reached, and at rest or creeping in the end. No command: periods in which a "
+    "controller found none, and stood.",
     "A, J: greatest joint acceleration and jerk over the drive's bounds: telerobot keeps both, "
     "'pink, A' the first.",
 )

@@ -21,8 +21,8 @@ REACHED = (2e-3, 1e-2)
 PATIENCE_S = 4.0
 """Allowed for a target beyond the time of its reference [s]."""
 REST_S = 1.0
-STILL = 1e-3
-"""An arm that turned no joint by more in `REST_S` is at rest [rad]."""
+STILL = 1e-2
+"""An arm that turned no joint by more in `REST_S` is at rest, or creeps [rad]."""
 OWN = 1e-3
 """The arm closes a distance by its own motion if that brings it nearer faster than this [m/s]."""
 
@@ -38,7 +38,7 @@ class Result:
     targets: int
     reached: int = 0
     stuck: int = 0
-    """Targets that were not reached, with the arm at rest in the end."""
+    """Targets that were not reached, with the arm at rest or creeping in the end."""
     clearance_m: float = math.inf
     """Least true distance from things."""
     own_clearance_m: float = math.inf
