@@ -39,6 +39,11 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from camera_disagreements(config)
     yield from obstacle_disagreements(config)
     yield from mode_disagreements(config)
+    if config.touch is not None and len(config.touch.torque) not in (1, len(robot.joints)):
+        yield (
+            f"touch.torque: {len(config.touch.torque)} values for {len(robot.joints)} joints: "
+            "give 1 or one each"
+        )
     if config.rig is not None:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):

@@ -21,6 +21,7 @@ from .section import Section as Section
 from .section import Vector3 as Vector3
 from .section import Vector6 as Vector6
 from .torque import Torque
+from .touch import Touch
 
 NodeId = Annotated[int, Field(ge=1, le=127)]
 CanId = Annotated[int, Field(ge=0, le=0x7FF)]
@@ -105,6 +106,12 @@ class Drive(Section):
         gt=0, le=1e5, description="torque at the joint that 6077h reports as 1000 [N·m]"
     )
     max_torque: float = Field(gt=0, le=1e5, description="torque limit of the drive [N·m]")
+    rotor_inertia: float = Field(
+        0.0, ge=0, le=1e4, description="what its rotor adds at the joint, for dynamics [kg·m²]"
+    )
+    friction: float = Field(
+        0.0, ge=0, le=1e5, description="Coulomb friction at the joint, for dynamics [N·m]"
+    )
     max_velocity: float = Field(gt=0, le=50, description="joint speed bound V [rad/s]")
     max_acceleration: float = Field(gt=0, le=500, description="joint acceleration bound A [rad/s²]")
     max_jerk: float = Field(gt=0, le=50_000, description="joint jerk bound J [rad/s³]")
@@ -357,6 +364,9 @@ class RigDrive(Section):
     integral: tuple[NonNegative, ...] = Field(description="position loop K_i [N·m/(rad·s)]")
     armature: tuple[NonNegative, ...] = Field(description="rotor inertia at the joint [kg·m²]")
     friction: tuple[NonNegative, ...] = Field(description="Coulomb friction [N·m]")
+    torque_filter_s: float = Field(
+        0.005, ge=0, le=0.1, description="time constant of the torque that it reports [s]"
+    )
     torque_delay_s: float = Field(
         0.02, ge=0, le=0.5, description="brake opens this long before torque stands: the sag [s]"
     )
@@ -472,6 +482,7 @@ class CellConfig(Section):
     potential: PotentialField = Field(
         default_factory=PotentialField, description="what repels the links, softly"
     )
+    touch: Touch | None = Field(None, description="collision detection; absent: off")
     rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")
 
     @property

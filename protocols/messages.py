@@ -285,6 +285,8 @@ class State(Message):
     q_command: JointVector
     dq_command: JointVector
     tau: JointVector
+    external_torque: JointVector | None = None
+    """Torques of contact that no sensor sees [N·m]; None where it is not watched."""
     following_error: JointVector
     pose_mrf: Vector6
     pose_mrf_measured: Vector6

@@ -39,6 +39,7 @@ class Why(StrEnum):
     TOO_MANY_OBSTACLES = "too_many_obstacles"
     UNKNOWN_FRAME = "unknown_frame"
     SENSOR_STALE = "sensor_stale"
+    TOUCHED = "touched"
     STILL_WRONG = "still_wrong"
     UNSTABLE_GAIN = "unstable_gain"
 

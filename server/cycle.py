@@ -31,6 +31,7 @@ from .orders import Orders
 from .plant import Plant, PlantReading
 from .sensor_watch import SensorWatch
 from .telemetry import describe, report
+from .touch_watch import TouchWatch
 from .vision_watch import VisionWatch
 from .warm_up import warm_up
 from .world import World
@@ -94,6 +95,7 @@ class Cycle:
         self._world = World(cell, self._events)
         self._frames = FrameWatch(cell, self._events)
         self._orders.lens = lambda: self._vision.lens
+        self._touch = TouchWatch(cell, control.p, control.mechanism, self._events)
         self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
 
     def boot(self) -> None:
@@ -188,6 +190,14 @@ class Cycle:
                 T_world_mrf = self.output.T_world_mrf_measured
                 weight = self._control.summing.weight(T_world_mrf, self._orders.settings())
             self._sensor.look(reading, weight)
+        self._touch.look(
+            reading,
+            self._memory,
+            self.output,
+            self._orders.T_wrist_mrf,
+            self._orders.moved,
+            self.mode is Mode.ENABLED,
+        )
         return View(
             now=Now(now_s, self.tick, self._enabled_since),
             mode=self.mode,
@@ -199,6 +209,7 @@ class Cycle:
             world=self._world,
             frames=self._frames,
             T_world_mrf=None if self.output is None else self.output.T_world_mrf,
+            touched=self._touch.stopping,
         )
 
     # --- faults and modes --------------------------------------------------------------------
@@ -283,6 +294,8 @@ class Cycle:
             return "sensor stale"
         if self._orders.avoid and self._world.stop is not None:
             return "obstacle stale"
+        if self._touch.stopping:
+            return "touched"
         if self._late_in_a_row > self._tolerated_overruns:
             return "overruns"
         return None
@@ -383,6 +396,7 @@ class Cycle:
             self._frames,
             self._desk.protective_stop is not None,
             self.overruns,
+            self._touch.external,
         )
         self._link.publish(STATE, encode(state))
         if self.tick % DESCRIBE_EVERY == 1:

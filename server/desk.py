@@ -51,6 +51,8 @@ class View:
     """Where the frames are that may move."""
     T_world_mrf: Pose | None = None
     """Where the command has the MRF; None before the joints were heard."""
+    touched: bool = False
+    """True while something unseen pushes the arm, which stopped for it."""
 
 
 @dataclass(frozen=True)
@@ -253,6 +255,8 @@ class Desk:
             raise Refused(Why.SENSOR_STALE, f"{', '.join(view.essential_stale)} is stale")
         if self._orders.avoid and view.world.stop is not None:
             raise Refused(Why.SENSOR_STALE, f"the news of obstacle {view.world.stop} is stale")
+        if view.touched:
+            raise Refused(Why.TOUCHED, "what pushes the arm is still there")
 
     def _clear(self, message: m.ProtectiveClear, view: View) -> None:
         lease = self._admission.lease

@@ -62,6 +62,7 @@ def report(
     frames: FrameWatch,
     protective_stop: bool,
     overruns: int,
+    external: Array | None,
 ) -> State:
     """Return the state of one tick."""
     view = vision.view
@@ -73,6 +74,7 @@ def report(
         q_command=tuple(output.q.tolist()),
         dq_command=tuple(output.dq.tolist()),
         tau=tuple(reading.tau.tolist()),
+        external_torque=None if external is None else tuple(external.tolist()),
         following_error=tuple(output.following_error.tolist()),
         pose_mrf=output.T_world_mrf.to_xyz_rpy(),
         pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),

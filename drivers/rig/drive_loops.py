@@ -7,6 +7,8 @@ asked for, less what would take the joint beyond its top speed. All vectors are 
 terms, SI.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +40,9 @@ class DriveLoops:
         """Following error: reference minus position [rad]."""
         self.torque = np.zeros(n)
         """What the motors give [N·m]."""
+        self.reported = np.zeros(n)
+        """The same as the drives report it, low-passed [N·m]."""
+        self._reporting = 1.0 - math.exp(-dt / max(gains.torque_filter_s, 1e-9))
         self.window = np.full(n, np.inf)
         """Following error that is too much [rad]."""
         self.steps_beyond = np.zeros(n, dtype=np.int64)
@@ -65,6 +70,7 @@ class DriveLoops:
     def release(self, joint: int) -> None:
         """Switch a joint's torque off."""
         self.speed[joint] = self.torque[joint] = self.error[joint] = 0.0
+        self.reported[joint] = 0.0
         self._integral[joint] = self._engaged[joint] = self._deceleration[joint] = 0.0
         self._looped[joint] = 0.0
         self._steps_left[joint] = -1
@@ -138,6 +144,7 @@ class DriveLoops:
             torque[joint] = self._slowed(joint, asked, float(dq[joint]))
         np.multiply(torque, self._engaged, out=self.torque)
         self._integral *= self._looped
+        self.reported += self._reporting * (self.torque - self.reported)
         self.steps_beyond += 1
         self.steps_beyond *= np.abs(self.error) > self.window
         self._move_reference()

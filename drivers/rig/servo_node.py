@@ -91,7 +91,7 @@ class SimulatedDrive(CanNode):
         return word
 
     def _torque(self) -> int:
-        torque = float(self._loop.torque[self._joint])
+        torque = float(self._loop.reported[self._joint])
         share = torque / self.drive.rated_torque * self.drive.direction
         return max(-_I16, min(_I16, round(share * 1000)))
 

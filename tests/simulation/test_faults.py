@@ -89,7 +89,13 @@ def test_a_joint_pushed_out_of_its_following_window_quick_stops_the_arm(play):
     assert run.summary["mode"] == "fault"
 
 
-def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10):
+@pytest.fixture
+def unfeeling(pa10):
+    """The PA-10 without collision detection: what is left is the leash."""
+    return dataclasses.replace(pa10, config=pa10.config.model_copy(update={"touch": None}))
+
+
+def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10, unfeeling):
     leash = pa10.config.mechanism.drives[3].leash
     run = play(
         {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
@@ -97,6 +103,7 @@ def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10)
         {"at_s": 3.0, "fault": {"block": "e1", "on": False}},
         {"at_s": 3.5, "jog": {}},
         seconds=5.0,
+        cell=unfeeling,
     )
     blocked = run.at(2.9)
     assert run.events("fault") == []
@@ -111,14 +118,28 @@ def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10)
     assert run.summary["limit_violations"] == 0
 
 
-def test_motion_away_from_a_blocked_direction_is_free(play):
+def test_motion_away_from_a_blocked_direction_is_free(play, unfeeling):
     run = play(
         {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
         {"at_s": 1.0, "fault": {"block": "e1"}},
         {"at_s": 2.0, "jog": {"rates": [0, 0, 0, -0.1, 0, 0, 0]}},
         seconds=2.25,
+        cell=unfeeling,
     )
     assert run.at(2.2).dq_command[3] == pytest.approx(-0.1, abs=0.01)
+
+
+def test_a_blocked_elbow_is_felt_long_before_the_leash_is_spent(play, pa10):
+    run = play(
+        {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
+        {"at_s": 1.0, "fault": {"block": "e1"}},
+        seconds=2.0,
+    )
+    (felt,) = run.events("touched")
+    assert felt.values["joint"] == "e1"
+    assert run.summary["mode"] == "hold"
+    leash = pa10.config.mechanism.drives[3].leash
+    assert max(abs(s.following_error[3]) for s in run.states) < 0.5 * leash
 
 
 def test_the_daemons_heartbeat_is_produced_by_the_tick_in_its_period(pa10):

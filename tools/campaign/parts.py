@@ -4,9 +4,11 @@ from .crowd_runs import SCENES
 from .hostile_runs import HOSTILE
 from .part import Part
 from .peg_runs import PEG
+from .touch import TOUCH
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
     "peg": PEG,
     "scenes": SCENES,
+    "touch": TOUCH,
 }

@@ -1,0 +1,116 @@
+"""Contact that no sensor sees, from the drives' torques.
+
+A joint moves by what its drive gives and by what pushes the arm: τ_ext = M q̈ + C q̇ + g + τ_f − τ.
+Of that, what the force/torque sensor sees at the tool is known; the rest, low-passed, is unseen
+contact. It is the momentum observer (De Luca & Mattone 2003) with the momentum's rate written out
+as a second difference, which is one period late and centred.
+
+What is not known counts as nobody's push: Coulomb friction near standstill, whose sign may be
+either, a part of the accelerating torque, and contact that the sensor is about to see. It passes
+the same low-pass as the estimate, so that it outweighs what it excuses at every instant.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .frames import Array
+from .inverse_dynamics import InverseDynamics
+
+SLOW = 0.02
+"""Joint speed above which the sign of friction is certain [rad/s]."""
+
+
+@dataclass(frozen=True)
+class TouchState:
+    """What is remembered from tick to tick; empty at first."""
+
+    q: tuple[Array, ...] = ()
+    """Measured joints (n,) of the last two ticks, newest first [rad]."""
+    tau: Array | None = None
+    """The drives' torques (n,) one tick ago [N·m]."""
+    seen: Array | None = None
+    """Joint torques (n,) of the contact that the sensor saw one tick ago [N·m]."""
+    external: Array | None = None
+    """Low-passed torques (n,) of unseen contact, one tick ago [N·m]; None before it is known."""
+    excused: Array | None = None
+    """What of that friction and inertia may explain (n,) [N·m]."""
+    lasting_s: float = 0.0
+    """How long some joint's has been beyond its bound [s]."""
+
+
+@dataclass(frozen=True)
+class Touched:
+    """A joint that something pushes."""
+
+    joint: int
+    torque: float
+    """Estimated external torque [N·m]."""
+    bound: float
+    """What means contact [N·m]."""
+
+
+class Touch:
+    """Judges the drives' torques. `bound` (n,) [N·m] means contact if it lasts `confirm_s`.
+
+    `friction` (n,) [N·m] is each joint's Coulomb friction, `doubt` the part of the accelerating
+    torque that may be wrong.
+    """
+
+    def __init__(
+        self,
+        dynamics: InverseDynamics,
+        friction: Array,
+        bound: Array,
+        doubt: float,
+        filter_hz: float,
+        confirm_s: float,
+        period_s: float,
+    ) -> None:
+        self.dynamics = dynamics
+        self._friction = friction
+        self._bound = bound
+        self._doubt = doubt
+        self._smoothing = 1.0 - math.exp(-2.0 * math.pi * filter_hz * period_s)
+        self._confirm_s = confirm_s
+        self._period_s = period_s
+
+    def measure(
+        self, state: TouchState, q: Array, tau: Array, seen: Array, load: Array
+    ) -> TouchState:
+        """Return the state after one reading: joints q (n,) [rad] and torques tau (n,) [N·m].
+
+        `seen` (n,) [N·m] are the joint torques of the contact that the sensor reports, as it acts
+        on the arm; `load` (10,) what the sensor carries, see `sources.force.load_of`.
+        """
+        if len(state.q) < 2 or state.tau is None or state.seen is None:
+            return TouchState((q, *state.q[:1]), tau, seen)
+        T, (q1, q2) = self._period_s, state.q
+        dq = (q - q2) / (2.0 * T)
+        ddq = (q - 2.0 * q1 + q2) / T**2
+        mass = float(load[0])
+        self.dynamics.carry(mass, load[1:4] / max(mass, 1e-9))
+        needed = self.dynamics.torque(q1, dq, ddq)
+        accelerating = needed - self.dynamics.torque(q1, dq, np.zeros(len(q)))
+        certain = np.clip(dq / SLOW, -1.0, 1.0)
+        # A drive reports the mean of the period before: two of them lie about the instant of q̈.
+        given = 0.5 * (tau + state.tau)
+        external = needed + self._friction * certain - given - state.seen
+        # What the sensor sees comes filtered: a contact that grows is seen up to a period late.
+        excused = self._doubt * np.abs(accelerating) + np.abs(seen - state.seen)
+        excused += self._friction * (1.0 - np.abs(certain))
+        if state.external is not None and state.excused is not None:
+            external = state.external + self._smoothing * (external - state.external)
+            excused = state.excused + self._smoothing * (excused - state.excused)
+        beyond = bool((np.abs(external) > self._bound + excused).any())
+        lasting_s = state.lasting_s + T if beyond else 0.0
+        return TouchState((q, q1), tau, seen, external, excused, lasting_s)
+
+    def touched(self, state: TouchState) -> Touched | None:
+        """Return which joint is pushed most, against its bound, if one is for long enough."""
+        if state.external is None or state.excused is None or state.lasting_s <= self._confirm_s:
+            return None
+        bound = self._bound + state.excused
+        j = int(np.argmax(np.abs(state.external) / bound))
+        return Touched(j, float(state.external[j]), float(bound[j]))

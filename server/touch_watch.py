@@ -1,0 +1,94 @@
+"""Watches for contact that no sensor sees, and says which joint felt it."""
+
+import numpy as np
+
+from ..config.load import Cell
+from .control.frames import Array, Pose
+from .control.inverse_dynamics import InverseDynamics
+from .control.mechanism import Mechanism
+from .control.parameters import Parameters
+from .control.sources.force import GRAVITY
+from .control.state import Memory, Output
+from .control.touch import Touch, TouchState
+from .control.tree import Moved
+from .events import Events
+from .plant import PlantReading
+
+
+class TouchWatch:
+    """Collision detection of one cell; idle where the cell does not ask for it."""
+
+    def __init__(self, cell: Cell, p: Parameters, mechanism: Mechanism, events: Events) -> None:
+        self._events, self._mechanism, self._joints = events, mechanism, p.joints
+        self._touch = _touch(cell, p, mechanism)
+        self._state = TouchState()
+        self.stopping = False
+        """True while something pushes that the arm has stopped for."""
+
+    @property
+    def external(self) -> Array | None:
+        """Torques (n,) of unseen contact [N·m], one period ago; None where not watched."""
+        return self._state.external
+
+    def look(
+        self,
+        reading: PlantReading,
+        memory: Memory | None,
+        output: Output | None,
+        T_wrist_mrf: Pose,
+        moved: Moved,
+        moving: bool,
+    ) -> None:
+        """Take in a reading, and what the tick before made of the sensor's.
+
+        Only a `moving` arm is stopped; what pushes an arm at rest may stay until it is to move.
+        """
+        if self._touch is None:
+            return
+        if reading.q is None or not reading.enabled or memory is None or memory.load is None:
+            self._state, self.stopping = TouchState(), False
+            return
+        seen = np.zeros(len(reading.q))
+        if output is not None and output.wrench_mrf is not None:
+            k = self._mechanism.kinematics(reading.q, T_wrist_mrf)
+            R = k.T_world_mrf.R
+            seen = -((output.wrench_mrf.reshape(2, 3) @ R.T).ravel() @ k.J)
+        base = moved.T_world_base_measured
+        free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
+        self._touch.dynamics.fall(free_fall)
+        self._state = self._touch.measure(self._state, reading.q, reading.tau, seen, memory.load)
+        found = self._touch.touched(self._state)
+        if found is not None and moving and not self.stopping:
+            self._events.warning(
+                "touched",
+                f"{self._joints[found.joint]}: {found.torque:+.1f} N·m that nothing explains, "
+                f"contact means {found.bound:g}",
+                joint=self._joints[found.joint],
+                torque_nm=found.torque,
+                bound_nm=found.bound,
+            )
+        self.stopping = found is not None and (moving or self.stopping)
+
+
+def _touch(cell: Cell, p: Parameters, mechanism: Mechanism) -> Touch | None:
+    section = cell.config.touch
+    if section is None:
+        return None
+    drives = {d.joint: d for d in cell.config.mechanism.drives}
+    ordered = [drives[j] for j in p.joints]
+    dynamics = InverseDynamics(
+        mechanism,
+        cell.config.mechanism.tip_link,
+        np.array([d.rotor_inertia for d in ordered]),
+        p.T_wrist_sensor or Pose.identity(),
+    )
+    bound = section.torque if len(section.torque) == p.n else section.torque * p.n
+    return Touch(
+        dynamics,
+        np.array([d.friction for d in ordered]),
+        np.array(bound),
+        section.doubt,
+        section.filter_hz,
+        section.confirm_s,
+        p.period_s,
+    )

@@ -1,0 +1,106 @@
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.drivers.rig.scene import build_model
+from telerobot.server.control.frames import Pose
+from telerobot.server.control.inverse_dynamics import InverseDynamics
+from telerobot.server.control.mechanism import Mechanism
+from telerobot.server.control.sources.force import load_of
+from telerobot.server.control.touch import Touch, TouchState
+
+T = 0.01
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return load_cell("pa10")
+
+
+@pytest.fixture
+def dynamics(cell):
+    rotors = np.array([d.rotor_inertia for d in cell.config.mechanism.drives])
+    mechanism = Mechanism.from_cell(cell)
+    return InverseDynamics(mechanism, cell.config.mechanism.tip_link, rotors, Pose.identity())
+
+
+def physics_torque(cell, q, dq, ddq):
+    """The physics engine's own inverse dynamics, without friction."""
+    model, _ = build_model(cell)
+    model.dof_frictionloss[:] = 0.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    n = len(q)
+    data.qpos[:n], data.qvel[:n], data.qacc[:n] = q, dq, ddq
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse[:n]
+
+
+def test_the_torques_are_those_of_the_physics_engine(cell, dynamics, rng):
+    payload = cell.config.mechanism.force_torque.payload
+    dynamics.carry(payload.mass, np.array(payload.com))
+    for _ in range(10):
+        q, dq, ddq = rng.uniform(-0.4, 0.4, 7), rng.normal(size=7), rng.normal(size=7)
+        q += cell.config.mechanism.postures["ready"]
+        expected = physics_torque(cell, q, dq, ddq)
+        np.testing.assert_allclose(dynamics.torque(q, dq, ddq), expected, atol=0.02)
+
+
+def test_what_is_carried_weighs_at_every_joint(cell, dynamics, rng):
+    more = cell.config.rig.model_copy(
+        update={"payload_mass": 2.0, "payload_com": (0.02, -0.03, 0.1)}
+    )
+    laden = dataclasses.replace(cell, config=cell.config.model_copy(update={"rig": more}))
+    own = cell.config.mechanism.force_torque.payload
+    moment = own.mass * np.array(own.com) + 2.0 * np.array(more.payload_com)
+    dynamics.carry(own.mass + 2.0, moment / (own.mass + 2.0))
+    for _ in range(5):
+        q = rng.uniform(-0.4, 0.4, 7) + cell.config.mechanism.postures["ready"]
+        still = np.zeros(7)
+        expected = physics_torque(laden, q, still, still)
+        np.testing.assert_allclose(dynamics.torque(q, still, still), expected, atol=1e-6)
+
+
+def follow(touch, dynamics, push, friction, seconds=1.0):
+    """Feed a motion with its exact torques, plus a push (7,) that no sensor sees."""
+    state = TouchState()
+    load = load_of(0.0, np.zeros(3), np.zeros(6))
+    dynamics.carry(0.0, np.zeros(3))
+    phase, size = np.arange(7), np.full(7, 0.1)
+    for k in range(int(seconds / T)):
+        t = k * T
+        q = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0]) + size * np.sin(2 * t + phase)
+        late = t - T / 2  # the mean of the period before
+        dq = 2 * size * np.cos(2 * late + phase)
+        ddq = -4 * size * np.sin(2 * late + phase)
+        at = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0]) + size * np.sin(2 * late + phase)
+        tau = dynamics.torque(at, dq, ddq) + friction * np.sign(dq) - push
+        state = touch.measure(state, q, tau, np.zeros(7), load)
+    return state
+
+
+def test_the_estimate_is_the_push(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
+    push = np.array([0.0, 5.0, 0.0, -2.0, 0.0, 0.0, 0.0])
+    state = follow(touch, dynamics, push, 0.0)
+    np.testing.assert_allclose(state.external, push, atol=0.05)
+    felt = touch.touched(state)
+    assert felt.joint == 1
+    assert felt.torque == pytest.approx(5.0, abs=0.05)
+
+
+def test_friction_alone_is_no_push_not_even_where_its_sign_turns(dynamics):
+    friction = np.full(7, 4.0)
+    touch = Touch(dynamics, friction, np.full(7, 0.5), 0.0, 6.0, 0.0, T)
+    for seconds in np.arange(0.1, 3.2, 0.1):
+        state = follow(touch, dynamics, np.zeros(7), friction, seconds)
+        assert touch.touched(state) is None
+
+
+def test_a_short_knock_is_not_contact_yet(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 50.0, 0.05, T)
+    state = follow(touch, dynamics, np.full(7, 10.0), 0.0, 0.06)
+    assert np.abs(state.external).max() > 3.0
+    assert touch.touched(state) is None

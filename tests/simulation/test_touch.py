@@ -1,0 +1,50 @@
+"""A push that the force/torque sensor does not see stops the arm; ordinary motion does not."""
+
+import pytest
+from telerobot.tools.campaign import touch
+
+MOVING = {
+    "at_s": 0.3,
+    "joystick": {"twist": [0.0, 0.05, 0.02, 0.0, 0.0, 0.1], "expressed_in": "base"},
+}
+
+
+@pytest.mark.parametrize("number", [1, 2, 5, 9])
+def test_a_push_at_the_elbow_is_felt_from_every_side(number):
+    run = touch.play(("push", number))
+    assert run.reasons == []
+
+
+@pytest.mark.parametrize("seed", [3, 11])
+def test_half_a_minute_of_free_motion_with_a_heavy_tool_is_no_push(seed):
+    run = touch.play(("free", seed))
+    assert run.reasons == []
+    assert run.moving_s > 20.0
+
+
+def test_the_event_names_joint_estimate_and_bound_and_the_way_out_is_resume(play):
+    run = play(
+        MOVING,
+        {"at_s": 2.0, "fault": {"push": "e1", "vector": [-30.0, 0.0, 0.0]}},
+        {"at_s": 3.0, "mode": "resume"},
+        {"at_s": 4.0, "fault": {"push": "e1", "on": False}},
+        {"at_s": 5.0, "mode": "resume"},
+        {"at_s": 5.2, "joystick": MOVING["joystick"]},
+        seconds=6.5,
+    )
+    (felt,) = run.events("touched")
+    assert felt.values["joint"] == "s2"
+    assert abs(felt.values["torque_nm"]) > felt.values["bound_nm"]
+    assert run.at(3.5).mode == "hold"
+    assert len(run.summary["refused"]) == 1
+    assert run.at(6.4).mode == "enabled"
+    assert run.summary["limit_violations"] == 0
+
+
+def test_pressing_a_wall_with_the_tool_is_seen_and_no_push(play):
+    run = play(
+        {"at_s": 0.3, "joystick": {"twist": [0.03, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        seconds=12.0,
+    )
+    assert max(abs(f) for f in run.states[-1].wrench_mrf[:3]) > 5.0
+    assert run.events("touched") == []

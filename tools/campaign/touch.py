@@ -1,0 +1,164 @@
+"""The part `touch`: pushes that no sensor sees are felt, and ordinary motion is no push.
+
+Free motion with 2 kg more on the tool, of which the daemon knows: smooth sticks there and back,
+postures in between, for as long as the seeds last. And a push at the elbow while it moves, from
+every side.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ...config.load import Cell, load_cell
+from ...config.schema import Payload
+from ..script import Script
+from ..simulation import Simulation
+from .part import Part, Selection
+
+CELL = "pa10"
+MASS, COM = 2.0, (0.0, 0.0, 0.10)
+"""What is on the tool beside its own [kg], in the Sensor frame [m]."""
+PUSH_N = 30.0
+PUSH_AT_S, NOTICED_WITHIN_S = 2.0, 1.0
+ELBOW = "e1"
+MOTIONS = ((0.0, 0.05, 0.02, 0.0, 0.0, 0.1), (0.0, -0.08, 0.05, 0.0, 0.0, 0.0))
+SIDES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+
+Job = tuple[str, int]
+"""`free` and a seed, or `push` and its number."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run showed."""
+
+    name: str
+    pushed: bool
+    moving_s: float
+    """Time in which the arm was free to move [s]."""
+    touched_after_s: float | None
+    """From the push, or from the start, to the event; None: there was none."""
+    reasons: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Feeling:
+    """What all runs showed."""
+
+    runs: Sequence[Run]
+
+    @property
+    def kept(self) -> bool:
+        """True when every push was felt in time and nothing else was."""
+        return not any(run.reasons for run in self.runs)
+
+    def figures(self) -> dict[str, object]:
+        """Return everything as plain values."""
+        pushes = [run for run in self.runs if run.pushed]
+        felt = [run.touched_after_s for run in pushes if run.touched_after_s is not None]
+        free = [run for run in self.runs if not run.pushed]
+        return {
+            "pushes": len(pushes),
+            "felt": len(felt),
+            "felt_within_s": max(felt, default=None),
+            "free_s": round(sum(run.moving_s for run in free), 1),
+            "false_alarms": sum(run.touched_after_s is not None for run in free),
+        }
+
+    def lines(self) -> list[str]:
+        """Return the report."""
+        f = self.figures()
+        return [
+            f"pushes of {PUSH_N:g} N at the elbow felt: {f['felt']} of {f['pushes']}, "
+            f"the latest after {f['felt_within_s']} s",
+            f"free motion with {MASS:g} kg more: {f['free_s']} s, "
+            f"{f['false_alarms']} taken for a push",
+        ]
+
+
+def laden(cell: Cell) -> Cell:
+    """Return the cell with more on its tool, of which the daemon knows, and nothing to run into."""
+    config = cell.config
+    sensor, rig = config.mechanism.force_torque, config.rig
+    if sensor is None or rig is None:
+        raise ValueError(f"cell {config.name}: needs a force/torque sensor and a rig")
+    own = sensor.payload
+    mass = own.mass + MASS
+    x, y, z = ((own.mass * a + MASS * b) / mass for a, b in zip(own.com, COM, strict=True))
+    payload = Payload(mass=mass, com=(x, y, z))
+    mechanism = config.mechanism.model_copy(
+        update={"force_torque": sensor.model_copy(update={"payload": payload})}
+    )
+    bare = {"wall": None, "boxes": (), "payload_mass": MASS, "payload_com": COM}
+    rig = rig.model_copy(update=bare)
+    return replace(cell, config=config.model_copy(update={"mechanism": mechanism, "rig": rig}))
+
+
+def free_motion(seed: int) -> Script:
+    """Return half a minute of sticks there and back, with a posture now and then."""
+    draw = np.random.default_rng(seed)
+    steps: list[dict[str, Any]] = []
+    at_s = 0.3
+    for leg in range(12):
+        size = np.array([0.15, 0.15, 0.15, 0.4, 0.4, 0.4]) * draw.uniform(0.2, 1.0)
+        twist = np.round(draw.uniform(-1.0, 1.0, 6) * size, 3)
+        for sense in (1.0, -1.0):
+            stick = {"twist": (sense * twist).tolist(), "expressed_in": "base"}
+            steps.append({"at_s": round(at_s, 2), "joystick": stick})
+            at_s += draw.uniform(0.3, 1.2)
+        if leg % 4 == 3:
+            steps.append({"at_s": round(at_s, 2), "joystick": {"twist": [0.0] * 6}})
+            steps.append({"at_s": round(at_s + 0.5, 2), "posture": "ready"})
+            at_s += 3.0
+    return Script.model_validate({"duration_s": round(at_s, 2), "step": steps})
+
+
+def push(number: int) -> Script:
+    """Return a motion with a push at the elbow from one side."""
+    twist, side = list(product(MOTIONS, SIDES))[number]
+    force = [PUSH_N * component for component in side]
+    return Script.model_validate(
+        {
+            "duration_s": PUSH_AT_S + 1.5,
+            "step": [
+                {"at_s": 0.3, "joystick": {"twist": twist, "expressed_in": "base"}},
+                {"at_s": PUSH_AT_S, "fault": {"push": ELBOW, "vector": force}},
+            ],
+        }
+    )
+
+
+def play(job: Job) -> Run:
+    """Simulate one job and judge it."""
+    kind, number = job
+    pushed = kind == "push"
+    cell = load_cell(CELL)
+    script = push(number) if pushed else free_motion(number)
+    simulation = Simulation(cell if pushed else laden(cell), script)
+    result = simulation.run()
+    start = simulation.player.start_s + (PUSH_AT_S if pushed else 0.0)
+    felt = [e.time_s - start for e in simulation.events if e.name == "touched"]
+    after = round(felt[0], 3) if felt else None
+    reasons = []
+    if pushed and (after is None or not 0.0 <= after <= NOTICED_WITHIN_S):
+        reasons.append(f"felt after {after} s, not within {NOTICED_WITHIN_S:g}")
+    if pushed and result.summary["mode"] != "hold":
+        reasons.append(f"the arm is in {result.summary['mode']}, not in hold")
+    if not pushed and after is not None:
+        reasons.append(f"taken for a push at {after} s")
+    if result.summary["limit_violations"]:
+        reasons.append(f"{result.summary['limit_violations']} limit violations")
+    moving = sum(state.mode == "enabled" for state in result.states)
+    return Run(f"{kind} {number}", pushed, moving * cell.config.timing.period_s, after, reasons)
+
+
+def jobs(selection: Selection) -> list[Job]:
+    """Return every push, and free motion for two seeds in five: 100 make about 1100 s."""
+    pushes = [("push", i) for i in range(len(MOTIONS) * len(SIDES))]
+    return pushes + [("free", seed) for seed in selection.seeds if seed % 5 < 2]
+
+
+TOUCH = Part(jobs, play, Feeling)
