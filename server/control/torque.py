@@ -121,7 +121,8 @@ class TorqueLaw:
 
         Learnt at rest, it would be in the way when the joint sets off: friction turns round then.
         """
-        standing = 1.0 - np.abs(np.tanh(self._heading(q, before, after)))
+        # The fourth power: a joint that creeps is not standing, and what is learnt there counts.
+        standing = (1.0 - np.abs(np.tanh(self._heading(q, before, after)))) ** 4
         band = self._friction * standing
         residual = state.residual - np.clip(state.residual, -band, band)
         return corrected(momentum, residual, self._gains.observer)

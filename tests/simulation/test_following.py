@@ -108,6 +108,17 @@ def test_in_cst_friction_does_not_turn_the_tool_where_the_arm_sets_off(hand, for
     assert max(turned) < 5e-3
 
 
+def test_in_cst_the_attitude_is_held_while_a_weak_hand_comes_and_goes(hand):
+    """The hand of the paper: (0, 4, 0) N, as sin² over 6 s."""
+    swell = {"at_s": PUSH["at_s"], "fault": {**PUSH["fault"], "value": 6.0}}
+    _, poses, first = path(played(hand("cst"), swell, seconds=7.2))
+    R = rotation_rpy(*first[3:])
+    turned = [np.linalg.norm(rotation_log(R.T @ rotation_rpy(*pose[3:]))) for pose in poses]
+    # the mean of sin² is a half: 2 N for 6 s, against 20 N·s/m
+    assert poses[-1, 1] - first[1] == pytest.approx(0.6, rel=0.03)
+    assert max(turned) < 5e-3
+
+
 @pytest.mark.parametrize("mode", ["csp", "csv", "cst"])
 def test_no_bound_is_broken_on_the_way(pushed, mode):
     run = pushed(mode)
