@@ -26,8 +26,6 @@ SAMPLES = 16
 """Most looks at one stop [1]."""
 BETWEEN = 0.001
 """Kept beyond the promise for what a curved path dips between two looks, beside the chord's [m]."""
-ROUND = SAMPLE_M * SAMPLE_M / (8.0 * 0.02)
-"""What a chord of that length may dip towards something round, at most [m]."""
 SLACK = 1e-4
 """A gap that is below its bound may shrink by so much in all, not more [m]."""
 CREEP = 2e-5
@@ -166,7 +164,7 @@ class Clearance:
             closer[: len(near.pairs.own)] += way[near.pairs.own[:, 1]]
         needed = near.promise + sight.tube + BETWEEN
         end_s = duration_s + (1.0 + LATENCY) * self._period_s
-        most = needed + ROUND
+        most = needed
         if scene is not None and scene.moves:
             most = most + self._growth(near, scene, end_s)
         if sight.base is not None:
