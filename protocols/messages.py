@@ -388,7 +388,8 @@ class RigTruth(Message):
     True MRF pose in World `[x, y, z, roll, pitch, yaw]`, joints and rates, contact force of the
     tool [N] in World as exerted on the environment, least distance between arm and fixed things,
     poses of the tags that stand in World, names of those that are covered, poses of `base` and
-    `carrier` where they may move.
+    `carrier` where they may move, and for each camera that stands in World how far each link is
+    from its `sight` line [m].
     """
 
     time_s: float
@@ -402,3 +403,4 @@ class RigTruth(Message):
     tags: dict[str, Vector6] = Field(default_factory=dict)
     covered: tuple[str, ...] = ()
     frames: dict[str, Vector6] = Field(default_factory=dict)
+    sight: dict[str, dict[str, float]] = Field(default_factory=dict)

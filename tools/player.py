@@ -13,6 +13,7 @@ from ..protocols.obstacles import ObstacleNews
 from .delay_line import DelayLine
 from .master import MovingMaster
 from .obstacles import MovingObstacles
+from .moving_target import MovingTarget
 from .pilot import Ask, Pilot, PilotError, Put
 from .script import MasterStep, Script, Step, WrenchStep
 
@@ -48,6 +49,7 @@ class Player:
         self._pilots: dict[str, Pilot] = {}
         self._masters: dict[str, MovingMaster] = {}
         self._obstacles = MovingObstacles(self._tell, inject)
+        self._targets: list[MovingTarget] = []
         self._steps = deque(script.steps)
         self._now_s = 0.0
         self.pilot = self._pilot("operator")
@@ -83,6 +85,13 @@ class Player:
                 self._fail(str(error))
         for pilot in self._pilots.values():
             pilot.run(now_s)
+        for target in self._targets:
+            target.run(now_s, self._tick, self._put, self._inject)
+
+    @property
+    def _tick(self) -> int:
+        """The newest telemetry tick."""
+        return 0 if self.pilot.state is None else self.pilot.state.tick
 
     @property
     def _mode(self) -> str:
@@ -177,6 +186,8 @@ class Player:
         if step.cancel:
             pilot.command(t.CANCEL)
         self._command(step, pilot)
+        if step.target is not None:
+            self._targets.append(MovingTarget(step.target, self._now_s))
         if step.raw is not None:
             topic = next(x for x in t.TOPICS if x.key == step.raw.topic)
             self._put(topic, bytes.fromhex(step.raw.hex))

@@ -12,7 +12,14 @@ step of its kind. The same script drives a simulation and a running daemon.
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from ..config.load import ConfigError, read_toml, script_path
 from ..protocols import messages as m
@@ -87,6 +94,16 @@ class ClutchStep(Part):
     engaged: bool | None = None
     translation: float | None = Field(None, ge=0, le=10)
     rotation: float | None = Field(None, ge=0, le=10)
+
+
+class TargetStep(Part):
+    """A camera's target that moves straight; the daemon hears where its sight line ends."""
+
+    tag: str = Field(max_length=32)
+    sight_line: str | None = Field(None, max_length=32)
+    start: m.Place
+    to: m.Place
+    speed: float = Field(gt=0, le=10)
 
 
 class Objective(Part):
@@ -258,6 +275,7 @@ class Step(Part):
     path: PathStep | None = None
     master: MasterStep | None = None
     force: m.Wrench | WrenchStep | None = None
+    target: TargetStep | None = None
     raw: Raw | None = None
     obstacle: ObstacleStep | None = None
     avoidance: bool | None = None

@@ -87,6 +87,8 @@ class Simulation:
         if cell.config.rig is None:
             raise ConfigError(f"{cell.path}: rig: missing: there is nothing to simulate")
         self._recorder = None if record is None else Recorder(record)
+        if self._recorder is not None:
+            self._recorder.about(cell=str(cell.path.resolve()), script=script.description)
         self.cell = cell
         self.hub = Hub()
         self.clock = VirtualClock()
@@ -241,6 +243,7 @@ class Simulation:
         ticks_of_contact = round(CONTACT_S / period)
         contact = [truth.contact_force for truth in self.truths[-ticks_of_contact:]]
         clear = [truth.clearance_m for truth in self.truths if truth.clearance_m is not None]
+        sight = [d for truth in self.truths for of in truth.sight.values() for d in of.values()]
         view = self.view.error(self.truths[-1]) if self.truths else None
         judged = [e for e in self._errors if e is not None]
         settled = len(judged) == self._errors.maxlen
@@ -264,6 +267,7 @@ class Simulation:
             "violations": [v.__dict__ for v in self.observer.violations[:20]],
             "limited_ticks": sum(bool(s.limits) for s in self.states),
             "min_clearance_m": min(clear) if clear else None,
+            "min_sight_m": min(sight) if sight else None,
             "max_speed_ratio": self.observer.max_speed_ratio,
             "max_acceleration_ratio": self.observer.max_acceleration_ratio,
             "tool_error_m": max(e[0] for e in judged) if settled else None,

@@ -23,6 +23,7 @@ from .link import NodeLink
 from .movers import Movers
 from .scene import turned_by
 from .servo_node import SimulatedDrive
+from .sight import SightLines
 from .tags import KINDS, Tags
 from .world import Vector, World
 
@@ -94,6 +95,7 @@ class Rig:
         self.tags = Tags(rig.tags)
         self._movers = Movers(cell)
         self._T_world_carrier = cell.config.frames.T_world_carrier
+        self._sight = SightLines(cell, self.world.model, self.world.data)
         self._faults = Faults(self.world, self.drives, self.force_torque)
         self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
         if self.gripper is not None:
@@ -230,6 +232,7 @@ class Rig:
             clearance_m=self.world.clearance(),
             drives=tuple(node.state.name.lower() for node in self.drives.values()),
             tags=self.tags.poses,
+            sight=self._sight.clearances(self.tags.poses),
             covered=self.tags.covered,
             frames=self.frames,
         )

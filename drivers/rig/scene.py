@@ -9,6 +9,7 @@ from ...config.schema import Mechanism, Pose, Rig, Wall
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion
 from .peg import add_hole, add_peg
 from .solids import add_solid, attitude
+from .sight import add_probe
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""
@@ -68,6 +69,8 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
         solid = add_solid(spec, obstacle, quaternion(attitude(obstacle)))
         if solid is not None:
             fixed(solid)
+    if cell.config.cameras:
+        add_probe(spec)
     return spec
 
 

@@ -17,6 +17,8 @@ ELSEWHERE = {
 """Scripts that need pictures, a peg or obstacles: `test_vision.py` and its like play them."""
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources"}
 """Scripts that `test_frames.py` and `test_all_sources.py` play."""
+FIELD = {n for n in shipped("scripts") if n.startswith("sight_line_")} | {"round_obstacle"}
+"""Scripts that `test_sight_line.py` and `test_virtual_link.py` play."""
 
 
 def run_shipped(name, cell):
@@ -24,7 +26,7 @@ def run_shipped(name, cell):
     return Run(simulation, simulation.run())
 
 
-@pytest.mark.parametrize("name", sorted(set(shipped("scripts")) - ELSEWHERE - FRAMES))
+@pytest.mark.parametrize("name", sorted(set(shipped("scripts")) - ELSEWHERE - FRAMES - FIELD))
 def test_every_shipped_script_plays_without_refusal_fault_or_violation(name):
     run = run_shipped(name, load_cell(CELL_OF.get(name, "pa10")))
     assert run.summary["failure"] is None
