@@ -38,6 +38,8 @@ COMMANDS: Final = (
             ("telerobot vision pa10_vision", "telerobot vision pa10_vision --pictures=out")),
     Command("simulate", "simulate", "daemon and rig in one process, in virtual time",
             ("telerobot simulate pa10", "telerobot simulate pa10 wall_push --json")),
+    Command("plot", "plot.cli", "pictures of a recorded run, or of several side by side",
+            ("telerobot plot run.mcap", "telerobot plot off.mcap on.mcap --out both.png")),
     Command("drive", "drive", "a remote operator in the terminal",
             ("telerobot drive pa10", "telerobot drive pa10 pose_move")),
     Command("check", "check", "judge a cell: timeouts, bus load, drives, stability, postures",

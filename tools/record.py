@@ -2,11 +2,13 @@
 
 import base64
 import json
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
+from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
@@ -23,6 +25,14 @@ _FRAME_SCHEMA = {
         "sent": {"type": "boolean", "description": "sent by the daemon"},
     },
 }
+
+
+ABOUT = "run"
+"""The record that says what was run."""
+
+
+class RecordError(Exception):
+    """A file that is no recording: says which, and what is wrong with it."""
 
 
 class Frame(NamedTuple):
@@ -64,6 +74,10 @@ class Recorder:
         """Write a message of the protocol."""
         self._write(topic, type(message).model_json_schema(), time_s, message.__dict__)
 
+    def about(self, **facts: str) -> None:
+        """Write what is being run."""
+        self._writer.add_metadata(ABOUT, facts)
+
     def close(self) -> None:
         """Finish the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -90,3 +104,28 @@ def read_frames(path: Path) -> Iterator[Frame]:
     for _, _, message in rows:
         row = json.loads(message.data)
         yield Frame(message.log_time / 1e9, row["id"], base64.b64decode(row["data"]), row["sent"])
+
+
+def read_messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield topic and row of the messages of a recording, in the order of writing.
+
+    Raises `RecordError` for a file that is none, `OSError` for one that cannot be read.
+    """
+    with path.open("rb") as file:
+        try:
+            rows = list(make_reader(file).iter_messages(topics=list(topics)))
+        except (McapError, struct.error) as error:
+            raise RecordError(f"{path}: not an MCAP recording: {error}") from None
+    rows.sort(key=lambda row: row[2].sequence)
+    for _, channel, message in rows:
+        yield channel.topic, json.loads(message.data)
+
+
+def read_about(path: Path) -> dict[str, str]:
+    """Return what was run, nothing where a recording does not say. Raises as `read_messages`."""
+    with path.open("rb") as file:
+        try:
+            found = [m.metadata for m in make_reader(file).iter_metadata() if m.name == ABOUT]
+        except (McapError, struct.error) as error:
+            raise RecordError(f"{path}: not an MCAP recording: {error}") from None
+    return dict(found[0]) if found else {}

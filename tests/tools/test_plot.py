@@ -1,0 +1,104 @@
+"""`telerobot plot` draws recorded runs."""
+
+import numpy as np
+import pytest
+from telerobot.config.errors import ConfigError
+from telerobot.tools.cli import main
+from telerobot.tools.plot.panels import PANELS
+from telerobot.tools.plot.recording import load_recording
+from telerobot.tools.record import RecordError, read_about
+from telerobot.tools.script import Script
+from telerobot.tools.simulation import Simulation
+
+PNG = b"\x89PNG"
+STICK = {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.0], "expressed_in": "base"}
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A second and a half of pa10 under a stick, recorded, and its result."""
+    from telerobot.config.load import load_cell
+
+    path = tmp_path_factory.mktemp("plot") / "run.mcap"
+    script = Script.model_validate(
+        {"description": "a push", "duration_s": 1.0, "step": [{"at_s": 0.1, "joystick": STICK}]}
+    )
+    simulation = Simulation(load_cell("pa10"), script, path)
+    return path, simulation.run()
+
+
+def test_a_recording_says_what_was_run(recorded):
+    path, _ = recorded
+    about = read_about(path)
+    assert about["cell"].endswith("pa10.toml")
+    assert about["script"] == "a push"
+
+
+def test_what_is_drawn_is_what_was_simulated(recorded):
+    path, result = recorded
+    run = load_recording(path)
+    assert run.joints == ("s1", "s2", "s3", "e1", "e2", "w1", "w2")
+    np.testing.assert_allclose(
+        run.of_truths(lambda t: t["q"]), [truth.q for truth in result.truths], atol=1e-12
+    )
+    np.testing.assert_allclose(run.time, [state.time_s for state in result.states])
+    from matplotlib.figure import Figure
+
+    ax = Figure().add_subplot()
+    assert PANELS["rates"](run, ax)
+    drawn = np.array([line.get_ydata() for line in ax.lines])
+    np.testing.assert_allclose(drawn.T, [state.dq_command for state in result.states])
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_a_run_is_drawn_as_a_picture(recorded, suffix, tmp_path, capsys):
+    out = tmp_path / f"run{suffix}"
+    panels = "distances,rates,stills"
+    arguments = ["plot", str(recorded[0]), "--out", str(out), "--panels", panels, "--stills", "2"]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.strip() == str(out)
+    start = out.read_bytes()[:400]
+    assert start.startswith(PNG) if suffix == ".png" else b"<svg" in start or b"<?xml" in start
+
+
+def test_two_runs_are_drawn_side_by_side(recorded, tmp_path):
+    out = tmp_path / "both.png"
+    assert main(["plot", str(recorded[0]), str(recorded[0]), "--out", str(out)]) == 0
+    assert out.read_bytes().startswith(PNG)
+
+
+def test_panels_without_anything_to_show_are_left_out(recorded):
+    from matplotlib.figure import Figure
+
+    run = load_recording(recorded[0])
+    assert not PANELS["potentials"](run, Figure().add_subplot())
+    assert not PANELS["off_path"](run, Figure().add_subplot())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--panels", "rates,nonsense"], "--panels: value 'nonsense': one of distances"),
+        (["--out", "run.pdf"], "--out: value 'run.pdf': must end in .png or .svg"),
+        (["--cell", "ur5e"], "its arm has 7 joints"),
+    ],
+)
+def test_bad_arguments_end_in_one_line(recorded, arguments, words, capsys):
+    assert main(["plot", str(recorded[0]), *arguments]) == 2
+    complaint = capsys.readouterr().err
+    assert words in complaint
+    assert complaint.count("\n") == 1
+
+
+def test_a_file_that_is_no_recording_is_refused_by_name(tmp_path, capsys):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"not a recording at all, but long enough to look like something")
+    with pytest.raises(RecordError, match="not an MCAP recording"):
+        load_recording(path)
+    assert main(["plot", str(path)]) == 2
+    assert str(path) in capsys.readouterr().err
+
+
+def test_a_camera_that_there_is_not_is_refused_by_name(recorded):
+    with pytest.raises(ConfigError, match="no camera 'attic'"):
+        load_recording(recorded[0]).camera("attic")

@@ -1,0 +1,1 @@
+"""`telerobot plot`: pictures of a recorded run."""
