@@ -12,8 +12,8 @@ from ..protocols.moving import RigMotion
 from ..protocols.obstacles import ObstacleNews
 from .delay_line import DelayLine
 from .master import MovingMaster
-from .obstacles import MovingObstacles
 from .moving_target import MovingTarget
+from .obstacles import MovingObstacles
 from .pilot import Ask, Pilot, PilotError, Put
 from .script import MasterStep, Script, Step, WrenchStep
 

@@ -8,8 +8,8 @@ from ...config.load import Cell
 from ...config.schema import Mechanism, Pose, Rig, Wall
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion
 from .peg import add_hole, add_peg
-from .solids import add_solid, attitude
 from .sight import add_probe
+from .solids import add_solid, attitude
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""
