@@ -60,7 +60,7 @@ class Field:
         )
         strongest = max(c.obstacles, c.lines, c.joint_limits, c.manipulability)
         flattest = max(FLATTEST * strongest, 1e-9)
-        self._flow = Flow(potential, body, flattest)
+        self.flow = Flow(potential, body, flattest)
         link = c.virtual_link
         self._direction = np.zeros(3)
         if link is not None:
@@ -83,7 +83,7 @@ class Field:
         ends = np.zeros((0, 2, 3))
         if self._links is not None:
             ends = self._links.place(q[None], T_world_base).ends[0]
-        return self._flow.look(shape(q, k.J, k.T_world_mrf.p, ends), self._charges(k, scene))
+        return Seen(shape(q, k.J, k.T_world_mrf.p, ends), self._charges(k, scene))
 
     def self_motion(self, seen: Seen | None, null: Array) -> tuple[Array | None, Felt | None]:
         """Return the joint rates (n,) to the least potential, at a gain of 1 /s, and the field.
@@ -92,9 +92,9 @@ class Field:
         """
         if seen is None:
             return None, None
-        slope = null @ seen.value.torque
-        felt = Felt(seen.value.parts, math.sqrt(float(slope @ slope)))
-        return self._flow.self_motion(seen, null), felt
+        rates, value = self.flow.self_motion(seen, null)
+        slope = null @ value.torque
+        return rates, Felt(value.parts, math.sqrt(float(slope @ slope)))
 
     def give_way(
         self, seen: Seen | None, off_path: Array | None, goal: Goal | None, factor: float
@@ -108,7 +108,7 @@ class Field:
         if link is None or seen is None or goal is None:
             return None
         d = 0.0 if off_path is None else float(off_path @ self._direction)
-        speed = GIVE_WAY_GAIN * self._flow.along(seen, self._direction, d, link.stiffness)
+        speed = GIVE_WAY_GAIN * self.flow.along(seen, self._direction, d, link.stiffness)
         most = factor * link.speed
         # Towards either end no faster than it can be stopped before.
         low = max(-most, GIVE_WAY_GAIN * (-link.longest - d))

@@ -60,7 +60,8 @@ class Load(NamedTuple):
 
     wrench: Array
     """(6, m): force, and moment about World's origin [N, N·m for k in N·m]."""
-    potential: float
+    potential: Array
+    """(m,) [J]."""
 
 
 def pairs(p1: Array, p2: Array, charges: Array, least: float = 0.0) -> Pairs:
@@ -107,4 +108,4 @@ def load(p1: Array, p2: Array, charges: Array, k: Array, least: float) -> Load:
     wrench[3] = py * fz - pz * fy + uy * az - uz * ay
     wrench[4] = pz * fx - px * fz + uz * ax - ux * az
     wrench[5] = px * fy - py * fx + ux * ay - uy * ax
-    return Load(wrench, float((f.potential @ k).sum()))
+    return Load(wrench, f.potential @ k)

@@ -20,11 +20,19 @@ LOOK = 1e-5
 
 
 class Seen(NamedTuple):
-    """The potential where the arm is, and what it takes to look around."""
+    """Where the arm is, and among what."""
+
+    here: Shape
+    charges: Charges
+
+
+class Around(NamedTuple):
+    """The potential where the arm is, and a small way ahead."""
 
     here: Shape
     value: Value
-    charges: Charges
+    there: Shape
+    ahead: Value
 
 
 class Flow:
@@ -37,30 +45,36 @@ class Flow:
         self._body = body
         self._flattest = flattest
 
-    def look(self, here: Shape, charges: Charges) -> Seen:
-        """Return what there is to know at a shape."""
-        return Seen(here, self._potential.at(here, charges), charges)
-
-    def self_motion(self, seen: Seen, null: Array) -> Array:
+    def self_motion(self, seen: Seen, null: Array) -> tuple[Array, Value]:
         """Return the joint rates (n,) [rad/s], at a gain of 1 /s, to the least potential.
 
-        `null` (r, n) holds orthonormal rows that span the self-motions.
+        `null` (r, n) holds orthonormal rows that span the self-motions. The potential here is
+        returned with them.
         """
-        slope = (null @ seen.value.torque) @ null
+        around = None
+        if len(null) == 1:  # there is but one way, and both its senses bend alike
+            around = self._look(seen, null[0])
+            value = around.value
+        else:
+            value = self._potential.at(seen.here, seen.charges)
+        slope = (null @ value.torque) @ null
         size = math.sqrt(float(slope @ slope))
         if size < 1e-12:
-            return slope
+            return slope, value
         way = slope / size
-        there = self._ahead(seen, way)
+        if around is None:
+            around = self._look(seen, way, value)
+        else:
+            way = null[0]
         bend = curvature(
             way,
             seen.here.screws,
-            seen.value.torque,
-            there.here.screws,
-            there.value.torque,
+            value.torque,
+            around.there.screws,
+            around.ahead.torque,
             LOOK,
         )
-        return slope / max(abs(bend), self._flattest)
+        return slope / max(abs(bend), self._flattest), value
 
     def along(self, seen: Seen, direction: Array, out: float, stiffness: float) -> float:
         """Return the speed [m/s], at a gain of 1 /s, of the tool along a virtual link.
@@ -68,19 +82,24 @@ class Flow:
         The link points along `direction` (3,), a unit vector in World, is `out` [m] now and held
         by a spring [N/m]. J_aug = [J e], and the potential is V + k d²/2.
         """
-        way, force = self._lever(seen, direction)
-        size = math.sqrt(float(way @ way))
-        step = LOOK / max(size, 1e-6)
-        there = self._ahead(seen, way * step / LOOK)
-        bend = (force - self._lever(there, direction)[1]) / step
+        way = _lever(seen.here, direction)
+        step = LOOK / max(math.sqrt(float(way @ way)), 1e-6)
+        around = self._look(seen, way * step / LOOK)
+        force = float(way @ around.value.torque)
+        bend = (force - float(_lever(around.there, direction) @ around.ahead.torque)) / step
         return (force - stiffness * out) / max(abs(bend + stiffness), 0.5 * stiffness)
 
-    def _lever(self, seen: Seen, direction: Array) -> tuple[Array, float]:
-        """Return joint rates (n,) that shift the tool along a direction, and the force there."""
-        twist = np.concatenate([direction, np.zeros(3)])  # a shift is the same at every point
-        S = seen.here.screws
-        way = S.T @ weighed(S, twist)
-        return way, float(way @ seen.value.torque)
+    def _look(self, seen: Seen, way: Array, value: Value | None = None) -> Around:
+        """Look at the potential here, unless its value is known, and ahead along a way (n,)."""
+        there = ahead(seen.here, self._body, way, LOOK)
+        if value is None:
+            value, beyond = self._potential.both(seen.here, there, seen.charges)
+        else:
+            beyond = self._potential.at(there, seen.charges)
+        return Around(seen.here, value, there, beyond)
 
-    def _ahead(self, seen: Seen, way: Array) -> Seen:
-        return self.look(ahead(seen.here, self._body, way, LOOK), seen.charges)
+
+def _lever(at: Shape, direction: Array) -> Array:
+    """Return the joint rates (n,) that shift the tool along a direction (3,)."""
+    twist = np.concatenate([direction, np.zeros(3)])  # a shift is the same at every point
+    return np.asarray(at.screws.T @ weighed(at.screws, twist))

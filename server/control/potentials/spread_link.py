@@ -49,7 +49,7 @@ def lines(at: Points, start: Array, end: Array, k: Array, least: float) -> Load:
     k = k[:, None]
     # What the points do to the lines, turned round.
     push = (f.across * (f.lateral * k)).sum(axis=1) + f.u @ (f.axial * k)
-    return _gathered(at, -push, float((at.charge * f.potential * k).sum()))
+    return _gathered(at, -push, (f.potential * k).sum(axis=0))
 
 
 def solids(at: Points, distance: Array, normal: Array, k: Array, least: float) -> Load:
@@ -63,11 +63,17 @@ def solids(at: Points, distance: Array, normal: Array, k: Array, least: float) -
     k = k[:, None]
     # V = k/d', and ∂d'/∂d = d' / (d' + least²/d') = d' / 2 root
     pull = k / (2.0 * root * d)
-    return _gathered(at, (normal * pull).sum(axis=1), float((at.charge * k / d).sum()))
+    return _gathered(at, (normal * pull).sum(axis=1), (k / d).sum(axis=0))
 
 
-def _gathered(at: Points, push: Array, potential: float) -> Load:
-    """Sum forces per charge (3, m·g) at the points to one wrench per link."""
-    (fx, fy, fz), (x, y, z) = at.charge * push, at.x
-    wrench = np.stack([fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
-    return Load(wrench.reshape(6, -1, len(PART)).sum(axis=2), potential)
+def _gathered(at: Points, push: Array, potential: Array) -> Load:
+    """Sum forces (3, m·g) and potentials (m·g,) per charge at the points to each link's."""
+    (x, y, z), found = at.x, np.empty((7, len(at.charge)))
+    fx, fy, fz = force = at.charge * push
+    found[:3] = force
+    found[3] = y * fz - z * fy
+    found[4] = z * fx - x * fz
+    found[5] = x * fy - y * fx
+    found[6] = at.charge * potential
+    of_link = found.reshape(7, -1, len(PART)).sum(axis=2)
+    return Load(of_link[:6], of_link[6])

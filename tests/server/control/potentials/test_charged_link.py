@@ -142,11 +142,11 @@ def test_loads_are_the_pairs_summed_about_the_worlds_origin():
     force = np.einsum("mci,c->im", each.force, k)
     moment = np.einsum("mci,c->im", each.moment, k) + np.cross(p1, force, axis=0)
     np.testing.assert_allclose(together.wrench, np.vstack([force, moment]), rtol=1e-12)
-    assert together.potential == pytest.approx(float((each.potential @ k).sum()))
+    np.testing.assert_allclose(together.potential, each.potential @ k, rtol=1e-12)
 
 
 def test_a_link_without_length_feels_nothing():
     p = column([0.1, 0.2, 0.3])
     found = load(p, p, column([0.1, 0.2, 0.3], [1.0, 0.0, 0.0]), np.ones(2), 0.01)
     assert not found.wrench.any()
-    assert found.potential == 0.0
+    assert not found.potential.any()

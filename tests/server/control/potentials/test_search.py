@@ -15,7 +15,7 @@ def test_table_ii_of_the_paper_to_its_four_digits():
     obstacle = load(at[:, :3], at[:, 1:], planar.OBSTACLE, np.array([planar.K]), 0.0)
     only = planar.value(q, k_limits=0.0)
     np.testing.assert_array_equal(np.round(only.torque, 4), [-0.9161, -0.2268, -0.2858])
-    assert only.parts["obstacles"] == pytest.approx(obstacle.potential)
+    assert only.parts["obstacles"] == pytest.approx(obstacle.potential.sum())
     limits = planar.value(q).torque - only.torque
     np.testing.assert_array_equal(np.round(limits, 4), [0.0, -0.0250, 0.0250])
     slope = planar.K * planar.slope_of_manipulability(q)
