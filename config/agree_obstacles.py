@@ -4,13 +4,15 @@ from collections.abc import Iterator
 
 from .errors import nearest
 from .schema import CellConfig
+from .urdf import Robot
 
 
-def obstacle_disagreements(config: CellConfig) -> Iterator[str]:
+def obstacle_disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     """Yield what does not fit, each in one line with its key."""
     names = [o.name for o in config.obstacles]
     cameras = [c.name for c in config.cameras]
     on_base = [c.name for c in config.cameras if c.on == "base"]
+    carried = [c.name for c in config.cameras if c.T_wrist_lens is not None]
     for i, obstacle in enumerate(config.obstacles):
         if obstacle.name in names[:i]:
             yield f"obstacles[{i}].name: value '{obstacle.name}': is there already"
@@ -18,6 +20,11 @@ def obstacle_disagreements(config: CellConfig) -> Iterator[str]:
             yield (
                 f"obstacles[{i}].camera: value '{obstacle.camera}': stands on Base: a sight line "
                 "begins at a camera with T_wrist_lens or T_world_lens"
+            )
+        if obstacle.camera in carried and obstacle.hard:
+            yield (
+                f"obstacles[{i}].hard: value True: the sight line of '{obstacle.camera}' moves "
+                "with the arm: only one that begins at a standing camera can be a barrier"
             )
         if obstacle.camera is not None and obstacle.camera not in cameras:
             hint = nearest(obstacle.camera, cameras)
@@ -32,3 +39,12 @@ def obstacle_disagreements(config: CellConfig) -> Iterator[str]:
             f"avoidance.near_distance: value {near:g}: must be above {promised:g}, clearance and "
             "margin"
         )
+    links = robot.links()
+    for i, pair in enumerate(avoidance.allowed_contacts):
+        # What it may touch can be an obstacle that only comes while the arm works.
+        if pair.link not in links:
+            hint = nearest(pair.link, links)
+            yield (
+                f"avoidance.allowed_contacts[{i}].link: value '{pair.link}': no such link in "
+                f"{robot.urdf}{hint}"
+            )

@@ -52,6 +52,10 @@ class Robot:
     urdf: Path
     joints: tuple[UrdfJoint, ...]
 
+    def links(self) -> list[str]:
+        """Return the names of all links in the file."""
+        return [link.get("name", "") for link in _parse(self.urdf).findall("link")]
+
     def description(self) -> str:
         """Return the URDF's text with each continuous joint of the chain as a bounded revolute one.
 

@@ -65,3 +65,29 @@ def test_a_workspace_is_a_box(furnished):
     )
     with pytest.raises(ConfigError, match="every coordinate of 'low' must be below"):
         load_cell(furnished.cell)
+
+
+def test_a_sight_line_that_moves_with_the_arm_is_no_barrier(furnished):
+    camera = '[[cameras]]\nname = "eye"\nT_wrist_lens = { xyz = [0.0, 0.0, 0.1] }\n'
+    text = furnished.cell.read_text().replace("xyz = [1.0, 1.0, 1.0]", 'camera = "eye"') + camera
+    furnished.cell.write_text(text)
+    load_cell(furnished.cell)
+    furnished.cell.write_text(text.replace('camera = "eye"', 'camera = "eye"\nhard = true'))
+    with pytest.raises(ConfigError, match=r"obstacles\[1\]\.hard: .* moves with the arm"):
+        load_cell(furnished.cell)
+
+
+def test_only_a_link_that_is_there_may_be_allowed_to_touch(furnished):
+    contact = '[[avoidance.allowed_contacts]]\nlink = "{}"\nother = "ball"\n'
+    text = furnished.cell.read_text()
+    furnished.cell.write_text(text + contact.format("nose"))
+    with pytest.raises(ConfigError, match=r"allowed_contacts\[0\]\.link: value 'nose': no such"):
+        load_cell(furnished.cell)
+    furnished.cell.write_text(text + contact.format(load_cell_links(furnished.cell)[-1]))
+    load_cell(furnished.cell)
+
+
+def load_cell_links(path):
+    text = path.read_text().split("[[avoidance")[0]
+    path.write_text(text)
+    return load_cell(path).robot.links()
