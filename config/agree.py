@@ -44,6 +44,8 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
             f"touch.torque: {len(config.touch.torque)} values for {len(robot.joints)} joints: "
             "give 1 or one each"
         )
+    if config.reflection is not None and config.mechanism.force_torque is None:
+        yield "reflection: the cell has no [mechanism.force_torque] sensor to reflect forces of"
     if config.rig is not None:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):

@@ -15,6 +15,7 @@ from .moving import Frames, RigFrames
 from .obstacles import Avoidance, Obstacle
 from .peg import RigHole, RigPeg
 from .potential import PotentialField
+from .reflection import Reflection
 from .section import Name as Name
 from .section import Pose as Pose
 from .section import Section as Section
@@ -470,6 +471,9 @@ class CellConfig(Section):
     sources: Sources = Field(default_factory=Sources, description="who may ask for a tool rate")
     schedules: tuple[Schedule, ...] = Field(
         (), max_length=16, description="gains that change with force, distance or time"
+    )
+    reflection: Reflection | None = Field(
+        None, description="force reflection to the operator; absent where there is none"
     )
     limits: Limits = Field(default_factory=Limits, description="bounds of the tool's motion")
     resolve: Resolve = Field(default_factory=Resolve, description="singularities")

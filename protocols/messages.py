@@ -29,6 +29,7 @@ Twist = tuple[Speed, Speed, Speed, AngularSpeed, AngularSpeed, AngularSpeed]
 Wrench = tuple[Newtons, Newtons, Newtons, NewtonMetres, NewtonMetres, NewtonMetres]
 Gains = tuple[Gain, Gain, Gain, Gain, Gain, Gain]
 JointVector = Annotated[tuple[float, ...], Field(min_length=1, max_length=64)]
+Joules = Annotated[float, Field(ge=0, le=1e6)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
 OperatorName = Annotated[str, Field(min_length=1, max_length=64)]
 Count = Annotated[int, Field(ge=0, le=2**63 - 1)]
@@ -88,12 +89,15 @@ class JoystickTwist(Command):
     """Stick rates u of the MRF [m/s, rad/s], a stream: fades when its news stops.
 
     `relative_to` is the frame that the motion is measured against, `expressed_in` the one whose
-    axes the six numbers use. Under a goal, the motion is measured against what the goal is.
+    axes the six numbers use. Under a goal, the motion is measured against what the goal is. A stick
+    that reflects forces tells in `handle` what energy [J] the hand has put into the network so far,
+    has got out of it, and lost of that in the damping which protects the handle; none of them falls.
     """
 
     twist: Twist
     relative_to: Frame = Frame.CRF
     expressed_in: Frame = Frame.CRF
+    handle: tuple[Joules, Joules, Joules] | None = None
 
 
 class PositionTarget(Command):

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Angle, Attitude, Command, Frame, Metres, Place, Twist
+from .messages import Angle, Attitude, Command, Frame, Joules, Metres, Place, Twist
 
 MOST = 64
 """Most waypoints or segments of one path [1]."""
@@ -109,12 +109,14 @@ class MasterPose(Command):
     `xyz` [m] and `rpy` [rad] are the handle's pose in the device's own base, whose axes are laid
     along those of `expressed_in`. What moves the tool are the increments from one message to the
     next while the clutch is engaged, scaled; so where the device is when it is engaged does not
-    matter, and neither engaging nor a change of scale makes the tool jump.
+    matter, and neither engaging nor a change of scale makes the tool jump. `handle` is as that of
+    a stick: by it the arm's side knows what energy it may take out of the network.
     """
 
     xyz: Place
     rpy: Attitude
     expressed_in: Frame = Frame.CRF
+    handle: tuple[Joules, Joules, Joules] | None = None
 
 
 class ClutchRequest(Command):

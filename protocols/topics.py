@@ -10,6 +10,7 @@ from enum import Enum, auto
 from . import messages as m
 from . import motion, moving
 from .obstacles import AvoidanceRequest, ObstacleNews
+from .reflection import Reflection, ReflectionRequest
 from .sightings import Sighting, StoreView
 
 PREFIX = "telerobot"
@@ -111,12 +112,15 @@ PATH_CONTROL = _request("path", motion.PathRequest)
 CLUTCH = _request("clutch", motion.ClutchRequest)
 STORE_VIEW = _request("store_view", StoreView)
 AVOIDANCE = _request("avoidance", AvoidanceRequest)
+REFLECT = _request("reflection", ReflectionRequest)
 
 STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
 DESCRIPTION = Topic(
     "tlm/description", m.Description, Flow.TELEMETRY, Life.GOAL, 1, reliable=True, max_bytes=65536
 )
+REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)
+"""Only of cells that reflect forces."""
 
 RIG_FAULT = Topic("rig/fault", m.RigFault, Flow.RIG_COMMAND, reliable=True)
 RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)
@@ -127,8 +131,8 @@ TOPICS: tuple[Topic, ...] = (
     SIGHTING, OBSTACLE, FRAME_NEWS,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, GRIPPER, STORE_VIEW,
-    REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE,
-    STATE, EVENT, DESCRIPTION,
+    REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,
+    STATE, REFLECTION, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_MOTION, RIG_TRUTH,
 )  # fmt: skip
 

@@ -14,7 +14,7 @@ from ..config.load import Cell
 from ..drivers.device import Cause, DeviceError, Trouble
 from ..protocols.cia402 import DriveState
 from ..protocols.codec import encode
-from ..protocols.topics import DESCRIPTION, EVENT, STATE
+from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
 from .admission import Admission, Now, Refused, Why
 from .clock import Clock
 from .control.avoidance.clearance import Gap
@@ -351,6 +351,7 @@ class Cycle:
         start = time.perf_counter()
         self._memory, self.output = self._control.tick(self._memory, inputs)
         self.compute_s = time.perf_counter() - start
+        orders.reflect(self.output)
         if self._vision.watching:
             T_mrf_wrist = inputs.settings.T_wrist_mrf.inverse()
             self._vision.remember(
@@ -399,5 +400,8 @@ class Cycle:
             self._touch.external,
         )
         self._link.publish(STATE, encode(state))
+        reflection = self._orders.reflection(self.tick)
+        if reflection is not None:
+            self._link.publish(REFLECTION, encode(reflection))
         if self.tick % DESCRIBE_EVERY == 1:
             self._link.publish(DESCRIPTION, encode(describe(self.cell)))

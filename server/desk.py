@@ -14,6 +14,7 @@ from ..protocols import motion
 from ..protocols.codec import encode
 from ..protocols.moving import FrameRequest
 from ..protocols.obstacles import AvoidanceRequest
+from ..protocols.reflection import ReflectionRequest
 from ..protocols.sightings import StoreView
 from .admission import Admission, Now, Refused, Why
 from .control.frames import Array, Pose
@@ -203,6 +204,10 @@ class Desk:
                     translation=master.translation,
                     rotation=master.rotation,
                 )
+            case ReflectionRequest():
+                self._orders.set_protection(message)
+                tell = self._events.info if message.protected else self._events.warning
+                tell("reflection_protected" if message.protected else "reflection_unprotected")
             case motion.PathRequest():
                 self._orders.set_path(message)
                 self._events.info("path_" + _PAST[message.action])

@@ -45,6 +45,7 @@ class Intake:
                     self._refuse(topic, refused)
         view.vision.look(view.now.tick)
         view.world.look(view.now.tick)
+        self._look_at_energy()
         for name in self._orders.expired(now_s):
             self._events.info("stream_expired", name)
 
@@ -67,6 +68,17 @@ class Intake:
             elif isinstance(message, Command):
                 admitted.append((topic, message))
         return admitted
+
+    def _look_at_energy(self) -> None:
+        reflector = self._orders.reflector
+        if reflector is not None and reflector.take_trip():
+            held = ": the force is held back" if reflector.protected else ""
+            self._events.warning(
+                "reflection_energy",
+                "the handle gives the hand energy that it never got" + held,
+                ledger_j=round(reflector.ledger, 4),
+                protected=reflector.protected,
+            )
 
     def _refuse(self, topic: Topic, refused: Refused) -> None:
         self._events.warning(

@@ -14,6 +14,7 @@ import numpy as np
 from ..protocols.motion import ClutchRequest, MasterPose
 from .admission import Refused, Why
 from .control.frames import Array, Pose, pose_error, rotation_exp, rotation_log, rotation_rpy
+from .reflection import Reflector
 
 SLIP = (0.05, 0.3)
 """The target leads the MRF by no more than this [m], [rad]; what is beyond, slips."""
@@ -59,11 +60,19 @@ class Master:
             return None
         return np.asarray(twist * np.repeat([self.translation, self.rotation], 3))
 
-    def take(self, message: MasterPose, now_s: float, axes: Array, T_world_mrf: Pose) -> bool:
+    def take(
+        self,
+        message: MasterPose,
+        now_s: float,
+        axes: Array,
+        T_world_mrf: Pose,
+        reflector: Reflector | None = None,
+    ) -> bool:
         """Move the target by what the master did since its last message; return whether it leads.
 
-        `axes` (3, 3) lays the device's base axes into World. Raises `Refused` for a motion that no
-        hand makes; the next message counts from there.
+        `axes` (3, 3) lays the device's base axes into World. Where forces are reflected, only what
+        the arm's port admits moves the target. Raises `Refused` for a motion that no hand makes;
+        the next message counts from there.
         """
         if self.waiting or not self.engaged:
             return False
@@ -71,6 +80,8 @@ class Master:
         last, self._last, self._since_s = self._last, pose, now_s
         if last is None or self.target is None:
             self.target = T_world_mrf
+            if reflector is not None:
+                reflector.engage(message.handle)
             return True
         moved, turned = pose.p - last.p, rotation_log(pose.R @ last.R.T)
         if _size(moved) > IMPLAUSIBLE[0] or _size(turned) > IMPLAUSIBLE[1]:
@@ -78,6 +89,9 @@ class Master:
                 Why.OUT_OF_RANGE,
                 f"the master moved {_size(moved):.3f} m and {_size(turned):.2f} rad at once",
             )
+        if reflector is not None:
+            step = reflector.admit(np.concatenate([moved, turned]), message.handle)
+            moved, turned = step[:3], step[3:]
         R = rotation_exp(axes @ (self.rotation * turned)) @ self.target.R
         self.target = _within(
             Pose(R, self.target.p + axes @ (self.translation * moved)), T_world_mrf

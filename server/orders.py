@@ -13,16 +13,18 @@ import numpy as np
 from ..config.load import Cell
 from ..protocols import messages as m
 from ..protocols import motion, moving
+from ..protocols.reflection import Reflection, ReflectionRequest
 from .admission import Refused, Why
 from .control.frames import Array, Pose
 from .control.paths.goals import Goal, PathGoal, Pursuit
 from .control.payload import Payload
 from .control.redundancy import Pulls
-from .control.state import Settings, StickCommand
+from .control.state import Output, Settings, StickCommand
 from .control.tree import GROUNDS, Body, Mount, Moved, Tree, UnknownFrame
 from .master import Master
 from .motions import goal_of, placed
 from .redefine import kept, placed_frame, wrench_kept
+from .reflection import Reflector
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
 
@@ -106,6 +108,8 @@ class Orders:
         self._goal_ground = "world"
         self.paused = False
         self.master = Master()
+        self.reflector = None if config.reflection is None else Reflector(cell)
+        """Forces for the operator's handle; None in a cell that reflects none."""
         redundancy = config.redundancy
         self.pulls = Pulls(redundancy.gains, self._postures[redundancy.posture_name])
         self.posture: Array | None = None
@@ -140,6 +144,8 @@ class Orders:
         """
         self._stick = self._jog = None
         self.on["vision"] = self._vision_on
+        if self.reflector is not None:
+            self.reflector.protected = True
         self._drop_goals()
         self.wrench_desired, self._wrench_axes = np.zeros(6), m.Frame.MRF
 
@@ -154,8 +160,10 @@ class Orders:
         self.master.wait()
 
     def _take_stick(self, message: m.JoystickTwist, now_s: float, T_world_mrf: Pose) -> None:
-        self.tree(T_world_mrf).pose(message.expressed_in)  # raises before it is in force
+        tree = self.tree(T_world_mrf)
+        tree.pose(message.expressed_in)  # raises before it is in force
         self._stick = _Stream(message, now_s)
+        self._feel(message, now_s, tree)
         if any(message.twist):
             # Whoever moves the stick wants to steer, not to watch a posture being taken.
             self.posture = None
@@ -199,13 +207,18 @@ class Orders:
         if not isinstance(self.goal, Pursuit):
             ground = self._ground(self.crf.on)
         axes, T = tree.pose(message.expressed_in, ground).R, tree.pose(m.Frame.MRF, ground)
-        if not self.master.take(message, now_s, axes, T):
+        self._feel(message, now_s, tree)
+        if not self.master.take(message, now_s, axes, T, self.reflector):
             return
         if not isinstance(self.goal, Pursuit):
             self.posture, self.posture_reached, self.paused = None, False, False
             self.goal = Pursuit(self.master.target, self._next_serial())
             self._goal_ground = ground
         self._lead()
+
+    def _feel(self, message: m.JoystickTwist | motion.MasterPose, now_s: float, tree: Tree) -> None:
+        if self.reflector is not None:
+            self.reflector.hear(message.handle, now_s, tree.pose(message.expressed_in).R)
 
     def _next_serial(self) -> int:
         self._serial += 1
@@ -287,6 +300,12 @@ class Orders:
         """Engage, disengage or scale the master."""
         self.master.set(request)
         self._lead()
+
+    def set_protection(self, request: ReflectionRequest) -> None:
+        """Protect the reflected force against delay, or not. Raises `Refused` if there is none."""
+        if self.reflector is None:
+            raise Refused(Why.NOT_NOW, "the cell reflects no forces")
+        self.reflector.protected = request.protected
 
     def set_objective(self, request: motion.RedundancyRequest) -> None:
         """Set a redundancy objective's gain. Raises `Refused` for a posture that is unknown."""
@@ -420,6 +439,21 @@ class Orders:
         """Let the path to the target begin anew from where the arm is."""
         if self.goal is not None:
             self.goal = replace(self.goal, attempt=self.goal.attempt + 1)
+
+    def reflect(self, output: Output) -> None:
+        """Let the handle feel what a tick has measured, where the cell reflects forces."""
+        if self.reflector is not None:
+            self.reflector.reflect(
+                output.wrench_mrf,
+                output.gains,
+                output.T_world_mrf_measured.R,
+                self.master.translation,
+                isinstance(self.goal, Pursuit),
+            )
+
+    def reflection(self, tick: int) -> Reflection | None:
+        """Return what the operator's handle is told, None where the cell reflects no forces."""
+        return None if self.reflector is None else self.reflector.message(tick)
 
     def _fresh(self, stream: _Stream[StreamT] | None, now_s: float) -> _Stream[StreamT] | None:
         if stream is None or now_s - stream.since_s > self._stream_timeout_s:

@@ -32,7 +32,12 @@ COMMAND: dict[str, Any] = {
 VALUES = st.none() | st.booleans() | st.integers(-(2**63), 2**63 - 1) | FLOATS | st.text()
 MESSAGES: list[tuple[Topic, dict[str, Any]]] = [
     (topics.KEEPALIVE, COMMAND),
-    (topics.JOYSTICK, {**COMMAND, "twist": VECTOR6, "relative_to": FRAMES}),
+    (topics.JOYSTICK, {**COMMAND, "twist": VECTOR6, "relative_to": FRAMES, "handle": VECTOR3}),
+    (topics.REFLECT, {**COMMAND, "protected": st.booleans()}),
+    (
+        topics.REFLECTION,
+        {"tick": COUNTS, "wrench": VECTOR6, "slope": FLOATS, "entered": FLOATS},
+    ),
     (
         topics.POSITION,
         {**COMMAND, "xyz": VECTOR3, "rpy": VECTOR3, "expressed_in": st.none() | FRAMES},
@@ -77,6 +82,7 @@ def test_another_msgpack_reader_sees_a_plain_map() -> None:
         "twist": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
         "relative_to": "base",
         "expressed_in": "crf",
+        "handle": None,
     }
 
 
