@@ -16,6 +16,7 @@ from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, decode_as, encode
 from ..protocols.moving import RigMotion
+from ..protocols.reflection import Reflection
 from .motions import Motions
 from .pilot import OnReply, Pilot, PilotError
 from .round_trip import RoundTrip
@@ -58,7 +59,7 @@ class Operator(Motions):
             self.session = Session(self.cell, self.endpoint)
         except ConnectionError as error:
             raise OperatorError("no_daemon", str(error)) from None
-        depths = {t.STATE: 1, t.EVENT: 256, t.DESCRIPTION: 1}
+        depths = {t.STATE: 1, t.REFLECTION: 1, t.EVENT: 256, t.DESCRIPTION: 1}
         self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
         self.pilot = Pilot(name, self._put, self.session.ask)
         self.description: m.Description | None = None
@@ -70,6 +71,10 @@ class Operator(Motions):
         """Called with every state that is read."""
         self.on_event: Callable[[m.Event], None] = ignore
         """Called with every event that is read."""
+        self.on_reflection: Callable[[Reflection], None] = ignore
+        """Called with every force for the handle that is read; none come of most cells."""
+        self.reflection = loaded.config.reflection
+        """What the cell says of force reflection."""
         self._lease_seen = False
 
     def __enter__(self) -> Self:
@@ -271,6 +276,8 @@ class Operator(Motions):
             return  # another version's telemetry; commands would be refused by name
         if isinstance(message, m.State):
             self._take_state(message, time.monotonic())
+        elif isinstance(message, Reflection):
+            self.on_reflection(message)
         elif isinstance(message, m.Event):
             self.pilot.on_event(message)
             self.on_event(message)

@@ -27,7 +27,13 @@ class Performance:
     """
 
     def __init__(self, operator: Operator, script: Script, say: Callable[[str], None]) -> None:
-        self.player = Player(script, operator.session.put, operator.session.ask, operator.inject)
+        self.player = Player(
+            script,
+            operator.session.put,
+            operator.session.ask,
+            operator.inject,
+            operator.reflection,
+        )
         self.failure = ""
         """Why the script could not be played to its end."""
         self.events: list[m.Event] = []
@@ -52,6 +58,7 @@ class Performance:
         """
         operator, player = self._operator, self.player
         operator.on_state, operator.on_event = player.on_state, self._on_event
+        operator.on_reflection = player.on_reflection
         start_s = time.monotonic()
         try:
             while not player.over and not self.failure:
@@ -64,7 +71,7 @@ class Performance:
                     break
                 time.sleep(POLL_S)
         finally:
-            operator.on_state = operator.on_event = ignore
+            operator.on_state = operator.on_event = operator.on_reflection = ignore
             self._release()
 
     def _trouble(self, now_s: float, start_s: float) -> str:

@@ -17,8 +17,8 @@ Put = Callable[[t.Topic, bytes], None]
 """Sends a command."""
 Ask = Callable[[t.Topic, bytes, Callable[[bytes], None]], None]
 """Sends a request; its reply comes through the callback."""
-Fields = Callable[[float], Mapping[str, Any]]
-"""Makes a stream's fields anew for every message, from the time [s]."""
+Fields = Callable[[float], Mapping[str, Any] | None]
+"""Makes a stream's fields anew for every message, from the time [s]; None: nothing to send."""
 OnReply = Callable[[m.Reply], None]
 
 ANYBODY: Mapping[str, Any] = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
@@ -77,8 +77,10 @@ class Pilot:
             self.command(t.KEEPALIVE)
         if now_s >= self._stream_due_s:
             self._stream_due_s = now_s + STREAM_S - 1e-6
-            for topic, fields in self._streams.items():
-                self.command(topic, **(fields(now_s) if callable(fields) else fields))
+            for topic, made in self._streams.items():
+                fields = made(now_s) if callable(made) else made
+                if fields is not None:
+                    self.command(topic, **fields)
 
     def stream(self, topic: t.Topic, **fields: Any) -> None:
         """Keep sending a command at 100 Hz, these fields until the next call.

@@ -5,16 +5,20 @@ from collections.abc import Callable
 from enum import Enum, auto
 from functools import partial
 
+from ..config.reflection import Reflection as ReflectionConfig
 from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import encode
 from ..protocols.moving import RigMotion
 from ..protocols.obstacles import ObstacleNews
-from .delay_line import DelayLine
+from ..protocols.reflection import Reflection
+from .delay_line import Conditions, DelayLine
 from .master import MovingMaster
 from .moving_target import MovingTarget
 from .obstacles import MovingObstacles
 from .pilot import Ask, Pilot, PilotError, Put
+from .reflect.client import ReflectingClient
+from .reflect.handles import Handles
 from .script import MasterStep, Script, Step, WrenchStep
 
 Inject = Callable[[m.RigFault | RigMotion], None]
@@ -36,7 +40,14 @@ class Phase(Enum):
 class Player:
     """Plays one script for one or more operators; told the time and the states that come in."""
 
-    def __init__(self, script: Script, put: Put, ask: Ask, inject: Inject) -> None:
+    def __init__(
+        self,
+        script: Script,
+        put: Put,
+        ask: Ask,
+        inject: Inject,
+        reflection: ReflectionConfig | None = None,
+    ) -> None:
         self.script = script
         self.phase = Phase.WAITING
         self.start_s = 0.0
@@ -50,6 +61,7 @@ class Player:
         self._masters: dict[str, MovingMaster] = {}
         self._obstacles = MovingObstacles(self._tell, inject)
         self._targets: list[MovingTarget] = []
+        self.handles = Handles(reflection)
         self._steps = deque(script.steps)
         self._now_s = 0.0
         self.pilot = self._pilot("operator")
@@ -62,7 +74,21 @@ class Player:
     def on_state(self, state: m.State) -> None:
         """Take in a state."""
         for pilot in self._pilots.values():
-            self._links[pilot.name].carry(partial(pilot.on_state, state), self._now_s)
+            arrive = partial(self._arrive, pilot, state)
+            self._links[pilot.name].carry(arrive, self._now_s, t.STATE.key)
+
+    def on_reflection(self, news: Reflection) -> None:
+        """Take in what handles shall push with."""
+        for name, device in self.handles.clients.items():
+            arrive = partial(self._feel, device, news)
+            self._links[name].carry(arrive, self._now_s, t.REFLECTION.key)
+
+    def _arrive(self, pilot: Pilot, state: m.State) -> None:
+        pilot.on_state(state)
+        self.handles.on_state(pilot.name, state, self._now_s)
+
+    def _feel(self, device: ReflectingClient, news: Reflection) -> None:
+        device.on_reflection(news, self._now_s)
 
     def run(self, now_s: float) -> None:
         """Do what is due at `now_s`."""
@@ -83,6 +109,7 @@ class Player:
                 self._obstacles.run(now_s, self.pilot.state.tick)
             except ValueError as error:
                 self._fail(str(error))
+        self.handles.run(now_s)
         for pilot in self._pilots.values():
             pilot.run(now_s)
         for target in self._targets:
@@ -124,16 +151,26 @@ class Player:
     def _pilot(self, name: str) -> Pilot:
         pilot = self._pilots.get(name)
         if pilot is None:
-            line = DelayLine()
-            self._links[name] = line
+            pilot = self._pilots[name] = self._connected(name)
+        return pilot
 
-            def put(topic: t.Topic, payload: bytes) -> None:
-                line.carry(lambda: self._put(topic, payload), self._now_s)
+    def _connected(self, name: str) -> Pilot:
+        """Return a pilot whose connection is a line of its own, both ways."""
+        network = self.script.network
+        conditions = Conditions(0.5 * network.rtt_s, network.jitter, network.loss)
+        line = self._links[name] = DelayLine(network.seed + len(self._links), conditions)
 
-            def ask(topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
-                line.carry(lambda: self._ask(topic, payload, answer), self._now_s)
+        def put(topic: t.Topic, payload: bytes) -> None:
+            self.handles.sent(name, topic, pilot.seq, self._now_s)
+            line.carry(lambda: self._put(topic, payload), self._now_s, topic.key)
 
-            pilot = self._pilots[name] = Pilot(name, put, ask)
+        def ask(topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
+            def back(reply: bytes) -> None:
+                line.carry(lambda: answer(reply), self._now_s)
+
+            line.carry(lambda: self._ask(topic, payload, back), self._now_s)
+
+        pilot = Pilot(name, put, ask)
         return pilot
 
     def _do(self, step: Step) -> None:
@@ -154,7 +191,9 @@ class Player:
         elif step.lease == "release":
             pilot.release(self._note(step, t.RELEASE))
         if step.link is not None:
-            self._links[pilot.name].set(step.link.cut, step.link.delay_s)
+            link = step.link
+            conditions = Conditions(link.delay_s, link.jitter, link.loss, link.cut)
+            self._links[pilot.name].set(conditions)
         if step.mode is not None:
             ask(t.MODE, action=step.mode)
         if step.protective_stop is True:
@@ -181,6 +220,8 @@ class Player:
             ask(t.REDUNDANCY, **dict(step.redundancy))
         if step.clutch is not None:
             ask(t.CLUTCH, **dict(step.clutch))
+        if step.reflection is not None:
+            ask(t.REFLECT, protected=step.reflection.protected)
         if step.path_control is not None:
             ask(t.PATH_CONTROL, action=step.path_control)
         if step.cancel:
@@ -226,6 +267,11 @@ class Player:
             pilot.command(t.PATH, **dict(step.path))
         if step.master is not None:
             self._move_master(step.master, pilot)
+        if step.device is not None:
+            try:
+                self.handles.take(step.device, pilot, self._now_s)
+            except ValueError as error:
+                self._fail(f"{step.at_s:g} s: {error}")
         if isinstance(step.force, WrenchStep):
             pilot.command(t.FORCE, **dict(step.force))
         elif step.force is not None:

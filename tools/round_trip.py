@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Mapping
 
-REMEMBERED = 64
+REMEMBERED = 512
 """Commands per key whose echo is waited for [1]."""
 
 

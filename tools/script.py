@@ -230,6 +230,39 @@ class LinkStep(Part):
 
     cut: bool = False
     delay_s: float = Field(0.0, ge=0, le=60)
+    """One way, the same in both directions."""
+    jitter: float = Field(0.0, ge=0, le=1)
+    loss: float = Field(0.0, ge=0, lt=1)
+
+
+class Network(Part):
+    """The operators' network from the start: round trip, its variation, its losses."""
+
+    rtt_s: float = Field(0.0, ge=0, le=10)
+    jitter: float = Field(0.0, ge=0, le=1)
+    loss: float = Field(0.0, ge=0, lt=1)
+    seed: int = Field(1, ge=0)
+
+
+class DeviceStep(Part):
+    """A force-reflecting handle and the hand on it; what is not given stays.
+
+    `hand` is where the hand means to be, from the handle's centre [m], in the axes of
+    `expressed_in`, within `seconds`. As a stick (`rate`) its deflection asks for a rate, as a
+    master (`pose`) its motion leads the tool.
+    """
+
+    mode: Literal["rate", "pose"] | None = None
+    hand: m.Vector3 | None = None
+    seconds: float = Field(0.5, gt=0, le=60)
+    held: bool | None = None
+    expressed_in: m.Frame | None = None
+
+
+class ReflectionStep(Part):
+    """The protection of force reflection, on or off."""
+
+    protected: bool
 
 
 class Raw(Part):
@@ -274,6 +307,8 @@ class Step(Part):
     posture: Annotated[str, Field(max_length=32)] | m.JointVector | None = None
     path: PathStep | None = None
     master: MasterStep | None = None
+    device: DeviceStep | None = None
+    reflection: ReflectionStep | None = None
     force: m.Wrench | WrenchStep | None = None
     target: TargetStep | None = None
     raw: Raw | None = None
@@ -294,6 +329,7 @@ class Script(Part):
     duration_s: float = Field(gt=0, le=3600)
     auto_enable: bool = True
     """The operator takes the lease and enables the arm before time starts."""
+    network: Network = Network()
     step: tuple[Step, ...] = ()
 
     @property

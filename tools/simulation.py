@@ -25,6 +25,7 @@ from ..drivers.rig.rig import Rig
 from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import decode_as
+from ..protocols.reflection import Reflection
 from ..server.clock import VirtualClock
 from ..server.control.frames import Pose, rotation_log
 from ..server.daemon import build
@@ -101,7 +102,9 @@ class Simulation:
         self.cycle = build(
             cell, Fieldbus(bus, self.clock.now), self.link, self.clock, lambda: next(tokens)
         )
-        self.player = Player(script, self.link.put, self.link.ask, self.rig.inject)
+        self.player = Player(
+            script, self.link.put, self.link.ask, self.rig.inject, cell.config.reflection
+        )
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)
         mrf = cell.config.mechanism.T_wrist_mrf
@@ -208,6 +211,10 @@ class Simulation:
             self.states.append(state)
             self.player.on_state(state)
             self._write("state", state)
+        elif topic is t.REFLECTION:
+            news = decode_as(Reflection, payload, topic.max_bytes)
+            self.player.on_reflection(news)
+            self._write("reflection", news)
         elif topic is t.EVENT:
             event = decode_as(m.Event, payload, topic.max_bytes)
             self.events.append(event)

@@ -10,7 +10,13 @@ from telerobot.tools.simulation import Simulation
 
 from .conftest import Run
 
-CELL_OF = {"ur5e_tour": "ur5e", "hand_push": "pa10_hand", "hand_swell": "pa10_hand"}
+CELL_OF = {
+    "ur5e_tour": "ur5e",
+    "hand_push": "pa10_hand",
+    "hand_swell": "pa10_hand",
+    "reflect_rate": "pa10_reflect",
+    "reflect_pose": "pa10_reflect",
+}
 ELSEWHERE = {
     name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))
 }

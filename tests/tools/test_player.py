@@ -148,6 +148,20 @@ def test_a_slow_link_delivers_everything_late_and_in_order(play, daemon):
     assert ticks == sorted(ticks)
 
 
+def test_a_device_in_a_cell_that_reflects_no_forces_fails_the_script(play):
+    run = play("duration_s = 1.0\n[[step]]\nat_s = 0.2\ndevice = { mode = 'rate' }").until(3.0)
+    assert run.player.phase is Phase.FAILED
+    assert run.player.failure == "0.2 s: device: the cell has no [reflection]"
+
+
+def test_replies_are_late_as_well(play, daemon):
+    run = play("duration_s = 0.1\n[network]\nrtt_s = 0.4").until(3.0)
+    assert run.player.phase is Phase.OVER
+    (enable,) = run.times(t.MODE)
+    # a state comes, the request goes, its reply comes, and the next request goes
+    assert enable == pytest.approx(4 * 0.2, abs=5e-3)
+
+
 def test_faults_go_to_the_rig(play, daemon):
     run = play("duration_s = 0.5\n[[step]]\nat_s = 0.1\nfault = { silence = 'j4' }").until(3.0)
     (fault,) = run.faults

@@ -1,0 +1,94 @@
+"""A simulated handle in a simulated hand: mass, damper and spring behind three motors.
+
+Virtual time, a millisecond a step. What the motors do and what the hand feels is its own truth:
+energies here are works of forces along ways, whoever commanded them.
+"""
+
+import math
+
+import numpy as np
+
+from ...config.reflection import Hand, Handle
+from .linkage import Array, jacobian, place
+
+STEP_S = 0.001
+"""Step of the device and of its own control [s]."""
+
+ROTOR = 4e-4
+"""Inertia of each motor at its joint [kg·m²]."""
+
+
+class HandPath:
+    """Where the hand means to be: from place to place, at rest in each (minimum jerk)."""
+
+    def __init__(self) -> None:
+        self._start, self._end = np.zeros(3), np.zeros(3)
+        self._start_s, self._seconds = 0.0, 0.0
+
+    def move(self, place_m: Array, seconds: float, now_s: float) -> None:
+        """Go to a place (3,) [m] within some time, from where it is meant to be now."""
+        self._start, self._end = self.at(now_s)[0], place_m
+        self._start_s, self._seconds = now_s, seconds
+
+    def at(self, now_s: float) -> tuple[Array, Array]:
+        """Return place (3,) [m] and velocity (3,) [m/s]."""
+        if now_s >= self._start_s + self._seconds:
+            return self._end, np.zeros(3)
+        s = max(0.0, (now_s - self._start_s) / self._seconds)
+        way = self._end - self._start
+        part = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        rate = 30.0 * s**2 * (1.0 - s) ** 2 / self._seconds
+        return self._start + part * way, rate * way
+
+
+class Device:
+    """One handle, held or let go; `spring`: whether it is drawn to its centre, as a stick is."""
+
+    def __init__(self, handle: Handle, hand: Hand) -> None:
+        self._handle, self._hand = handle, hand
+        self.q, self.dq = np.zeros(3), np.zeros(3)
+        self.path = HandPath()
+        self.held = True
+        self.spring = True
+        self.p, self.v = np.zeros(3), np.zeros(3)
+        """The handle's place [m] and velocity [m/s] in the axes of its base."""
+        self.force = np.zeros(3)
+        """What the motors pushed the hand with in the last step for reflection (3,) [N]."""
+        self.work = 0.0
+        """Work of the hand against reflection so far: negative where it was given some [J]."""
+
+    def step(self, wrench: Array, now_s: float) -> float:
+        """Move on by a step under a wrench to reflect (6,) [N, N·m]; return the hand's work [J]."""
+        wrench = self._bounded(wrench)
+        J = jacobian(self.q)
+        linear = J[:3]
+        tau = J.T @ wrench + linear.T @ self._other_forces(now_s)
+        M = self._handle.mass * (linear.T @ linear) + ROTOR * np.eye(3)
+        # The Jacobian's own change, along the motion, gives the mass' centripetal torque.
+        turned = jacobian(self.q + STEP_S * self.dq)[:3]
+        tau -= self._handle.mass * (linear.T @ ((turned - linear) @ self.dq)) / STEP_S
+        self.dq = self.dq + STEP_S * np.linalg.solve(M, tau)
+        self.q = self.q + STEP_S * self.dq
+        before, self.p = self.p, place(self.q)
+        self.v = (self.p - before) / STEP_S
+        self.force = wrench[:3]
+        work = -float(self.force @ (self.p - before))
+        self.work += work
+        return work
+
+    def _other_forces(self, now_s: float) -> Array:
+        """Return the force (3,) [N] of the hand, and of the mechanism's spring and dampers."""
+        force = -self._handle.damping * self.v
+        if self.spring:
+            force = force - self._handle.spring * self.p - self._handle.spring_damping * self.v
+        if self.held:
+            p, v = self.path.at(now_s)
+            force = force + self._hand.stiffness * (p - self.p) + self._hand.damping * (v - self.v)
+        return np.asarray(force)
+
+    def _bounded(self, wrench: Array) -> Array:
+        """Return the wrench as strong as the motors can make it; they exert no moment."""
+        size = math.sqrt(float(wrench[:3] @ wrench[:3]))
+        out = np.zeros(6)
+        out[:3] = wrench[:3] * min(1.0, self._handle.max_force / max(size, 1e-12))
+        return out
