@@ -90,8 +90,8 @@ class JoystickTwist(Command):
 
     `relative_to` is the frame that the motion is measured against, `expressed_in` the one whose
     axes the six numbers use. Under a goal, the motion is measured against what the goal is. A stick
-    that reflects forces tells in `handle` what energy [J] the hand has put into the network so far,
-    has got out of it, and lost of that in the damping which protects the handle; none of them falls.
+    that reflects forces tells in `handle` what energy [J] the hand has put into the network so
+    far, has got out of it, and lost of that in the damping which protects the handle; none falls.
     """
 
     twist: Twist

@@ -9,6 +9,7 @@ from .checks.bus_load import bus_load
 from .checks.drives import drives
 from .checks.following import following
 from .checks.postures import postures
+from .checks.reflection import reflection
 from .checks.stability import stability
 from .checks.timing import timing
 from .checks.torque import torque
@@ -19,6 +20,7 @@ CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
     bus_load,
     drives,
     stability,
+    reflection,
     postures,
     torque,
     following,

@@ -4,6 +4,7 @@ from .crowd_runs import SCENES
 from .hostile_runs import HOSTILE
 from .part import Part
 from .peg_runs import PEG
+from .reflection import REFLECTION
 from .touch import TOUCH
 
 PARTS: dict[str, Part] = {
@@ -11,4 +12,5 @@ PARTS: dict[str, Part] = {
     "peg": PEG,
     "scenes": SCENES,
     "touch": TOUCH,
+    "reflection": REFLECTION,
 }
