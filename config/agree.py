@@ -7,6 +7,7 @@ from typing import Final
 from .agree_cameras import camera_disagreements
 from .agree_modes import mode_disagreements
 from .agree_obstacles import obstacle_disagreements
+from .agree_priority import priority_disagreements
 from .errors import ConfigError, nearest
 from .schema import CellConfig, Drive
 from .urdf import Robot, UrdfJoint
@@ -46,6 +47,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
         )
     if config.reflection is not None and config.mechanism.force_torque is None:
         yield "reflection: the cell has no [mechanism.force_torque] sensor to reflect forces of"
+    yield from priority_disagreements(config, robot)
     if config.rig is not None:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):

@@ -15,6 +15,7 @@ from .moving import Frames, RigFrames
 from .obstacles import Avoidance, Obstacle
 from .peg import RigHole, RigPeg
 from .potential import PotentialField
+from .priority import Priority
 from .reflection import Reflection
 from .section import Name as Name
 from .section import Pose as Pose
@@ -31,7 +32,7 @@ NonNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy", "field")
+OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy", "field", "spheres")
 """The redundancy objectives."""
 
 
@@ -347,6 +348,9 @@ class Redundancy(Section):
     field: float = Field(
         0.0, ge=0, le=10, description="how quickly to the least of the potential field [1/s]"
     )
+    spheres: float = Field(
+        0.0, ge=0, le=10, description="share of the rates that [priority] asks for [1]"
+    )
     max_rate: float = Field(
         0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
     )
@@ -487,6 +491,9 @@ class CellConfig(Section):
         default_factory=PotentialField, description="what repels the links, softly"
     )
     touch: Touch | None = Field(None, description="collision detection; absent: off")
+    priority: Priority | None = Field(
+        None, description="virtual spheres that obstacles push, before a hand is followed"
+    )
     rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")
 
     @property

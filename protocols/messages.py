@@ -278,6 +278,8 @@ class State(Message):
     that is over, and the `pace`, which a pause takes to 0; `path_mrf` is the pose it has got to.
     `avoiding` says whether clearances are kept, `gaps` the nearest pairs of the commanded arm:
     link, obstacle or other link, distance of their surfaces [m], and whether its barrier acts.
+    `spheres` are the distances of virtual spheres' centres from the nearest obstacle [m], if there
+    is any, and `priority` is α, the part of a hand's force that avoiding takes away.
     `master` tells of the clutch: whether it is `engaged`, whether a master's pose is `leading` the
     tool, and the scales of `translation` and `rotation`.
     """
@@ -321,6 +323,8 @@ class State(Message):
     off_path: Vector3 | None = None
     avoiding: bool = False
     gaps: tuple[tuple[str, str, float, bool], ...] = ()
+    spheres: dict[str, float] = Field(default_factory=dict)
+    priority: float | None = None
     at_goal: bool
     speed_factor: float
     drives: tuple[str, ...]

@@ -26,6 +26,7 @@ class ObjectiveName(StrEnum):
     POSTURE = "posture"
     LEAST_ENERGY = "least_energy"
     FIELD = "field"
+    SPHERES = "spheres"
 
 
 class RedundancyRequest(Command):

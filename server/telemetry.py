@@ -6,6 +6,7 @@ from importlib import metadata
 from ..config.load import Cell
 from ..protocols.messages import VERSION, Description, State, Vector6
 from .admission import Admission
+from .control.avoidance.priority import Near
 from .control.field import Felt
 from .control.frames import Array
 from .control.payload import Payload
@@ -112,6 +113,8 @@ def report(
         potential=None if output.field is None else potential(output.field),
         off_path=None if output.off_path is None else _three(output.off_path),
         avoiding=orders.avoid,
+        spheres={} if output.near is None else sphere_distances(output.near),
+        priority=None if output.near is None else output.near.alpha,
         gaps=tuple((g.link, g.other, g.gap, g.active) for g in output.gaps),
         at_goal=output.at_goal or orders.posture_reached,
         speed_factor=orders.speed_factor,
@@ -128,6 +131,12 @@ def report(
 def potential(felt: Felt) -> dict[str, float]:
     """Return the potentials [J], and what is left of their slope in the self-motions [N·m]."""
     return {**felt.parts, "slope": felt.slope}
+
+
+def sphere_distances(near: Near) -> dict[str, float]:
+    """Return how far each virtual sphere's centre is from the nearest obstacle [m], if any."""
+    each = zip(near.names, near.distances.each.tolist(), strict=True)
+    return {name: distance for name, distance in each if math.isfinite(distance)}
 
 
 def _three(values: Array) -> tuple[float, float, float]:

@@ -10,6 +10,7 @@ from ...config.potential import PotentialField
 from ...config.schema import CellConfig, Limits, Redundancy, Resolve, Schedule
 from ...config.torque import Torque
 from .avoidance.links import Links
+from .avoidance.priority import Priority
 from .frames import Array, Pose
 from .payload import Payload
 from .sources.following import Impedance
@@ -74,6 +75,8 @@ class Parameters:
     potential: PotentialField
     links: Links | None
     """The arm's shape; None where nothing asks for it."""
+    priority: Priority | None
+    """Virtual spheres; None where the cell has none."""
     impedance: Impedance
     """What the tool feels like to a hand."""
     operation_mode: str
@@ -92,7 +95,8 @@ class Parameters:
     def from_cell(cls, cell: Cell) -> "Parameters":
         """Collect them from a loaded cell.
 
-        Raises `ConfigError` for links whose shape is needed and not known.
+        Raises `ConfigError` for links whose shape is needed and not known, and for virtual spheres
+        on none of the arm's links.
         """
         c: CellConfig = cell.config
         drives = {d.joint: d for d in c.mechanism.drives}
@@ -137,6 +141,7 @@ class Parameters:
             hold_leash=c.sources.force.hold_leash,
             potential=c.potential,
             links=Links(cell) if _shape_matters(c) else None,
+            priority=Priority.from_cell(cell),
             impedance=_impedance(c.sources.following),
             operation_mode=c.mechanism.operation_mode,
             torque=c.torque,

@@ -5,7 +5,9 @@ sources' gains; one whose gain is zero is not computed.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -14,6 +16,9 @@ from .mechanism import Mechanism
 from .objectives import least_energy, manipulability, posture
 from .objectives.mid_range import MidRange
 from .parameters import Parameters
+
+NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
+"""What objectives ask for that look at obstacles, where none does."""
 
 TASK = 6
 """Freedoms of the task: with no more joints than these, nothing is spare."""
@@ -75,19 +80,19 @@ class Redundancy:
         null: Array,
         pulls: Pulls,
         factor: float,
-        field: Array | None = None,
+        outside: Mapping[str, Array] = NOTHING,
     ) -> SelfMotion:
         """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
 
         `null` (n − 6, n) has orthonormal rows that span the spare motions; `factor` is the
-        reduced-speed setting, which scales the bound of the self-motion; `field` (n,) is what the
-        potential field asks for at a gain of 1 /s. Of all that, the task leaves s room: the most
-        with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
+        reduced-speed setting, which scales the bound of the self-motion; `outside` holds what the
+        objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
+        s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
         """
         if not self._spare:
             return self.none()
         parts = {
-            name: gain * ((null @ self._part(name, q, J, dq_task, null, pulls, field)) @ null)
+            name: gain * ((null @ self._part(name, q, J, dq_task, null, pulls, outside)) @ null)
             for name, gain in pulls.gains.items()
             if gain > 0.0
         }
@@ -115,12 +120,12 @@ class Redundancy:
         dq_task: Array,
         null: Array,
         pulls: Pulls,
-        field: Array | None,
+        outside: Mapping[str, Array],
     ) -> Array:
         """Return what an objective asks for (n,) at gain 1."""
         match name:
-            case "field":
-                return np.zeros(len(q)) if field is None else field
+            case "field" | "spheres":
+                return outside.get(name, np.zeros(len(q)))
             case "mid_range":
                 return self._mid_range.rate(q)
             case "manipulability":

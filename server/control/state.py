@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .avoidance.clearance import Gap, Levels
+from .avoidance.priority import Near
 from .field import Felt
 from .frames import Array, Pose
 from .paths.goals import Goal
@@ -137,6 +138,8 @@ class Memory:
     """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
     levels: Levels = field(default_factory=dict)
     """Best gap so far of pairs of links and obstacles that are below their bounds."""
+    near: Near | None = None
+    """What is near the virtual spheres; None in a cell without any."""
     torque: TorqueState | None = None
     """What the torque law remembers, with drives in CST."""
 
@@ -184,5 +187,7 @@ class Output(NamedTuple):
     """Where the virtual link has the tool off its path, in World (3,) [m]."""
     gaps: tuple[Gap, ...] = ()
     """The nearest pairs of links and obstacles, nearest first."""
+    near: Near | None = None
+    """What is near the virtual spheres; None in a cell without any."""
     stop_worsened: bool = False
     """News made the stored stop fall short of a clearance; the least bad one was taken."""

@@ -114,6 +114,7 @@ class Summing:
             None if wrench is None else -wrench,
             gains.get("following", _OFF) if guided else _OFF,
             k.T_world_mrf,
+            1.0 if memory.near is None else 1.0 - memory.near.alpha,
         )
         memory = evolve(
             memory,

@@ -169,6 +169,7 @@ class Control:
             limits=asked.limits + (("verified_stop",) if limited.stopped else ()) + actuated.limits,
             stop_worsened=limited.worsened,
             gaps=allowed.gaps,
+            near=memory.near,
             sigma_min=asked.sigma_min,
             gains=memory.gains,
             pulls=memory.pulls,
@@ -206,6 +207,10 @@ class Control:
 
     def _ask(self, memory: Memory, inputs: Inputs, k: Kinematics) -> tuple[Memory, _Asked]:
         """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
+        base = None if inputs.moved is None else inputs.moved.base.T
+        if self.p.priority is not None:
+            near = self.p.priority.look(memory.motion.q, inputs.scene, memory.near, base)
+            memory = evolve(memory, near=near)
         memory, twists = self.summing.twists(memory, inputs, k)
         twist = np.zeros(6)
         for part in twists.values():
@@ -221,7 +226,6 @@ class Control:
             dq = s_tool * joint_rates
             return memory, _Asked(dq, twists, twist, s_tool, limits, math.nan, self_motion)
         q, T_wrist_mrf = memory.motion.q, inputs.settings.T_wrist_mrf
-        base = None if inputs.moved is None else inputs.moved.base.T
         factor, felt = inputs.settings.speed_factor, None
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture
         seen = self.field.look(q, k, inputs.scene, memory.pulls, base) if spare else None
@@ -236,9 +240,10 @@ class Control:
         dq = task.dq
         if spare:
             downhill, felt = self.field.self_motion(seen, task.null)
-            self_motion = self.redundancy.rate(
-                q, k.J, dq, task.null, memory.pulls, factor, downhill
-            )
+            outside = {} if downhill is None else {"field": downhill}
+            if self.p.priority is not None and memory.near is not None:
+                outside["spheres"] = self.p.priority.rates(memory.near, task.null)
+            self_motion = self.redundancy.rate(q, k.J, dq, task.null, memory.pulls, factor, outside)
             dq = dq + self_motion.dq
         if task.singular:
             limits += ("singularity",)

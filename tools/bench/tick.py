@@ -39,6 +39,7 @@ EVERY_OBJECTIVE = {
     "posture": 0.2,
     "least_energy": 0.5,
     "field": 1.0,
+    "spheres": 1.0,
 }
 """Gains of the redundancy objectives while it is measured."""
 

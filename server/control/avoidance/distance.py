@@ -41,6 +41,15 @@ def dot(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return a × b of rows (k, 3), written out: several times quicker than numpy's."""
+    c = np.empty_like(a)
+    c[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    c[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    c[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return c
+
+
 def segments(a: Array, b: Array, c: Array, d: Array) -> Near:
     """Return where segments a–b and c–d are nearest (after Ericson 2005, section 5.1.9)."""
     u, v, r = b - a, d - c, a - c

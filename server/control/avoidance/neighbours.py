@@ -11,7 +11,7 @@ import numpy as np
 from ....config.load import Cell
 from ..frames import Array
 from ..scene import Scene
-from .distance import Near, dot, segments, segments_boxes
+from .distance import Near, cross, dot, segments, segments_boxes
 from .links import Flags, Index, Links, Placed
 
 NEIGHBOURS = 2
@@ -174,7 +174,7 @@ class Around:
         moved = self.links.moved[pairs.first]
         if len(pairs.own):
             moved[: len(pairs.own)] -= self.links.moved[pairs.own[:, 1]]
-        rows = _cross(near.place, near.normal) @ z.T - near.normal @ _cross(z, o).T
+        rows = cross(near.place, near.normal) @ z.T - near.normal @ cross(z, o).T
         prismatic = self.links.chain.prismatic
         if prismatic.any():
             rows[:, prismatic] = near.normal @ z[prismatic].T
@@ -237,12 +237,3 @@ class Around:
         a, b = ends[pairs[:, 0]], ends[pairs[:, 1]]
         apart = segments(a[:, 0], a[:, 1], b[:, 0], b[:, 1]).distance
         return np.asarray(pairs[apart - links.radius[pairs].sum(axis=1) > least])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return a × b of rows (k, 3), written out: several times quicker than numpy's."""
-    c = np.empty_like(a)
-    c[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    c[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    c[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return c
