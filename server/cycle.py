@@ -39,6 +39,9 @@ from .world import World
 DESCRIBE_EVERY = 100
 """Ticks between two descriptions, for operators that come late [1]."""
 
+LED = 1e-3
+"""A hand that asks for more than this leads the tool [m/s, rad/s]."""
+
 INTENTS = {
     Mode.BOOT: Intent.SEED,
     Mode.READY: Intent.SEED,
@@ -369,6 +372,8 @@ class Cycle:
         if self.output.at_goal and orders.posture is not None:
             orders.finish_posture()
             self._events.info("posture_reached")
+        elif orders.posture_reached and np.abs(self.output.twists["following"]).max() > LED:
+            orders.led_by_hand()
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
         """Tell that an obstacle came too near for any stop, and which is nearest."""

@@ -154,6 +154,10 @@ class Orders:
         self.posture = None
         self.posture_reached = True
 
+    def led_by_hand(self) -> None:
+        """A hand moves the tool: as with a stick, the arm is no posture's any more."""
+        self.posture_reached = False
+
     def _drop_goals(self) -> None:
         self.goal = self.posture = None
         self.posture_reached = self.paused = False
