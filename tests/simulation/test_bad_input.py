@@ -21,7 +21,7 @@ def raw(at_s, payload, topic="cmd/joystick"):
 def stick_map(**changes):
     fields = {
         "v": VERSION, "token": TOKEN, "epoch": 1, "seq": 10**6, "seen_tick": 10**6,
-        "twist": TWIST, "relative_to": "crf", "expressed_in": "crf",
+        "twist": TWIST, "relative_to": "crf", "expressed_in": "crf", "handle": None,
     }  # fmt: skip
     return msgpack.packb(fields | changes)
 
