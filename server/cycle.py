@@ -194,6 +194,7 @@ class Cycle:
                 weight = self._control.summing.weight(T_world_mrf, self._orders.settings())
             self._sensor.look(reading, weight)
         self._touch.look(
+            now_s,
             reading,
             self._memory,
             self.output,

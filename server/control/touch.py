@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .evolve import evolve
 from .frames import Array
 from .inverse_dynamics import InverseDynamics
 
@@ -38,6 +39,7 @@ class TouchState:
     """What of that friction and inertia may explain (n,) [N·m]."""
     lasting_s: float = 0.0
     """How long some joint's has been beyond its bound [s]."""
+    time_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -77,15 +79,25 @@ class Touch:
         self._period_s = period_s
 
     def measure(
-        self, state: TouchState, q: Array, tau: Array, seen: Array, load: Array
+        self,
+        state: TouchState,
+        q: Array,
+        tau: Array,
+        seen: Array,
+        load: Array,
+        time_s: float,
     ) -> TouchState:
         """Return the state after one reading: joints q (n,) [rad] and torques tau (n,) [N·m].
 
         `seen` (n,) [N·m] are the joint torques of the contact that the sensor reports, as it acts
-        on the arm; `load` (10,) what the sensor carries, see `sources.force.load_of`.
+        on the arm; `load` (10,) what the sensor carries, see `sources.force.load_of`;
+        `time_s` the tick's time [s].
         """
+        if time_s - state.time_s > 1.5 * self._period_s:
+            # Ticks were missed: differences would be wrong. What was felt until then is kept.
+            state = evolve(state, q=())
         if len(state.q) < 2 or state.tau is None or state.seen is None:
-            return TouchState((q, *state.q[:1]), tau, seen)
+            return evolve(state, q=(q, *state.q[:1]), tau=tau, seen=seen, time_s=time_s)
         T, (q1, q2) = self._period_s, state.q
         dq = (q - q2) / (2.0 * T)
         ddq = (q - 2.0 * q1 + q2) / T**2
@@ -105,7 +117,7 @@ class Touch:
             excused = state.excused + self._smoothing * (excused - state.excused)
         beyond = bool((np.abs(external) > self._bound + excused).any())
         lasting_s = state.lasting_s + T if beyond else 0.0
-        return TouchState((q, q1), tau, seen, external, excused, lasting_s)
+        return TouchState((q, q1), tau, seen, external, excused, lasting_s, time_s)
 
     def touched(self, state: TouchState) -> Touched | None:
         """Return which joint is pushed most, against its bound, if one is for long enough."""

@@ -63,13 +63,18 @@ def test_what_is_carried_weighs_at_every_joint(cell, dynamics, rng):
         np.testing.assert_allclose(dynamics.torque(q, still, still), expected, atol=1e-6)
 
 
-def follow(touch, dynamics, push, friction, seconds=1.0):
-    """Feed a motion with its exact torques, plus a push (7,) that no sensor sees."""
+def follow(touch, dynamics, push, friction, seconds=1.0, missed=()):
+    """Feed a motion with its exact torques, plus a push (7,) that no sensor sees.
+
+    Ticks in `missed` are not served.
+    """
     state = TouchState()
     load = load_of(0.0, np.zeros(3), np.zeros(6))
     dynamics.carry(0.0, np.zeros(3))
     phase, size = np.arange(7), np.full(7, 0.1)
     for k in range(int(seconds / T)):
+        if k in missed:
+            continue
         t = k * T
         q = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0]) + size * np.sin(2 * t + phase)
         late = t - T / 2  # the mean of the period before
@@ -77,7 +82,7 @@ def follow(touch, dynamics, push, friction, seconds=1.0):
         ddq = -4 * size * np.sin(2 * late + phase)
         at = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0]) + size * np.sin(2 * late + phase)
         tau = dynamics.torque(at, dq, ddq) + friction * np.sign(dq) - push
-        state = touch.measure(state, q, tau, np.zeros(7), load)
+        state = touch.measure(state, q, tau, np.zeros(7), load, t)
     return state
 
 
@@ -104,3 +109,17 @@ def test_a_short_knock_is_not_contact_yet(dynamics):
     state = follow(touch, dynamics, np.full(7, 10.0), 0.0, 0.06)
     assert np.abs(state.external).max() > 3.0
     assert touch.touched(state) is None
+
+
+def test_a_tick_that_was_missed_in_motion_is_no_push(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    for last in range(41, 50):
+        state = follow(touch, dynamics, np.zeros(7), 0.0, last * T, missed=(40,))
+        assert touch.touched(state) is None
+        assert np.abs(state.external).max() < 0.5
+
+
+def test_a_push_is_felt_through_a_missed_tick(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    state = follow(touch, dynamics, np.full(7, 5.0), 0.0, 1.0, missed=(98,))
+    assert touch.touched(state) is not None
