@@ -201,7 +201,7 @@ class InProcessBus(can.BusABC):
         else:
             self.on_message(message)
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  python-can's
         """Hand a frame to every other member at once."""
         self.hub.deliver(self, msg)
 

@@ -40,7 +40,7 @@ class _Network(canopen.Network):
         super().__init__()
         self._fieldbus = fieldbus
 
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:  # noqa: ARG002
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:  # noqa: ARG002  canopen's
         """Send a frame; after an SDO request, wait for the reply. Raises `can.CanError`."""
         self._fieldbus.request(can_id, bytes(data))
 

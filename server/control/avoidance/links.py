@@ -168,10 +168,10 @@ def _fitted(shape: object) -> tuple[Array, float] | None:
         case "Sphere":
             return np.zeros(3), float(shape.radius)  # type: ignore[attr-defined]  # untyped
         case "Cylinder" | "Capsule":
-            along = np.array([0.0, 0.0, float(shape.halfLength)])  # type: ignore[attr-defined]
-            return along, float(shape.radius)  # type: ignore[attr-defined]
+            along = np.array([0.0, 0.0, float(shape.halfLength)])  # type: ignore[attr-defined]  # untyped
+            return along, float(shape.radius)  # type: ignore[attr-defined]  # untyped
         case "Box":
-            half = np.array(shape.halfSide)  # type: ignore[attr-defined]
+            half = np.array(shape.halfSide)  # type: ignore[attr-defined]  # untyped
             k = int(np.argmax(half))
             across = np.delete(half, k)
             return np.eye(3)[k] * half[k], float(_length(across))
