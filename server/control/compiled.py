@@ -1,0 +1,67 @@
+"""Loops over small arrays, compiled to machine code: what numpy's cost per call is too much for.
+
+A kernel is a plain function of arrays and numbers. `@compiled(...)` states the types of its
+arguments, so that it is compiled once, before the first tick, and never during one: an argument of
+another type is a TypeError. Results are the same on every run; nothing is reassociated.
+
+Rules, which `tests/server/control/test_compiled.py` holds:
+
+- A kernel calls kernels of its own file only. What is compiled is kept on disk beside the source,
+  and made anew when that file changes, not when another one does.
+- Indices are checked: one out of bounds is an IndexError.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final, ParamSpec, TypeVar
+
+import numba
+from numba import types
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+NUMBER: Final = types.float64
+COUNT: Final = types.int64
+FLAG: Final = types.boolean
+
+
+def _array(dtype: Any, dimensions: int) -> Any:
+    """Return the type of arrays that a kernel reads: of any strides, writeable or not."""
+    return types.Array(dtype, dimensions, "A", readonly=True)
+
+
+VECTOR: Final = _array(types.float64, 1)
+MATRIX: Final = _array(types.float64, 2)
+ARRAY3: Final = _array(types.float64, 3)
+ARRAY4: Final = _array(types.float64, 4)
+INDEX: Final = _array(types.int64, 1)
+INDEX2: Final = _array(types.int64, 2)
+FLAGS: Final = _array(types.boolean, 1)
+FLAGS2: Final = _array(types.boolean, 2)
+
+
+def _made(arguments: tuple[Any, ...], function: Callable[..., Any], cache: bool) -> Any:
+    return numba.njit(arguments, cache=cache, error_model="numpy", boundscheck=True)(function)
+
+
+def compiled(
+    *arguments: Any,
+) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
+    """Return a decorator that compiles a function of arguments with these types.
+
+    Division by zero gives inf or nan, as in numpy. Where compiled code can be written neither
+    beside the source nor under the user's cache folder, it is made at every start.
+    """
+
+    def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+        made: Any
+        try:
+            made = _made(arguments, function, cache=True)
+        except RuntimeError as error:
+            if "cannot cache" not in str(error):
+                raise
+            made = _made(arguments, function, cache=False)
+        kernel: Callable[Arguments, Result] = made
+        return kernel
+
+    return decorate

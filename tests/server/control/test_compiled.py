@@ -1,0 +1,72 @@
+import importlib
+import pkgutil
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import telerobot.server.control as control
+from telerobot.server.control.compiled import COUNT, MATRIX, VECTOR, compiled
+
+
+@compiled(MATRIX, VECTOR)
+def product(A, x):
+    y = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            y[i] += A[i, j] * x[j]
+    return y
+
+
+@compiled(VECTOR, COUNT)
+def entry(x, i):
+    return x[i]
+
+
+def kernels() -> Iterator[tuple[str, Any]]:
+    for found in pkgutil.walk_packages(control.__path__, control.__name__ + "."):
+        module = importlib.import_module(found.name)
+        for name, thing in vars(module).items():
+            if hasattr(thing, "py_func") and thing.py_func.__module__ == module.__name__:
+                yield f"{module.__name__}.{name}", thing
+
+
+def test_a_kernel_reads_arrays_of_any_strides_and_those_that_may_not_be_written():
+    A, x = np.arange(6.0).reshape(3, 2), np.ones(3)
+    x.flags.writeable = False
+    np.testing.assert_array_equal(product(A.T, x), A.T @ x)
+
+
+def test_an_argument_of_another_type_is_refused_and_compiles_nothing():
+    with pytest.raises(TypeError):
+        product(np.ones((2, 2), dtype=np.int64), np.ones(2))
+    assert len(product.signatures) == 1
+
+
+def test_an_index_out_of_bounds_is_an_error():
+    with pytest.raises(IndexError):
+        entry(np.ones(3), 3)
+
+
+def test_a_division_by_zero_is_as_in_numpy():
+    assert np.isinf(quotient(np.array([1.0, 0.0])))
+
+
+@compiled(VECTOR)
+def quotient(x):
+    return x[0] / x[1]
+
+
+def test_kernels_call_kernels_of_their_own_file_only():
+    for name, kernel in kernels():
+        function = kernel.py_func
+        for called in function.__code__.co_names:
+            thing = function.__globals__.get(called)
+            if hasattr(thing, "py_func"):
+                assert thing.py_func.__module__ == function.__module__, f"{name}: {called}"
+
+
+def test_every_kernel_is_compiled_for_stated_types_once():
+    for name, kernel in kernels():
+        assert len(kernel.signatures) == 1, name
+        assert not kernel._can_compile, name
