@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .compiled import MATRIX, VECTOR, compiled
+
 Array = NDArray[np.float64]
 
 _SMALL = 1e-7
@@ -23,7 +25,7 @@ class Pose(NamedTuple):
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Compose: `T_a_b @ T_b_c` is `T_a_c`."""
-        return Pose(self.R @ other.R, self.R @ other.p + self.p)
+        return Pose(*_composed(self.R, self.p, other.R, other.p))
 
     def inverse(self) -> "Pose":
         """Return `T_b_a` of `T_a_b`."""
@@ -73,73 +75,112 @@ def skew(a: Array) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+@compiled(VECTOR, VECTOR)
 def cross(a: Array, b: Array) -> Array:
     """Return a × b (3,); several times quicker than numpy's for one pair."""
-    ax, ay, az = a.tolist()
-    bx, by, bz = b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+    out = np.empty(3)
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+    return out
 
 
+@compiled(MATRIX)
 def rotation_log(R: Array) -> Array:
     """Return the rotation vector (3,) [rad] of R (3, 3), norm at most π."""
-    axis2 = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = 0.5 * math.sqrt(float(axis2 @ axis2))
-    cosine = 0.5 * (float(R[0, 0] + R[1, 1] + R[2, 2]) - 1.0)
+    axis = np.empty(3)
+    axis[0], axis[1], axis[2] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    sine = 0.5 * math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
     angle = math.atan2(sine, cosine)
     if angle < _SMALL:
-        return 0.5 * axis2
+        return 0.5 * axis
     if cosine > -0.99:
-        return axis2 * (0.5 * angle / sine)
+        return axis * (0.5 * angle / sine)
     # Near a half turn the skew part vanishes: take the axis from the symmetric part, which is
     # (1 − cos θ) a aᵀ + cos θ I, and its sign from what is left of the skew part.
-    S = 0.5 * (R + R.T) - cosine * np.eye(3)
-    k = int(np.argmax(np.diag(S)))
-    axis = S[:, k] / math.sqrt(float(S[:, k] @ S[:, k]))
-    if float(axis @ axis2) < 0.0:
-        axis = -axis
-    return np.asarray(axis * angle)
+    k = 0
+    for i in range(1, 3):
+        if R[i, i] > R[k, k]:
+            k = i
+    column, size, sign = np.empty(3), 0.0, 0.0
+    for i in range(3):
+        column[i] = 0.5 * (R[i, k] + R[k, i]) - (cosine if i == k else 0.0)
+        size += column[i] ** 2
+        sign += column[i] * axis[i]
+    return column * (math.copysign(angle, sign) / math.sqrt(size))
 
 
+@compiled(VECTOR)
 def rotation_exp(r: Array) -> Array:
     """Return R (3, 3) of a rotation vector (3,) [rad] (Rodrigues)."""
-    x, y, z = r.tolist()
+    x, y, z = r[0], r[1], r[2]
     angle2 = x * x + y * y + z * z
-    if angle2 < _SMALL**2:
-        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
-    angle = math.sqrt(angle2)
-    s, c = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
-    xy, xz, yz = c * x * y, c * x * z, c * y * z
-    return np.array(
-        [
-            [1.0 - c * (y * y + z * z), xy - s * z, xz + s * y],
-            [xy + s * z, 1.0 - c * (x * x + z * z), yz - s * x],
-            [xz - s * y, yz + s * x, 1.0 - c * (x * x + y * y)],
-        ]
+    s, c = 1.0, 0.0
+    if angle2 >= _SMALL**2:
+        angle = math.sqrt(angle2)
+        s, c = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
+    R = np.empty((3, 3))
+    R[0, 0], R[1, 1], R[2, 2] = (
+        1.0 - c * (y * y + z * z),
+        1.0 - c * (x * x + z * z),
+        1.0 - c * (x * x + y * y),
     )
+    R[0, 1], R[1, 0] = c * x * y - s * z, c * x * y + s * z
+    R[0, 2], R[2, 0] = c * x * z + s * y, c * x * z - s * y
+    R[1, 2], R[2, 1] = c * y * z - s * x, c * y * z + s * x
+    return R
 
 
+@compiled(VECTOR)
 def right_jacobian(r: Array) -> Array:
     """Return Jr (3, 3) with body rate ω = Jr(r) dr/dt for R = exp(r)."""
-    x, y, z = r.tolist()
+    x, y, z = r[0], r[1], r[2]
     angle2 = x * x + y * y + z * z
-    if angle2 < 1e-8:
-        s, c = 0.5, 1.0 / 6.0
-    else:
+    s, c = 0.5, 1.0 / 6.0
+    if angle2 >= 1e-8:
         angle = math.sqrt(angle2)
         s, c = (1.0 - math.cos(angle)) / angle2, (angle - math.sin(angle)) / (angle2 * angle)
-    xy, xz, yz = c * x * y, c * x * z, c * y * z
-    return np.array(
-        [
-            [1.0 - c * (y * y + z * z), xy + s * z, xz - s * y],
-            [xy - s * z, 1.0 - c * (x * x + z * z), yz + s * x],
-            [xz + s * y, yz - s * x, 1.0 - c * (x * x + y * y)],
-        ]
+    Jr = np.empty((3, 3))
+    Jr[0, 0], Jr[1, 1], Jr[2, 2] = (
+        1.0 - c * (y * y + z * z),
+        1.0 - c * (x * x + z * z),
+        1.0 - c * (x * x + y * y),
     )
+    Jr[0, 1], Jr[1, 0] = c * x * y + s * z, c * x * y - s * z
+    Jr[0, 2], Jr[2, 0] = c * x * z - s * y, c * x * z + s * y
+    Jr[1, 2], Jr[2, 1] = c * y * z + s * x, c * y * z - s * x
+    return Jr
 
 
+@compiled(MATRIX, VECTOR, VECTOR)
+def turned(R_target: Array, r: Array, rates: Array) -> tuple[Array, Array]:
+    """Return the attitude R (3, 3) at a rotation vector r (3,) from a target's, and the twist (6,).
+
+    `rates` (6,) are velocity in World and the rate of r, which is in the target's axes.
+    """
+    R, Jr, turn = np.zeros((3, 3)), right_jacobian(r), rotation_exp(r)
+    twist = np.zeros(6)
+    for i in range(3):
+        twist[i] = rates[i]
+        for j in range(3):
+            for k in range(3):
+                R[i, j] += R_target[i, k] * turn[k, j]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                twist[3 + i] += R[i, j] * Jr[j, k] * rates[3 + k]
+    return R, twist
+
+
+@compiled(MATRIX, VECTOR)
 def rotate_twist(R: Array, twist: Array) -> Array:
     """Return the same twist (6,) (or wrench), same point, in the axes that R (3, 3) maps to."""
-    return np.asarray((twist.reshape(2, 3) @ R.T).ravel())
+    out = np.empty(6)
+    for i in range(3):
+        out[i] = R[i, 0] * twist[0] + R[i, 1] * twist[1] + R[i, 2] * twist[2]
+        out[3 + i] = R[i, 0] * twist[3] + R[i, 1] * twist[4] + R[i, 2] * twist[5]
+    return out
 
 
 def twist_at_wrist(twist_mrf: Array, R_k_j: Array, R_k_wrist: Array, p_wrist_mrf: Array) -> Array:
@@ -156,9 +197,7 @@ def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
 
     Williams 1997, eq. 5, with a the MRF and b the Sensor.
     """
-    out = rotate_twist(T_a_b.R, wrench_b)
-    out[3:] += cross(T_a_b.p, out[:3])
-    return out
+    return _moved_wrench(T_a_b.R, T_a_b.p, wrench_b)
 
 
 def pose_error(T_target: Pose, T: Pose) -> Array:
@@ -166,7 +205,37 @@ def pose_error(T_target: Pose, T: Pose) -> Array:
 
     Translation difference and rotation logarithm, both poses in World.
     """
+    return _way(T_target.R, T_target.p, T.R, T.p)
+
+
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR)
+def _composed(R_a_b: Array, p_a_b: Array, R_b_c: Array, p_b_c: Array) -> tuple[Array, Array]:
+    R, p = np.empty((3, 3)), np.empty(3)
+    for i in range(3):
+        x, y, z = R_a_b[i, 0], R_a_b[i, 1], R_a_b[i, 2]
+        for j in range(3):
+            R[i, j] = x * R_b_c[0, j] + y * R_b_c[1, j] + z * R_b_c[2, j]
+        p[i] = x * p_b_c[0] + y * p_b_c[1] + z * p_b_c[2] + p_a_b[i]
+    return R, p
+
+
+@compiled(MATRIX, VECTOR, VECTOR)
+def _moved_wrench(R: Array, p: Array, wrench: Array) -> Array:
+    out = rotate_twist(R, wrench)
+    out[3:] += cross(p, out[:3])
+    return out
+
+
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR)
+def _way(R_target: Array, p_target: Array, R: Array, p: Array) -> Array:
+    turn = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                turn[i, j] += R[k, i] * R_target[k, j]
+    r = rotation_log(turn)
     out = np.empty(6)
-    out[:3] = T_target.p - T.p
-    out[3:] = T.R @ rotation_log(T.R.T @ T_target.R)
+    for i in range(3):
+        out[i] = p_target[i] - p[i]
+        out[3 + i] = R[i, 0] * r[0] + R[i, 1] * r[1] + R[i, 2] * r[2]
     return out

@@ -61,6 +61,9 @@ class Gains:
         """Return the gains one period later on their way to the target, so that nothing jumps."""
         ramped = {}
         for name, gain in now.items():
-            way = target[name] - gain
-            ramped[name] = target[name] if np.abs(way).max() < 1e-7 else gain + self.part * way
+            aim = target[name]
+            if gain is not aim:
+                way = aim - gain
+                gain = aim if np.abs(way).max() < 1e-7 else gain + self.part * way
+            ramped[name] = gain
         return ramped

@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from ...config.errors import ConfigError
 from ...config.load import Cell
+from .compiled import MATRIX, VECTOR, compiled
 from .frames import Array, Pose
 
 
@@ -74,14 +75,8 @@ class Mechanism:
         if T_world_base is not None or not self._base_is_world:
             turn = self.T_world_base.R if T_world_base is None else T_world_base.R
             J = np.matmul(turn, J.reshape(2, 3, self.n)).reshape(6, self.n)
-        lever = R @ T_wrist_mrf.p
-        T_world_mrf = Pose(R @ T_wrist_mrf.R, p + lever)
-        # v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards.
-        x, y, z = lever.tolist()
-        J[0] += J[4] * z - J[5] * y
-        J[1] += J[5] * x - J[3] * z
-        J[2] += J[3] * y - J[4] * x
-        return Kinematics(T_world_wrist, T_world_mrf, J)
+        R_mrf, p_mrf, J = _at_mrf(J, R, p, T_wrist_mrf.R, T_wrist_mrf.p)
+        return Kinematics(T_world_wrist, Pose(R_mrf, p_mrf), J)
 
     def pose_wrist(self, q: Array, T_world_base: Pose | None = None) -> Pose:
         """Return T_world_wrist at joint angles q (n,) [rad], without a Jacobian."""
@@ -100,3 +95,28 @@ class Mechanism:
         if T_world_base is not None:
             return T_world_base @ pose
         return pose if self._base_is_world else self.T_world_base @ pose
+
+
+@compiled(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)
+def _at_mrf(
+    J: Array, R: Array, p: Array, R_wrist_mrf: Array, p_wrist_mrf: Array
+) -> tuple[Array, Array, Array]:
+    """Return the MRF's placement, and its Jacobian from the Wrist's, whose placement is R, p.
+
+    v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards.
+    """
+    R_mrf, lever = np.zeros((3, 3)), np.zeros(3)
+    for i in range(3):
+        for k in range(3):
+            lever[i] += R[i, k] * p_wrist_mrf[k]
+            for j in range(3):
+                R_mrf[i, j] += R[i, k] * R_wrist_mrf[k, j]
+    out = np.empty(J.shape)
+    x, y, z = lever[0], lever[1], lever[2]
+    for j in range(J.shape[1]):
+        wx, wy, wz = J[3, j], J[4, j], J[5, j]
+        out[0, j] = J[0, j] + wy * z - wz * y
+        out[1, j] = J[1, j] + wz * x - wx * z
+        out[2, j] = J[2, j] + wx * y - wy * x
+        out[3, j], out[4, j], out[5, j] = wx, wy, wz
+    return R_mrf, p + lever, out

@@ -18,12 +18,12 @@ where they leave only one open.
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from ...config.schema import Resolve
+from .compiled import COUNT, MATRIX, NUMBER, VECTOR, compiled
 from .frames import Array
 
 _CURVED = 0.05
@@ -34,9 +34,6 @@ _BRAKING = 3.0
 
 _TRAVEL = 0.4
 """A way home with less joint travel than this is not taken if the other has more [rad]."""
-
-_STEP = 1e-4
-"""Joint step of the finite difference for the curvature [rad]."""
 
 
 class Resolved(NamedTuple):
@@ -64,27 +61,21 @@ class Travel(NamedTuple):
         return float((room / np.maximum(np.abs(direction), 1e-9)).min())
 
 
-def resolve(
-    J: Array,
-    twist: Array,
-    jacobian_at: Callable[[Array], Array],
-    p: Resolve,
-    travel: Travel | None = None,
-) -> Resolved:
-    """Resolve a twist (6,) [m/s, rad/s] with the Jacobian J (6, n), same axes and point.
+def resolve(J: Array, twist: Array, p: Resolve, travel: Travel | None = None) -> Resolved:
+    """Resolve a twist (6,) [m/s, rad/s] with a chain's Jacobian J (6, n), same axes and point.
 
-    `jacobian_at(step)` returns the Jacobian (6, n) after a joint step (n,) from here; it is
-    called only near a singularity. Rotations weigh `p.characteristic_length` metres per radian.
-    `travel` tells which way home from a singularity joint limits leave open.
+    Rotations weigh `p.characteristic_length` metres per radian. `travel` tells which way home from
+    a singularity joint limits leave open.
     """
-    weight = np.array([1.0, 1.0, 1.0] + [p.characteristic_length] * 3)
-    Jw = J * weight[:, None]
+    length = p.characteristic_length
+    Jw = _weighted(J, length)
     U, s, Vt = np.linalg.svd(Jw)
     rank_rows = len(s)
-    V = Vt[:rank_rows]
-    along = U.T[:rank_rows] @ (weight * twist)
-    if s[-1] >= 2.0 * p.singular_region:
-        return Resolved((along / s) @ V, Vt[rank_rows:], float(s[-1]), False)
+    V, sigma_min = Vt[:rank_rows], float(s[-1])
+    along = _along(U, twist, length, rank_rows)
+    if sigma_min >= 2.0 * p.singular_region:
+        return Resolved(_regular(along, s, Vt), Vt[rank_rows:], sigma_min, False)
+    weight = np.array([1.0, 1.0, 1.0, length, length, length])
     gains = np.empty(rank_rows)
     way_home = np.zeros(J.shape[1])
     singular = False
@@ -97,7 +88,7 @@ def resolve(
         # Below the floor, what the tool hardly feels is more than v.
         last = sigma < p.floor and i == rank_rows - 1
         unfelt = Vt[int((s >= p.singular_region).sum()) :] if last else Vt[i : i + 1]
-        direction, curvature = _most_bent(J, unfelt, weight * U[:, i], jacobian_at)
+        direction, curvature = _most_bent(J, unfelt, weight * U[:, i])
         if curvature * d > 0.0:
             gains[i] = _homeward_gain(gains[i], sigma, abs(curvature), p)
             if sigma < p.floor:
@@ -110,17 +101,15 @@ def resolve(
     dq = V.T @ (gains * along) + way_home
     # Rows of V belong to real task directions even where σ is small: motion in the null space
     # must not disturb them.
-    return Resolved(dq, Vt[rank_rows:], float(s[-1]), singular)
+    return Resolved(dq, Vt[rank_rows:], sigma_min, singular)
 
 
-def _most_bent(
-    J: Array, basis: Array, u: Array, jacobian_at: Callable[[Array], Array]
-) -> tuple[Array, float]:
+def _most_bent(J: Array, basis: Array, u: Array) -> tuple[Array, float]:
     """Return the unit motion in `basis` (m, n) that bends most, and its curvature along `u` (6,).
 
     `u` is weighted.
     """
-    bend = np.array([u @ (jacobian_at(_STEP * b) - J) @ basis.T for b in basis]) / _STEP
+    bend = np.array([u @ bent(J, b) @ basis.T for b in basis])
     if len(basis) == 1:
         return basis[0], float(bend[0, 0])
     values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
@@ -158,3 +147,58 @@ def _outward_gain(natural: float, sigma: float, curvature: float, d: float, p: R
     room = max(0.0, sigma - p.floor)
     fastest = math.sqrt(2.0 * _BRAKING * room / max(curvature, 1e-9))
     return (1.0 - share) * natural + share * min(natural, fastest / d)
+
+
+@compiled(MATRIX, VECTOR)
+def bent(J: Array, dq: Array) -> Array:
+    """Return how a chain's Jacobian J (6, n) changes (6, n) [1/s] at joint rates dq (n,).
+
+    In closed form: of two joints, the one nearer to the base turns what the other does,
+    ∂_k v_j = ω_min(j,k) × v_max(j,k), and ∂_k ω_j = ω_k × ω_j for k < j, else 0.
+    """
+    n = J.shape[1]
+    out = np.zeros((6, n))
+    w = np.zeros(3)  # how the joints inboard turn
+    v = np.zeros(3)  # how those outboard move the tool
+    for j in range(n):
+        v += dq[j] * J[:3, j]
+    for j in range(n):
+        x, y, z = J[3, j], J[4, j], J[5, j]
+        out[3, j] = w[1] * z - w[2] * y
+        out[4, j] = w[2] * x - w[0] * z
+        out[5, j] = w[0] * y - w[1] * x
+        w += dq[j] * J[3:, j]
+        v -= dq[j] * J[:3, j]
+        vx, vy, vz = J[0, j], J[1, j], J[2, j]
+        out[0, j] = w[1] * vz - w[2] * vy + y * v[2] - z * v[1]
+        out[1, j] = w[2] * vx - w[0] * vz + z * v[0] - x * v[2]
+        out[2, j] = w[0] * vy - w[1] * vx + x * v[1] - y * v[0]
+    return out
+
+
+@compiled(MATRIX, NUMBER)
+def _weighted(J: Array, length: float) -> Array:
+    Jw = J.copy()
+    Jw[3:] *= length
+    return Jw
+
+
+@compiled(MATRIX, VECTOR, NUMBER, COUNT)
+def _along(U: Array, twist: Array, length: float, rows: int) -> Array:
+    """Return the weighted twist's parts along the first columns of U (6, 6)."""
+    out = np.zeros(rows)
+    for i in range(rows):
+        for k in range(6):
+            out[i] += U[k, i] * (twist[k] if k < 3 else length * twist[k])
+    return out
+
+
+@compiled(VECTOR, VECTOR, MATRIX)
+def _regular(along: Array, s: Array, Vt: Array) -> Array:
+    """Return the joint rates (n,) of a twist's parts, each answered in full."""
+    dq = np.zeros(Vt.shape[1])
+    for i in range(len(s)):
+        rate = along[i] / s[i]
+        for j in range(len(dq)):
+            dq[j] += rate * Vt[i, j]
+    return dq

@@ -225,7 +225,7 @@ class Control:
         if joint_rates is not None:
             dq = s_tool * joint_rates
             return memory, _Asked(dq, twists, twist, s_tool, limits, math.nan, self_motion)
-        q, T_wrist_mrf = memory.motion.q, inputs.settings.T_wrist_mrf
+        q = memory.motion.q
         factor, felt = inputs.settings.speed_factor, None
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture
         seen = self.field.look(q, k, inputs.scene, memory.pulls, base) if spare else None
@@ -233,7 +233,6 @@ class Control:
         task = resolve(
             k.J,
             shifted(s_tool * twist, give_way),
-            lambda step: self.mechanism.kinematics(q + step, T_wrist_mrf, base).J,
             self.p.resolve,
             Travel(q - self.p.lower, self.p.upper - q),
         )

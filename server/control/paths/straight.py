@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..evolve import evolve
-from ..frames import Array, Pose, right_jacobian, rotation_exp, rotation_log
+from ..frames import Array, Pose, right_jacobian, rotation_log, turned
 from ..trajectory import Motion, PositionPlanner, Profile, TrajectoryError
 from .goals import PathGoal
 
@@ -24,9 +24,7 @@ class Path:
     def now(self) -> tuple[Pose, Array]:
         """Return the path's pose in World and its own twist (6,) in World axes."""
         motion = self.profile.at()
-        r = motion.q[3:]
-        R = self.goal.T_world_target.R @ rotation_exp(r)
-        twist = np.concatenate([motion.dq[:3], R @ (right_jacobian(r) @ motion.dq[3:])])
+        R, twist = turned(self.goal.T_world_target.R, motion.q[3:], motion.dq)
         return Pose(R, motion.q[:3]), twist
 
     @property

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..compiled import MATRIX, VECTOR, compiled
 from ..evolve import evolve
 from ..frames import Array, Pose, pose_error, rotate_twist
 from ..paths.free import Free, FreePlanner
@@ -105,17 +106,11 @@ class Position:
         T_world_path, twist_path = path.now()
         if isinstance(path, Path):
             twist_path = state.pace * twist_path
-        error = rotate_twist(R_world_axes.T, pose_error(T_world_path, T_world_mrf))
-        feedback = gain * error
-        # The correction is no faster than the path, however far a stick has pushed the tool.
-        for part in (slice(0, 3), slice(3, 6)):
-            size = math.sqrt(float(feedback[part] @ feedback[part]))
-            feedback[part] *= min(1.0, factor * float(self._speed[part][0]) / max(1e-12, size))
-        share = np.minimum(gain / FULL_FEED_FORWARD, 1.0)
-        feed_forward = share * rotate_twist(R_world_axes.T, twist_path)
+        error = pose_error(T_world_path, T_world_mrf)
+        rate = _followed(R_world_axes, error, twist_path, gain, factor * self._speed)
         reached = self._reached(state, path, goal, T_world_mrf)
         state = evolve(state, at_goal=reached, T_world_path=T_world_path)
-        return rotate_twist(R_world_axes, feedback + feed_forward), state
+        return rate, state
 
     def advance(self, state: PositionState, granted: float) -> PositionState:
         """Return the state with the path moved on by `granted` (0 to 1) of a period."""
@@ -217,3 +212,27 @@ class Position:
             math.sqrt(float(away[:3] @ away[:3])) < REACHED[0]
             and math.sqrt(float(away[3:] @ away[3:])) < REACHED[1]
         )
+
+
+@compiled(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR)
+def _followed(R_world_axes: Array, error: Array, own: Array, gain: Array, speed: Array) -> Array:
+    """Return the rate (6,) for a pose error and a path's own twist (6,), all in World axes.
+
+    `gain` (6,) acts per axis of `R_world_axes`. The correction is no faster than the path's bound
+    `speed` (6,), however far a stick has pushed the tool.
+    """
+    out = np.zeros(6)
+    for part in range(0, 6, 3):
+        back, ahead, size2 = np.zeros(3), np.zeros(3), 0.0
+        for i in range(3):
+            for k in range(3):
+                back[i] += R_world_axes[k, i] * error[part + k]
+                ahead[i] += R_world_axes[k, i] * own[part + k]
+            back[i] *= gain[part + i]
+            ahead[i] *= min(gain[part + i] / FULL_FEED_FORWARD, 1.0)
+            size2 += back[i] ** 2
+        share = min(1.0, speed[part] / max(1e-12, math.sqrt(size2)))
+        for i in range(3):
+            for k in range(3):
+                out[part + i] += R_world_axes[i, k] * (share * back[k] + ahead[k])
+    return out

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..frames import Array, Pose, cross, rotation_log
+from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..frames import Array, Pose, cross, pose_error
 from ..trajectory import Motion, VelocityPlanner
 
 
@@ -82,19 +83,32 @@ class Vision:
         self, goal: ViewGoal, T_world_wrist: Pose, p_world_mrf: Array, gain: Array, factor: float
     ) -> Array:
         here = T_world_wrist @ goal.T_wrist_point
-        turn = rotation_log(here.R.T @ goal.T_world_goal.R)
-        axes = here.R
-        if goal.R_world_lens is not None:
-            axes = goal.R_world_lens
-            turn = axes.T @ (here.R @ turn)
-        v = gain[:3] * (axes.T @ (goal.T_world_goal.p - here.p))
-        w = gain[3:] * turn
-        # One factor for all six: the target is to stay in the picture, so the way stays straight.
-        fast = math.sqrt(float(v @ v)) / float(self._speed[0])
-        quick = math.sqrt(float(w @ w)) / float(self._speed[3])
-        axes = axes / max(1.0, fast / factor, quick / factor)
-        twist = np.empty(6)
-        twist[3:] = axes @ w
+        axes = here.R if goal.R_world_lens is None else goal.R_world_lens
+        speed, turn = factor * float(self._speed[0]), factor * float(self._speed[3])
+        rate = _seen(axes, pose_error(goal.T_world_goal, here), gain, speed, turn)
         # From the moved point to the MRF, both on one rigid body (eq. 1).
-        twist[:3] = axes @ v + cross(twist[3:], p_world_mrf - here.p)
-        return twist
+        rate[:3] += cross(rate[3:], p_world_mrf - here.p)
+        return rate
+
+
+@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER)
+def _seen(axes: Array, error: Array, gain: Array, speed: float, turn: float) -> Array:
+    """Return the rate (6,) for a pose error (6,), both in World axes.
+
+    `gain` (6,) acts per axis of the Lens, whose `axes` (3, 3) are in World. One factor keeps all
+    six within `speed` [m/s] and `turn` [rad/s]: the target is to stay in the picture, so the way
+    stays straight.
+    """
+    asked, out, size2 = np.zeros(6), np.zeros(6), np.zeros(2)
+    for i in range(6):
+        part = i // 3
+        for k in range(3):
+            asked[i] += axes[k, i % 3] * error[3 * part + k]
+        asked[i] *= gain[i]
+        size2[part] += asked[i] ** 2
+    most = max(1.0, math.sqrt(size2[0]) / speed, math.sqrt(size2[1]) / turn)
+    for i in range(3):
+        for k in range(3):
+            out[i] += axes[i, k] * asked[k] / most
+            out[3 + i] += axes[i, k] * asked[3 + k] / most
+    return out
