@@ -85,6 +85,16 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
+@compiled(VECTOR)
+def sizes(twist: Array) -> tuple[float, float]:
+    """Return the sizes of a twist's (6,) velocity [m/s] and angular velocity [rad/s]."""
+    v2, w2 = 0.0, 0.0
+    for i in range(3):
+        v2 += twist[i] ** 2
+        w2 += twist[3 + i] ** 2
+    return math.sqrt(v2), math.sqrt(w2)
+
+
 @compiled(MATRIX)
 def rotation_log(R: Array) -> Array:
     """Return the rotation vector (3,) [rad] of R (3, 3), norm at most π."""

@@ -62,8 +62,7 @@ class Gains:
         ramped = {}
         for name, gain in now.items():
             aim = target[name]
-            if gain is not aim:
-                way = aim - gain
-                gain = aim if np.abs(way).max() < 1e-7 else gain + self.part * way
-            ramped[name] = gain
+            way = aim - gain
+            near = gain is aim or np.abs(way).max() < 1e-7
+            ramped[name] = aim if near else gain + self.part * way
         return ramped

@@ -23,6 +23,7 @@ from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Settings
 
 _OFF = np.zeros(6)
+_AXES = np.eye(3)
 
 
 class Summing:
@@ -31,6 +32,7 @@ class Summing:
     def __init__(self, p: Parameters) -> None:
         self._p = p
         T = p.period_s
+        self._part = 1.0 - math.exp(-T / GAIN_TIME_S)
         self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
         self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
         self.vision = Vision(p.vision_speed, p.shaping_acceleration, p.shaping_jerk, T)
@@ -89,7 +91,7 @@ class Summing:
         joystick, joystick_state = self.joystick.rate(
             joystick_state,
             None if stick is None else stick.twist,
-            np.eye(3) if stick is None else stick.R_world_axes,
+            _AXES if stick is None else stick.R_world_axes,
             gains["joystick"],
         )
         carried = None
@@ -195,9 +197,7 @@ class Summing:
         target = self._load(inputs.settings)
         if memory.load is None or inputs.intent is Intent.SEED:
             return target
-        return memory.load + (1.0 - math.exp(-self._p.period_s / GAIN_TIME_S)) * (
-            target - memory.load
-        )
+        return memory.load + self._part * (target - memory.load)
 
     def _load(self, settings: Settings) -> Array:
         payload = settings.payload or self._p.payload

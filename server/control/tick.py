@@ -18,7 +18,7 @@ from .allow import Allow, Allowed
 from .avoidance.guard import Guard, Watch
 from .evolve import evolve
 from .field import Felt, Field, further, on_path, shifted
-from .frames import Array, Pose
+from .frames import Array, Pose, sizes
 from .gains import Gains, Quantities
 from .gate import Gate
 from .limit import Limited, Limiter
@@ -157,8 +157,7 @@ class Control:
             dq=limited.motion.dq,
             command=actuated.command,
             refusal=refusal or actuated.refusal,
-            at_rest=max(np.abs(limited.motion.dq).max(), np.abs(limited.motion.ddq).max())
-            < STANDING,
+            at_rest=limited.motion.stands(STANDING),
             following_error=error,
             T_world_mrf=kinematics.T_world_mrf,
             T_world_mrf_measured=T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
@@ -267,8 +266,7 @@ class Control:
 
     def _tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
-        v = math.sqrt(float(twist[:3] @ twist[:3]))
-        w = math.sqrt(float(twist[3:] @ twist[3:]))
+        v, w = sizes(twist)
         limits = self.p.limits
         return min(
             1.0,

@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import ruckig
 
+from .compiled import NUMBER, VECTOR, compiled
 from .evolve import evolve
 from .frames import Array
 
@@ -25,6 +26,19 @@ class Motion(NamedTuple):
     def at_rest(q: Array) -> "Motion":
         """Return rest at q (n,)."""
         return Motion(q.copy(), np.zeros_like(q), np.zeros_like(q))
+
+    def stands(self, below: float = 0.0) -> bool:
+        """Return whether no speed and no acceleration is as large as `below`, or any at all."""
+        return _stands(self.dq, self.ddq, below)
+
+
+@compiled(VECTOR, VECTOR, NUMBER)
+def _stands(dq: Array, ddq: Array, below: float) -> bool:
+    for i in range(len(dq)):
+        for size in (abs(dq[i]), abs(ddq[i])):
+            if not (size == 0.0 or size < below):  # nor what is not a number
+                return False
+    return True
 
 
 class TrajectoryError(Exception):

@@ -6,10 +6,12 @@ time that jerk and period take before braking acts. The leash slows a command th
 its joint, from half its length on. Motion away is always free.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled import VECTOR, compiled
 from ..frames import Array
 
 BRAKING = 0.7
@@ -48,9 +50,7 @@ class JointRoom:
 
     def approach(self, room: Array) -> Array:
         """Return the greatest rate (n,) towards a bound that is `room` (n,) [rad] away."""
-        inside = np.maximum(room, 0.0)
-        speed = np.sqrt(self._b**2 + 2.0 * self._a * inside) - self._b
-        return np.asarray(np.where(room >= 0.0, speed, RETURN_RATE * room))
+        return _approach(room, self._a, self._b)
 
     def limits(self, q: Array) -> Room:
         """Return the rate bounds that joint limits set at q (n,) [rad]."""
@@ -58,8 +58,26 @@ class JointRoom:
 
     def leash(self, following_error: Array) -> Room:
         """Return the rate bounds that the leash sets; `following_error` is command − joint."""
-        # Beyond the leash a command may stand still: the drive, not the command, comes back.
-        ahead = following_error / self._leash
-        low = -self._velocity * np.clip(2.0 * (1.0 + ahead), 0.0, 1.0)
-        high = self._velocity * np.clip(2.0 * (1.0 - ahead), 0.0, 1.0)
-        return Room(low, high)
+        return Room(*_leashed(following_error, self._leash, self._velocity))
+
+
+@compiled(VECTOR, VECTOR, VECTOR)
+def _approach(room: Array, a: Array, b: Array) -> Array:
+    out = np.empty(len(room))
+    for j in range(len(room)):
+        if room[j] >= 0.0:
+            out[j] = math.sqrt(b[j] ** 2 + 2.0 * a[j] * room[j]) - b[j]
+        else:
+            out[j] = RETURN_RATE * room[j]
+    return out
+
+
+@compiled(VECTOR, VECTOR, VECTOR)
+def _leashed(error: Array, leash: Array, velocity: Array) -> tuple[Array, Array]:
+    # Beyond the leash a command may stand still: the drive, not the command, comes back.
+    low, high = np.empty(len(error)), np.empty(len(error))
+    for j in range(len(error)):
+        ahead = error[j] / leash[j]
+        low[j] = -velocity[j] * min(1.0, max(0.0, 2.0 * (1.0 + ahead)))
+        high[j] = velocity[j] * min(1.0, max(0.0, 2.0 * (1.0 - ahead)))
+    return low, high

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..frames import Array, Pose, cross, rotate_twist, wrench_to
+from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..frames import Array, Pose, rotate_twist, wrench_to
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 """Free-fall acceleration in World (3,) [m/s²]."""
@@ -103,15 +104,13 @@ class Force:
             state = ForceState(state.wrench)  # ticks were missed: differences would be wrong
         place = T_world_wrist @ self.T_wrist_sensor
         older = min(max(age_s / self._period_s, 0.0), _OLDEST)
-        up = place.R.T @ -free_fall
-        if state.places and older > 0.0:
-            up = up + older * (state.places[0].R.T @ -free_fall - up)
-        contact = self._calibration @ (sample - load[4:]) - _held(load, up)
+        before = (state.places or (place,))[0].R
+        contact = _unladen(self._calibration, sample, load, place.R, before, free_fall, older)
         places, last = (place, *state.places[:3]), state.contact
         newest = contact
         if self.inertia and last is not None:
             contact = 0.5 * (contact + last)
-            if len(places) == 4:
+            if len(places) == 4 and load[0] > 0.0:
                 contact = contact - self._inertial(load, places, older)
         if state.wrench is not None:
             contact = state.wrench + self._smoothing * (contact - state.wrench)
@@ -123,18 +122,11 @@ class Force:
         The second difference of the centre of mass itself holds all of
         `a + α × r + ω × (ω × r)`.
         """
-        mass = float(load[0])
-        if mass <= 0.0:
-            return np.zeros(6)
-        com = load[1:4] / mass
+        com = load[1:4] / load[0]
         x0, x1, x2, x3 = (R @ com + p for R, p in places)
-        newer, before = x0 - 2.0 * x1 + x2, x1 - 2.0 * x2 + x3  # one and two periods ago
         ahead = 1.0 - INERTIA_PERIODS - older
-        acceleration = (newer + ahead * (newer - before)) / self._period_s**2
-        size = math.sqrt(float(acceleration @ acceleration))
-        if size > self._max_acceleration:
-            acceleration = acceleration * (self._max_acceleration / size)
-        return _held(load, places[1].R.T @ acceleration)
+        bound = self._max_acceleration
+        return _accelerated(load, x0, x1, x2, x3, places[1].R, ahead, self._period_s, bound)
 
     def wrench_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
         """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
@@ -154,12 +146,53 @@ class Force:
         return rotate_twist(R_world_mrf, gain * (desired - wrench_mrf))
 
 
+@compiled(VECTOR, VECTOR)
 def _held(load: Array, acceleration: Array) -> Array:
     """Return the wrench (6,) exerted on the load to give it an acceleration (3,), Sensor axes.
 
     Holding it up against gravity is accelerating it upwards by 9.81 m/s².
     """
+    (x, y, z), (ax, ay, az) = load[1:4], acceleration
     out = np.empty(6)
     out[:3] = load[0] * acceleration
-    out[3:] = cross(load[1:4], acceleration)
+    out[3], out[4], out[5] = y * az - z * ay, z * ax - x * az, x * ay - y * ax
     return out
+
+
+@compiled(MATRIX, VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, NUMBER)
+def _unladen(
+    calibration: Array, sample: Array, load: Array, R: Array, R_before: Array, free_fall: Array,
+    older: float,
+) -> Array:  # fmt: skip
+    """Return a sample (6,) without bias and weight, `older` periods before the Sensor was at R."""
+    up = np.zeros(3)
+    for i in range(3):
+        for k in range(3):
+            up[i] -= ((1.0 - older) * R[k, i] + older * R_before[k, i]) * free_fall[k]
+    out = -_held(load, up)
+    for i in range(6):
+        for k in range(6):
+            out[i] += calibration[i, k] * (sample[k] - load[4 + k])
+    return out
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER, NUMBER)
+def _accelerated(
+    load: Array, x0: Array, x1: Array, x2: Array, x3: Array, R: Array, ahead: float,
+    period_s: float, bound: float,
+) -> Array:  # fmt: skip
+    """Return the inertial wrench (6,) of a centre of mass that was at x0 (newest) to x3 (3,) [m].
+
+    R (3, 3) is the Sensor's attitude, `ahead` how far the trend is carried on [periods], `bound`
+    the greatest acceleration that is believed [m/s²].
+    """
+    newer, before = x0 - 2.0 * x1 + x2, x1 - 2.0 * x2 + x3  # one and two periods ago
+    a = (newer + ahead * (newer - before)) / period_s**2
+    size = math.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
+    if size > bound:
+        a *= bound / size
+    turned = np.zeros(3)
+    for i in range(3):
+        for k in range(3):
+            turned[i] += R[k, i] * a[k]
+    return _held(load, turned)

@@ -77,7 +77,7 @@ class Frames:
         if state.owed is None:
             return None
         paid = self._planner.step(state.owed, np.zeros(6), self._period_s, synchronised=True)
-        return Motion(np.zeros(6), paid.dq, paid.ddq) if paid.dq.any() or paid.ddq.any() else None
+        return None if paid.stands() else Motion(np.zeros(6), paid.dq, paid.ddq)
 
 
 def _differ(a: Pose, b: Pose) -> bool:

@@ -73,7 +73,7 @@ class Vision:
         if goal is not None and gain.any():
             target = self._asked(goal, T_world_wrist, p_world_mrf, gain, factor)
         motion = state.motion
-        if not motion.dq.any() and not motion.ddq.any() and not target.any():
+        if motion.stands() and not target.any():
             return target, state
         shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
         shaped = Motion(np.zeros(6), shaped.dq, shaped.ddq)

@@ -10,7 +10,9 @@ from telerobot.server.control.frames import (
     rotation_exp,
     rotation_log,
     rotation_rpy,
+    sizes,
     skew,
+    turned,
     twist_at_wrist,
     wrench_to,
 )
@@ -136,3 +138,21 @@ def test_the_pose_error_held_for_a_second_leads_to_the_target(random_pose):
         np.testing.assert_allclose(T.p + error[:3], target.p, atol=1e-14)
         np.testing.assert_allclose(pin.exp3(error[3:]) @ T.R, target.R, atol=1e-9)
         assert np.linalg.norm(error[3:]) <= np.pi + 1e-9
+
+
+def test_a_turned_attitude_and_its_twist_agree_with_finite_differences(rng):
+    for _ in range(20):
+        R_target, r, rates = (
+            rotation_exp(rng.normal(size=3)),
+            rng.normal(size=3),
+            rng.normal(size=6),
+        )
+        R, twist = turned(R_target, r, rates)
+        np.testing.assert_allclose(R, R_target @ rotation_exp(r), atol=1e-14)
+        step = 1e-6
+        ahead = R_target @ rotation_exp(r + step * rates[3:])
+        np.testing.assert_allclose(twist[3:], rotation_log(ahead @ R.T) / step, atol=1e-5)
+        np.testing.assert_array_equal(twist[:3], rates[:3])
+        np.testing.assert_allclose(
+            sizes(twist), (np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:]))
+        )
