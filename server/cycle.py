@@ -97,7 +97,7 @@ class Cycle:
         self._vision = VisionWatch(cell, self._events)
         self._world = World(cell, self._events)
         self._frames = FrameWatch(cell, self._events)
-        self._orders.lens = lambda: self._vision.lens
+        self._orders.places.lens = lambda: self._vision.lens
         self._touch = TouchWatch(cell, control.p, control.mechanism, self._events)
         self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
 
@@ -136,7 +136,7 @@ class Cycle:
     @property
     def T_wrist_mrf(self) -> Pose:
         """The MRF that is in force."""
-        return self._orders.T_wrist_mrf
+        return self._orders.places.T_wrist_mrf
 
     def begin(self) -> None:
         """Send SYNC, and now and then the heartbeat that only a living tick produces."""
@@ -171,7 +171,7 @@ class Cycle:
         self._intake.take(view, None if self.output is None else self.output.T_world_mrf)
         # Only now: what was just ordered was placed where arm and frames were together, a tick ago.
         moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
-        self._orders.moved = self._frames.step(self.tick, moving=moving)
+        self._orders.places.moved = self._frames.step(self.tick, moving=moving)
         trouble = self._find_trouble(reading)
         if trouble is not None and self.mode is not Mode.FAULT:
             self._quick_stop(trouble, "fault")
@@ -198,8 +198,8 @@ class Cycle:
             reading,
             self._memory,
             self.output,
-            self._orders.T_wrist_mrf,
-            self._orders.moved,
+            self._orders.places.T_wrist_mrf,
+            self._orders.places.moved,
             self.mode is Mode.ENABLED,
         )
         return View(
@@ -296,7 +296,7 @@ class Cycle:
             return "protective stop"
         if view.essential_stale:
             return "sensor stale"
-        if self._orders.avoid and self._world.stop is not None:
+        if self._orders.tuning.avoid and self._world.stop is not None:
             return "obstacle stale"
         if self._touch.stopping:
             return "touched"
@@ -327,9 +327,9 @@ class Cycle:
         if self._memory is None:
             self._memory = self._control.seed(q)
         orders, moving = self._orders, intent is Intent.MOVE
-        moved = orders.moved if self._frames.watching else None
+        moved = orders.places.moved if self._frames.watching else None
         T_world_mrf = self._control.pose_mrf(
-            self._memory, orders.T_wrist_mrf, None if moved is None else moved.base.T
+            self._memory, orders.places.T_wrist_mrf, None if moved is None else moved.base.T
         )
         inputs = Inputs(
             time_s=now_s,
@@ -343,7 +343,7 @@ class Cycle:
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,
             paused=orders.paused,
-            view=self._vision.goal(orders.moved.base.T) if moving else None,
+            view=self._vision.goal(orders.places.moved.base.T) if moving else None,
             posture=orders.posture if moving else None,
             at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,
@@ -361,7 +361,7 @@ class Cycle:
             self._vision.remember(
                 self.tick,
                 self.output.T_world_mrf_measured @ T_mrf_wrist,
-                orders.moved.T_world_base_measured,
+                orders.places.moved.T_world_base_measured,
             )
         if self.output.stop_worsened:
             self._tell_worsened(self.output.gaps)
@@ -369,7 +369,7 @@ class Cycle:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
         self.plant.write(self.output.command)
-        self.plant.grip(orders.gripper_closed)
+        self.plant.grip(orders.tuning.gripper_closed)
         if self.output.at_goal and orders.posture is not None:
             orders.finish_posture()
             self._events.info("posture_reached")

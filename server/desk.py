@@ -168,12 +168,12 @@ class Desk:
                     if not message.forced:
                         raise Refused(Why.UNSTABLE_GAIN, reason)
                     self._events.warning("gain_forced", reason, source=message.source)
-                self._orders.gains[message.source] = np.array(message.gain)
+                self._orders.tuning.gains[message.source] = np.array(message.gain)
                 self._events.info("gain_set", message.source, gain=str(list(message.gain)))
             case m.SwitchRequest():
                 if message.on and message.source is m.SourceName.VISION:
                     view.vision.require_view()
-                self._orders.on[message.source] = message.on
+                self._orders.tuning.on[message.source] = message.on
                 if message.on and message.source is m.SourceName.POSITION:
                     self._orders.restart_path()
                 self._events.info("source_switched", message.source, on=message.on)
@@ -183,16 +183,16 @@ class Desk:
                 self._orders.set_frame(message, view.T_world_mrf)
                 self._tell_frame(message)
             case m.SpeedRequest():
-                self._orders.speed_factor = message.factor
+                self._orders.tuning.speed_factor = message.factor
                 self._events.info("speed_set", "", factor=message.factor)
             case m.PayloadRequest():
-                self._orders.set_payload(message)
+                self._orders.tuning.set_payload(message)
                 self._tell_payload(message.name)
             case m.GripperRequest():
-                self._orders.set_gripper(message.closed)
+                self._orders.tuning.set_gripper(message.closed)
                 self._events.info("gripper_closed" if message.closed else "gripper_opened")
             case motion.RedundancyRequest():
-                self._orders.set_objective(message)
+                self._orders.tuning.set_objective(message)
                 self._events.info("objective_set", message.objective, gain=message.gain)
             case motion.ClutchRequest():
                 self._orders.set_clutch(message)
@@ -212,9 +212,9 @@ class Desk:
                 self._orders.set_path(message)
                 self._events.info("path_" + _PAST[message.action])
             case AvoidanceRequest():
-                if message.on and not self._orders.can_avoid:
+                if message.on and not self._orders.tuning.can_avoid:
                     raise Refused(Why.NOT_NOW, "the cell says nothing of avoidance")
-                self._orders.avoid = message.on
+                self._orders.tuning.avoid = message.on
                 self._events.info("avoidance_switched", "", on=message.on)
             case m.TareRequest():
                 self._tare(view)
@@ -258,7 +258,7 @@ class Desk:
             )
         if view.essential_stale:
             raise Refused(Why.SENSOR_STALE, f"{', '.join(view.essential_stale)} is stale")
-        if self._orders.avoid and view.world.stop is not None:
+        if self._orders.tuning.avoid and view.world.stop is not None:
             raise Refused(Why.SENSOR_STALE, f"the news of obstacle {view.world.stop} is stale")
         if view.touched:
             raise Refused(Why.TOUCHED, "what pushes the arm is still there")
@@ -279,11 +279,11 @@ class Desk:
 
     def _tell_frame(self, request: FrameRequest) -> None:
         there = request.relative_to or ("wrist" if request.frame == "mrf" else "world")
-        on = {"moves_with": self._orders.crf.on} if request.frame == "crf" else {}
+        on = {"moves_with": self._orders.places.crf.on} if request.frame == "crf" else {}
         self._events.info("frame_set", request.frame, relative_to=str(there), **on)
 
     def _tell_payload(self, name: str | None) -> None:
-        payload = self._orders.payload
+        payload = self._orders.tuning.payload
         if payload is not None:
             com = str(np.round(payload.com, 4).tolist())
             self._events.info("payload_set", name or "", mass=payload.mass, com=com)
@@ -293,5 +293,5 @@ class Desk:
             raise Refused(Why.NOT_NOW, "the arm moves")
         if view.unloaded is None:
             raise Refused(Why.SENSOR_STALE, "force_torque is stale or missing")
-        self._orders.wrench_bias = view.unloaded
+        self._orders.tuning.wrench_bias = view.unloaded
         self._events.info("tared", "", bias=str(np.round(view.unloaded, 3).tolist()))

@@ -17,14 +17,14 @@ from ..protocols.reflection import Reflection, ReflectionRequest
 from .admission import Refused, Why
 from .control.frames import Array, Pose
 from .control.paths.goals import Goal, PathGoal, Pursuit
-from .control.payload import Payload
-from .control.redundancy import Pulls
 from .control.state import Output, Settings, StickCommand
-from .control.tree import GROUNDS, Body, Mount, Moved, Tree, UnknownFrame
+from .control.tree import GROUNDS, Tree, UnknownFrame
 from .master import Master
 from .motions import goal_of, placed
-from .redefine import kept, placed_frame, wrench_kept
+from .places import Places
+from .redefine import kept, wrench_kept
 from .reflection import Reflector
+from .tuning import Tuning
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
 
@@ -49,57 +49,9 @@ class Orders:
         margin = np.array([drives[j].position_margin for j in self._joints])
         self._lower = np.array([j.lower for j in cell.robot.joints]) + margin
         self._upper = np.array([j.upper for j in cell.robot.joints]) - margin
-        self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
-        place = config.mechanism.T_world_base
-        base = Body.standing(Pose.from_xyz_rpy(place.xyz, place.rpy))
-        self.moved = Moved(base, Body.standing(Pose.identity()), base.T)
-        """Where Base and Carrier are now."""
+        self.tuning = Tuning(cell)
+        self.places = Places(cell, self.tuning.T_wrist_sensor)
         self._stream_timeout_s = config.timing.stream_timeout_s
-        mrf, crf = config.mechanism.T_wrist_mrf, config.T_world_crf
-        self.T_wrist_mrf = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy)
-        frames = config.frames
-        on_ground = crf if frames.crf_on == "world" else frames.T_ground_crf
-        self.crf = Mount(frames.crf_on, Pose.from_xyz_rpy(on_ground.xyz, on_ground.rpy))
-        self._redefined = 0
-        self._movable = frozenset(frames.moving)
-        self.lens: Callable[[], Mount | None] = lambda: None
-        """Where the Lens of the camera is whose view is kept."""
-        sources = config.sources
-        self.gains = {
-            "joystick": np.array(sources.joystick.gain),
-            "position": np.array(sources.position.gain),
-            "vision": np.array(sources.vision.gain),
-            "force": np.array(sources.force.gain),
-            "following": np.array(sources.following.gain),
-        }
-        self.on = {
-            "joystick": sources.joystick.enabled,
-            "position": sources.position.enabled,
-            "vision": sources.vision.enabled and bool(config.cameras),
-            "force": sources.force.enabled and config.mechanism.force_torque is not None,
-            "following": sources.following.enabled,
-        }
-        self._vision_on = self.on["vision"]
-        self.avoid = config.avoidance.enabled
-        """Whether clearances are kept."""
-        self.can_avoid = config.keeps_clear
-        sensor = config.mechanism.force_torque
-        self._T_wrist_sensor = None
-        if sensor is not None:
-            place = sensor.T_wrist_sensor
-            self._T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)
-        self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
-        self._payloads = {
-            name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
-        }
-        self.payload = (
-            None if sensor is None else Payload(sensor.payload.mass, np.array(sensor.payload.com))
-        )
-        """What hangs on the sensor; None without a sensor."""
-        self._gripper = config.mechanism.gripper
-        self.gripper_closed: bool | None = None
-        """None until an operator has said so: what it holds at start is held on."""
-        self.speed_factor = config.limits.speed_factor
         self._stick: _Stream[m.JoystickTwist] | None = None
         self._jog: _Stream[m.JointJog] | None = None
         self._serial = 0
@@ -110,8 +62,6 @@ class Orders:
         self.master = Master()
         self.reflector = None if config.reflection is None else Reflector(cell)
         """Forces for the operator's handle; None in a cell that reflects none."""
-        redundancy = config.redundancy
-        self.pulls = Pulls(redundancy.gains, self._postures[redundancy.posture_name])
         self.posture: Array | None = None
         self.posture_reached = False
         self.wrench_desired = np.zeros(6)
@@ -143,7 +93,7 @@ class Orders:
         at start, so that no enable and no other operator sets the arm in motion unasked.
         """
         self._stick = self._jog = None
-        self.on["vision"] = self._vision_on
+        self.tuning.settle_vision()
         if self.reflector is not None:
             self.reflector.protected = True
         self._drop_goals()
@@ -164,7 +114,7 @@ class Orders:
         self.master.wait()
 
     def _take_stick(self, message: m.JoystickTwist, now_s: float, T_world_mrf: Pose) -> None:
-        tree = self.tree(T_world_mrf)
+        tree = self.places.tree(T_world_mrf)
         tree.pose(message.expressed_in)  # raises before it is in force
         self._stick = _Stream(message, now_s)
         self._feel(message, now_s, tree)
@@ -186,8 +136,8 @@ class Orders:
         self._drop_goals()
 
     def _take_target(self, message: m.PositionTarget, _now_s: float, T_world_mrf: Pose) -> None:
-        tree = self.tree(T_world_mrf)
-        ground = self._ground(tree.ground(message.relative_to))
+        tree = self.places.tree(T_world_mrf)
+        ground = self.places.ground(tree.ground(message.relative_to))
         target = placed(
             message.xyz,
             message.rpy,
@@ -199,17 +149,17 @@ class Orders:
         self.goal, self._goal_ground = PathGoal(target, self._next_serial(), message.speed), ground
 
     def _take_path(self, message: motion.PathMotion, _now_s: float, T_world_mrf: Pose) -> None:
-        serial, tree = self._next_serial(), self.tree(T_world_mrf)
-        ground = self._ground(tree.ground(message.relative_to))
+        serial, tree = self._next_serial(), self.places.tree(T_world_mrf)
+        ground = self.places.ground(tree.ground(message.relative_to))
         goal = goal_of(message, serial, lambda frame: tree.pose(frame, ground))
         self._drop_goals()
         self.goal, self._goal_ground = goal, ground
 
     def _take_master(self, message: motion.MasterPose, now_s: float, T_world_mrf: Pose) -> None:
-        tree = self.tree(T_world_mrf)
+        tree = self.places.tree(T_world_mrf)
         ground = self._goal_ground
         if not isinstance(self.goal, Pursuit):
-            ground = self._ground(self.crf.on)
+            ground = self.places.ground(self.places.crf.on)
         axes, T = tree.pose(message.expressed_in, ground).R, tree.pose(m.Frame.MRF, ground)
         self._feel(message, now_s, tree)
         if not self.master.take(message, now_s, axes, T, self.reflector):
@@ -235,7 +185,7 @@ class Orders:
 
     def _take_posture(self, message: m.PostureMove, _now_s: float, _T: Pose) -> None:
         if message.posture is not None:
-            q = self._posture(message.posture)
+            q = self.tuning.posture(message.posture)
         else:
             q = self._joint_vector(message.q or (), "q")
             beyond = (q < self._lower) | (q > self._upper)
@@ -250,24 +200,19 @@ class Orders:
         self.posture = q
 
     def _take_wrench(self, message: m.DesiredWrench, _now_s: float, T_world_mrf: Pose) -> None:
-        self.tree(T_world_mrf).pose(message.expressed_in)  # raises before it is in force
+        self.places.tree(T_world_mrf).pose(message.expressed_in)  # raises before it is in force
         self.wrench_desired, self._wrench_axes = np.array(message.wrench), message.expressed_in
 
     def _take_cancel(self, _message: m.CancelGoals, _now_s: float, _T: Pose) -> None:
         self._drop_goals()
         self.wrench_desired = np.zeros(6)
 
-    def _posture(self, name: str) -> Array:
-        if name not in self._postures:
-            raise Refused(Why.UNKNOWN_POSTURE, f"{name!r} is none of {', '.join(self._postures)}")
-        return self._postures[name]
-
     def _joint_vector(self, values: tuple[float, ...], field: str) -> Array:
         if len(values) != self._n:
             raise Refused(Why.WRONG_JOINTS, f"{field}: {len(values)} values for {self._n} joints")
         return np.array(values)
 
-    # --- settings ----------------------------------------------------------------------------
+    # --- changes to what was ordered --------------------------------------------------------
 
     def set_frame(self, request: moving.FrameRequest, T_world_mrf: Pose) -> None:
         """Redefine the MRF or the CRF; `T_world_mrf` is where the command has the MRF.
@@ -275,26 +220,20 @@ class Orders:
         Goals stay on the ground that they were measured against, and target poses are kept as
         the Wrist's. Twists and a master's motion were for the old MRF: they end. Raises `Refused`.
         """
-        tree = self.tree(T_world_mrf)
+        tree = self.places.tree(T_world_mrf)
         try:
-            if request.frame == "crf":
-                on = request.moves_with or self.crf.on
-                if on == "carrier" and on not in self._movable:
-                    raise UnknownFrame("'carrier': there is no [frames.carrier] in this cell")
-                self.crf = Mount(on, placed_frame(request, tree, on))
-            else:
-                self._set_mrf(placed_frame(request, tree, "wrist"), tree)
+            T_old_new = self.places.redefine(request, tree)
         except UnknownFrame as error:
             raise Refused(Why.UNKNOWN_FRAME, str(error)) from None
-        self._redefined += 1
+        if T_old_new is not None:
+            self._keep(T_old_new, tree)
 
-    def _set_mrf(self, T_wrist_mrf: Pose, tree: Tree) -> None:
-        T_old_new = self.T_wrist_mrf.inverse() @ T_wrist_mrf
+    def _keep(self, T_old_new: Pose, tree: Tree) -> None:
+        """Let what was ordered for the old MRF mean the same for the new one."""
         axes = None
         if self._wrench_axes is not m.Frame.MRF:
             axes = tree.pose(self._wrench_axes, m.Frame.MRF).R
         self.wrench_desired = wrench_kept(self.wrench_desired, T_old_new, axes)
-        self.T_wrist_mrf = T_wrist_mrf
         self.goal = kept(self.goal, T_old_new)
         if self.goal is None:
             self.paused = False
@@ -311,11 +250,6 @@ class Orders:
             raise Refused(Why.NOT_NOW, "the cell reflects no forces")
         self.reflector.protected = request.protected
 
-    def set_objective(self, request: motion.RedundancyRequest) -> None:
-        """Set a redundancy objective's gain. Raises `Refused` for a posture that is unknown."""
-        q = self.pulls.posture if request.posture is None else self._posture(request.posture)
-        self.pulls = Pulls({**self.pulls.gains, str(request.objective): request.gain}, q)
-
     def set_path(self, request: motion.PathRequest) -> None:
         """Pause, resume or abort the path. Raises `Refused` where none is under way."""
         if self.goal is None or isinstance(self.goal, Pursuit):
@@ -324,42 +258,19 @@ class Orders:
             self.goal = None
         self.paused = request.action == "pause"
 
-    def set_payload(self, request: m.PayloadRequest) -> None:
-        """Redefine what hangs on the sensor. Raises `Refused` for a name that the cell lacks."""
-        if self.payload is None:
-            raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")
-        if request.name is None:
-            self.payload = Payload(request.mass or 0.0, np.array(request.com))
-        elif request.name in self._payloads:
-            self.payload = self._payloads[request.name]
-        else:
-            known = ", ".join(self._payloads) or "none in this cell"
-            raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
-        if request.bias is not None:
-            self.wrench_bias = -np.array(request.bias)
-
-    def set_gripper(self, closed: bool) -> None:
-        """Close or open the gripper, and switch to the payload that the cell has for that."""
-        if self._gripper is None:
-            raise Refused(Why.NOT_NOW, "the cell has no gripper")
-        self.gripper_closed = closed
-        name = self._gripper.closed_payload if closed else self._gripper.open_payload
-        if name is not None and self.payload is not None:
-            self.payload = self._payloads[name]
-
     def settings(self) -> Settings:
         """Return what the tick shall use now."""
-        off = np.zeros(6)
+        tuning, places = self.tuning, self.places
         return Settings(
-            gains={name: gain if self.on[name] else off for name, gain in self.gains.items()},
-            T_wrist_mrf=self.T_wrist_mrf,
-            T_world_crf=self.T_world_crf,
-            redefined=self._redefined,
-            wrench_bias=self.wrench_bias,
-            speed_factor=self.speed_factor,
-            payload=self.payload,
-            pulls=self.pulls,
-            avoid=self.avoid,
+            gains=tuning.gains_in_force,
+            T_wrist_mrf=places.T_wrist_mrf,
+            T_world_crf=places.T_world_crf,
+            redefined=places.redefined,
+            wrench_bias=tuning.wrench_bias,
+            speed_factor=tuning.speed_factor,
+            payload=tuning.payload,
+            pulls=tuning.pulls,
+            avoid=tuning.avoid,
         )
 
     # --- what is in force now ----------------------------------------------------------------
@@ -368,20 +279,13 @@ class Orders:
     def target(self) -> Pose | None:
         """Where the position source is to bring the MRF, in World, if anywhere that is known."""
         T = None if self.goal is None else self.goal.T_world_target
-        body = self.moved.body(self._goal_ground)
-        return T if T is None or body is None else body.T @ T
+        return None if T is None else self.places.in_world(self._goal_ground, T)
 
     @property
     def placed_target(self) -> tuple[str, Pose] | None:
         """The target as it was placed: its ground, and its pose there."""
         T = None if self.goal is None else self.goal.T_world_target
         return None if T is None else (self._goal_ground, T)
-
-    @property
-    def T_world_crf(self) -> Pose:
-        """Where the CRF is now."""
-        body = self.moved.body(self.crf.on)
-        return self.crf.T if body is None else body.T @ self.crf.T
 
     def ground(self, now_s: float) -> str:
         """Return what motion is relative to: of the goal, else of the stick, else of the CRF."""
@@ -390,31 +294,21 @@ class Orders:
         stick = self._fresh(self._stick, now_s)
         if stick is not None and any(stick.message.twist):
             frame = stick.message.relative_to
-            return self._ground(frame if frame in GROUNDS else self.crf.on)
-        return self._ground(self.crf.on)
-
-    def _ground(self, name: str) -> str:
-        """Return the ground by that name; World for one that stands."""
-        return name if name in self._movable else "world"
+            return self.places.ground(frame if frame in GROUNDS else self.places.crf.on)
+        return self.places.ground(self.places.crf.on)
 
     def wrench_axes(self, T_world_mrf: Pose) -> Array | None:
         """Return the axes (3, 3) of the desired wrench in World, None for the MRF's."""
         if self._wrench_axes is m.Frame.MRF:
             return None
-        return self.tree(T_world_mrf).pose(self._wrench_axes).R
-
-    def tree(self, T_world_mrf: Pose) -> Tree:
-        """Return every frame, with the MRF at a pose in World."""
-        return Tree(
-            self.moved, T_world_mrf, self.T_wrist_mrf, self.crf, self._T_wrist_sensor, self.lens()
-        )
+        return self.places.tree(T_world_mrf).pose(self._wrench_axes).R
 
     def stick(self, now_s: float, T_world_mrf: Pose) -> StickCommand | None:
         """Return the stick's twist, or None once its news is too old."""
         stream = self._fresh(self._stick, now_s)
         if stream is None:
             return None
-        axes = self.tree(T_world_mrf).pose(stream.message.expressed_in).R
+        axes = self.places.tree(T_world_mrf).pose(stream.message.expressed_in).R
         twist = self.master.scaled(np.array(stream.message.twist))
         return None if twist is None else StickCommand(twist, axes)
 

@@ -28,7 +28,7 @@ def warm_up(cell: Cell, control: Control) -> None:
     every = Pulls(dict.fromkeys(OBJECTIVES, 0.1), q)
     settings = replace(settings, pulls=every)
     orders = Orders(cell)
-    moved = orders.moved if cell.config.frames.moving else None
+    moved = orders.places.moved if cell.config.frames.moving else None
     stick = StickCommand(np.full(6, 0.01), np.eye(3))
     for intent in Intent:
         memory = control.seed(q)

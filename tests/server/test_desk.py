@@ -311,10 +311,10 @@ def test_the_token_of_a_lease_that_ran_out_clears_nothing(ann):
 
 
 def test_gains_are_set_unless_they_would_be_unstable(ann):
-    before = ann.orders.gains["position"]
+    before = ann.orders.tuning.gains["position"]
     reply = ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(6.0,) * 6)
     assert (reply.ok, reply.reason, reply.detail) == (False, Why.UNSTABLE_GAIN, "too high")
-    assert ann.orders.gains["position"] is before
+    assert ann.orders.tuning.gains["position"] is before
     assert ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(3.0,) * 6).ok
     np.testing.assert_array_equal(ann.orders.settings().gains["position"], [3.0] * 6)
 
@@ -329,7 +329,7 @@ def test_a_source_is_switched_off_and_on(ann):
 def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
     envelope = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
     target = m.PositionTarget(**envelope, xyz=(0.1, 0, 0), rpy=(0, 0, 0))
-    ann.orders.take(target, 0.0, ann.orders.T_world_crf)
+    ann.orders.take(target, 0.0, ann.orders.places.T_world_crf)
     attempt = ann.orders.goal.attempt
     ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=False)
     assert ann.orders.goal.attempt == attempt
@@ -348,7 +348,7 @@ def test_frame_and_speed_are_set(ann):
 def test_gains_that_would_be_unstable_can_be_forced_and_that_is_told(ann):
     reply = ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(6.0,) * 6, forced=True)
     assert reply.ok
-    np.testing.assert_array_equal(ann.orders.gains["force"], [6.0] * 6)
+    np.testing.assert_array_equal(ann.orders.tuning.gains["force"], [6.0] * 6)
     assert "gain_forced" in names(ann)
     assert ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(3.0,) * 6, forced=True).ok
     assert "gain_forced" not in names(ann)

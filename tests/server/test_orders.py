@@ -43,7 +43,7 @@ def orders(pa10):
     mechanism = config.mechanism.model_copy(update={"T_world_base": schema_pose(BASE)})
     changes = {"mechanism": mechanism, "T_world_crf": schema_pose(CRF)}
     orders = Orders(replace(pa10.cell, config=config.model_copy(update=changes)))
-    orders.lens = lambda: Mount("wrist", LENS)
+    orders.places.lens = lambda: Mount("wrist", LENS)
     return orders
 
 
@@ -124,14 +124,14 @@ def test_a_stick_in_mrf_axes_turns_with_the_tool(orders):
 def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(orders):
     pose = {"xyz": (0.0, 0.0, 0.2), "rpy": (0.0, 0.0, 0.5)}
     take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
-    wrist = orders.target @ orders.T_wrist_mrf.inverse()
+    wrist = orders.target @ orders.places.T_wrist_mrf.inverse()
     orders.set_frame(FrameRequest(**ENVELOPE, frame="crf", **pose), MRF)
     np.testing.assert_allclose(orders.settings().T_world_crf.p, pose["xyz"])
     before = orders.goal
     orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
     expected = Pose.from_xyz_rpy(pose["xyz"], pose["rpy"])
     np.testing.assert_array_equal(orders.settings().T_wrist_mrf.R, expected.R)
-    kept = orders.target @ orders.T_wrist_mrf.inverse()
+    kept = orders.target @ orders.places.T_wrist_mrf.inverse()
     np.testing.assert_allclose(kept.p, wrist.p, atol=1e-12)
     np.testing.assert_allclose(kept.R, wrist.R, atol=1e-12)
     assert orders.goal.attempt > before.attempt
@@ -150,7 +150,7 @@ def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(or
     ],
 )
 def test_a_frame_that_the_cell_lacks_is_refused_with_those_that_it_has(orders, kind, fields):
-    orders.lens = lambda: None
+    orders.places.lens = lambda: None
     refused = refusal(orders, kind, **fields)
     assert refused.reason == Why.UNKNOWN_FRAME
     assert "world, base, carrier, crf, wrist, mrf, sensor" in refused.detail
@@ -315,9 +315,9 @@ def test_every_posture_of_the_cell_can_be_ordered(arm):
 def test_a_source_that_is_off_has_no_gain_and_gets_back_its_own(orders):
     own = orders.settings().gains["force"]
     assert own.all()
-    orders.on["force"] = False
+    orders.tuning.on["force"] = False
     assert not orders.settings().gains["force"].any()
-    orders.on["force"] = True
+    orders.tuning.on["force"] = True
     np.testing.assert_array_equal(orders.settings().gains["force"], own)
 
 
@@ -327,7 +327,7 @@ def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
     orders = Orders(cell)
     assert orders.settings().payload.mass == 0.0
     envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
-    orders.set_payload(m.PayloadRequest(**envelope, name="empty"))
+    orders.tuning.set_payload(m.PayloadRequest(**envelope, name="empty"))
     assert orders.settings().payload.mass == 0.4
 
 
@@ -336,7 +336,7 @@ def test_a_cell_without_a_sensor_takes_no_payload(small):
     orders = Orders(load_cell(bare))
     envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
     with pytest.raises(Refused) as refused:
-        orders.set_payload(m.PayloadRequest(**envelope, mass=1.0))
+        orders.tuning.set_payload(m.PayloadRequest(**envelope, mass=1.0))
     assert refused.value.reason == Why.NOT_NOW
 
 

@@ -26,7 +26,7 @@ TWIST = (0.1, 0.2, 0.0, 0.0, 0.0, 0.3)
 @pytest.fixture
 def orders(pa10):
     orders = Orders(pa10.cell)
-    orders.lens = lambda: Mount("wrist", MRF)
+    orders.places.lens = lambda: Mount("wrist", MRF)
     return orders
 
 
@@ -62,7 +62,7 @@ def test_every_waypoint_is_placed_as_a_target_is(orders, relative_to, expressed_
 
 def test_twists_are_turned_into_world_or_left_to_the_moving_tool(orders):
     given = {"twists": (TWIST,), "durations_s": (2.0,)}
-    orders.crf = Mount("world", Pose(rotation_rpy(0.0, 0.0, np.pi / 2), np.ones(3)))
+    orders.places.crf = Mount("world", Pose(rotation_rpy(0.0, 0.0, np.pi / 2), np.ones(3)))
     fixed = take(orders, PathMotion, **given)
     assert isinstance(fixed, TwistRoute)
     np.testing.assert_allclose(fixed.segments[0].twist, [-0.2, 0.1, 0, 0, 0, 0.3], atol=1e-12)
@@ -159,7 +159,7 @@ def test_a_stick_goes_through_the_clutch(orders):
 
 def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(orders, pa10):
     def ask(**fields):
-        orders.set_objective(RedundancyRequest(**ENVELOPE, **fields))
+        orders.tuning.set_objective(RedundancyRequest(**ENVELOPE, **fields))
 
     ask(objective="posture", gain=2.0, posture="park")
     ask(objective="mid_range", gain=0.0)

@@ -1,0 +1,100 @@
+"""What an operator tunes: gains, switches, the payload, the gripper, objectives, reduced speed."""
+
+import numpy as np
+
+from ..config.load import Cell
+from ..protocols import messages as m
+from ..protocols.motion import RedundancyRequest
+from .admission import Refused, Why
+from .control.frames import Array, Pose
+from .control.payload import Payload
+from .control.redundancy import Pulls
+
+
+class Tuning:
+    """The settings in force that are no frames; at first those of the cell."""
+
+    def __init__(self, cell: Cell) -> None:
+        config, sources = cell.config, cell.config.sources
+        self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
+        self.gains = {
+            "joystick": np.array(sources.joystick.gain),
+            "position": np.array(sources.position.gain),
+            "vision": np.array(sources.vision.gain),
+            "force": np.array(sources.force.gain),
+            "following": np.array(sources.following.gain),
+        }
+        self.on = {
+            "joystick": sources.joystick.enabled,
+            "position": sources.position.enabled,
+            "vision": sources.vision.enabled and bool(config.cameras),
+            "force": sources.force.enabled and config.mechanism.force_torque is not None,
+            "following": sources.following.enabled,
+        }
+        self._vision_on = self.on["vision"]
+        self.avoid = config.avoidance.enabled
+        """Whether clearances are kept."""
+        self.can_avoid = config.keeps_clear
+        self.speed_factor = config.limits.speed_factor
+        redundancy = config.redundancy
+        self.pulls = Pulls(redundancy.gains, self._postures[redundancy.posture_name])
+        sensor = config.mechanism.force_torque
+        self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
+        self.T_wrist_sensor = None
+        """None without a sensor."""
+        self.payload = None
+        """What hangs on the sensor; None without a sensor."""
+        if sensor is not None:
+            place = sensor.T_wrist_sensor
+            self.T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)
+            self.payload = Payload(sensor.payload.mass, np.array(sensor.payload.com))
+        self._payloads = {
+            name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
+        }
+        self._gripper = config.mechanism.gripper
+        self.gripper_closed: bool | None = None
+        """None until an operator has said so: what it holds at start is held on."""
+
+    @property
+    def gains_in_force(self) -> dict[str, Array]:
+        """The sources' gains (6,): zero for one that is off."""
+        off = np.zeros(6)
+        return {name: gain if self.on[name] else off for name, gain in self.gains.items()}
+
+    def posture(self, name: str) -> Array:
+        """Return a posture (n,) [rad] of the cell by its name. Raises `Refused`."""
+        if name not in self._postures:
+            raise Refused(Why.UNKNOWN_POSTURE, f"{name!r} is none of {', '.join(self._postures)}")
+        return self._postures[name]
+
+    def settle_vision(self) -> None:
+        """Put the vision source's switch back to what it was at start."""
+        self.on["vision"] = self._vision_on
+
+    def set_objective(self, request: RedundancyRequest) -> None:
+        """Set a redundancy objective's gain. Raises `Refused` for a posture that is unknown."""
+        q = self.pulls.posture if request.posture is None else self.posture(request.posture)
+        self.pulls = Pulls({**self.pulls.gains, str(request.objective): request.gain}, q)
+
+    def set_payload(self, request: m.PayloadRequest) -> None:
+        """Redefine what hangs on the sensor. Raises `Refused` for a name that the cell lacks."""
+        if self.payload is None:
+            raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")
+        if request.name is None:
+            self.payload = Payload(request.mass or 0.0, np.array(request.com))
+        elif request.name in self._payloads:
+            self.payload = self._payloads[request.name]
+        else:
+            known = ", ".join(self._payloads) or "none in this cell"
+            raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
+        if request.bias is not None:
+            self.wrench_bias = -np.array(request.bias)
+
+    def set_gripper(self, closed: bool) -> None:
+        """Close or open the gripper, and switch to the payload that the cell has for that."""
+        if self._gripper is None:
+            raise Refused(Why.NOT_NOW, "the cell has no gripper")
+        self.gripper_closed = closed
+        name = self._gripper.closed_payload if closed else self._gripper.open_payload
+        if name is not None and self.payload is not None:
+            self.payload = self._payloads[name]
