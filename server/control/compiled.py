@@ -23,6 +23,7 @@ Result = TypeVar("Result")
 NUMBER: Final = types.float64
 COUNT: Final = types.int64
 FLAG: Final = types.boolean
+XYZ: Final = types.UniTuple(types.float64, 3)  # type: ignore[no-untyped-call]  # numba's
 
 
 def _array(dtype: Any, dimensions: int) -> Any:

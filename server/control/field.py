@@ -1,6 +1,6 @@
 """The potential field of one cell's arm, as the tick uses it.
 
-Composes what `potentials/` computes: the scene's charges, the slope at the commanded posture, the
+Composes what `potentials/` computes: what repels the links, the slope at the commanded posture, the
 self-motion that goes downhill and the virtual link that lets the tool give way. What is off is not
 computed.
 """
@@ -14,9 +14,8 @@ from .frames import Array, Pose
 from .mechanism import Kinematics
 from .parameters import Parameters
 from .paths.goals import Goal
-from .potentials.charges import Charges, charges_of
 from .potentials.flow import Flow, Seen
-from .potentials.potential import Potential
+from .potentials.potential import Potential, Strengths
 from .potentials.shape import shape
 from .redundancy import Pulls
 from .scene import Scene
@@ -29,6 +28,8 @@ FLATTEST = 0.02
 
 ON_PATH = 1e-3
 """A virtual link shorter than this is none: the tool is on its path [m]."""
+
+_NO_LINKS = np.zeros((0, 2, 3))
 
 
 class Felt(NamedTuple):
@@ -47,21 +48,15 @@ class Field:
         c, links = p.potential, p.links
         self._p = p
         self._links = links
-        self._seen: tuple[Scene | None, Charges] = (None, Charges.none())
         body = np.zeros(0, dtype=np.int64) if links is None else links.body
-        potential = Potential(
-            p.lower,
-            p.upper,
-            body,
-            c.joint_limits,
-            c.manipulability,
-            c.least_distance,
-            c.line_model == "smooth",
-        )
-        strongest = max(c.obstacles, c.lines, c.joint_limits, c.manipulability)
-        flattest = max(FLATTEST * strongest, 1e-9)
-        self.flow = Flow(potential, body, flattest)
+        k = Strengths(c.obstacles, c.lines, c.joint_limits, c.manipulability)
+        smooth = c.line_model == "smooth"
+        potential = Potential(p.lower, p.upper, body, k, c.least_distance, smooth)
+        self.flow = Flow(potential, body, max(FLATTEST * max(k), 1e-9))
         link = c.virtual_link
+        self._repels = links is not None and (k.obstacles > 0.0 or k.lines > 0.0)
+        self._always = k.joint_limits > 0.0 or k.manipulability > 0.0 or link is not None
+        """Something is felt without obstacles too."""
         self._direction = np.zeros(3)
         if link is not None:
             self._direction = np.array(link.direction) / math.hypot(*link.direction)
@@ -74,16 +69,19 @@ class Field:
         pulls: Pulls,
         T_world_base: Pose | None = None,
     ) -> Seen | None:
-        """Return what there is to know of the field at q (n,) [rad], None if nothing follows it.
+        """Return what there is to know of the field at q (n,) [rad].
 
+        None if nothing follows it, or there is none: neither obstacles nor what acts without them.
         `T_world_base` is where a Base that moves is now.
         """
         if pulls.gains["field"] <= 0.0 and self._p.potential.virtual_link is None:
             return None
-        ends = np.zeros((0, 2, 3))
-        if self._links is not None:
+        among, ends = self._among(k, scene), _NO_LINKS
+        if among is None and not self._always:
+            return None
+        if among is not None and self._links is not None:
             ends = self._links.place(q[None], T_world_base).ends[0]
-        return Seen(shape(q, k.J, k.T_world_mrf.p, ends), self._charges(k, scene))
+        return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among)
 
     def self_motion(self, seen: Seen | None, null: Array) -> tuple[Array | None, Felt | None]:
         """Return the joint rates (n,) to the least potential, at a gain of 1 /s, and the field.
@@ -92,9 +90,8 @@ class Field:
         """
         if seen is None:
             return None, None
-        rates, value = self.flow.self_motion(seen, null)
-        slope = null @ value.torque
-        return rates, Felt(value.parts, math.sqrt(float(slope @ slope)))
+        rates, slope = self.flow.self_motion(seen, null)
+        return rates, Felt(seen.value.parts, slope)
 
     def give_way(
         self, seen: Seen | None, off_path: Array | None, goal: Goal | None, factor: float
@@ -115,15 +112,11 @@ class Field:
         high = min(most, GIVE_WAY_GAIN * (link.longest - d))
         return np.asarray(min(high, max(low, speed)) * self._direction)
 
-    def _charges(self, k: Kinematics, scene: Scene | None) -> Charges:
-        """Return the charges of a scene; of one that stands still, those of the tick before."""
-        if scene is None:
-            return Charges.none()
-        placed = scene.placed(k.T_world_wrist)
-        if self._seen[0] is not placed:
-            c = self._p.potential
-            self._seen = (placed, charges_of(placed, c.obstacles, c.lines))
-        return self._seen[1]
+    def _among(self, k: Kinematics, scene: Scene | None) -> Scene | None:
+        """Return what repels the links, where it is now; None if nothing does."""
+        if scene is None or not self._repels or not scene.names:
+            return None
+        return scene.placed(k.T_world_wrist)
 
 
 def on_path(off_path: Array | None) -> bool:

@@ -129,7 +129,7 @@ class Redundancy:
             case "mid_range":
                 return self._mid_range.rate(q)
             case "manipulability":
-                return manipulability.rate(J)
+                return manipulability.slope(J)[1]
             case "posture":
                 return posture.rate(q, pulls.posture)
             case _:

@@ -12,30 +12,63 @@ triple product
 """
 
 import math
+from typing import Final
 
 import numpy as np
 
+from ..compiled import MATRIX, compiled
 from ..frames import Array
 
-REGULAR = 1e-14
+REGULAR: Final = 1e-14
 """Added to J Jᵀ, so that the slope stays finite at a singularity [m²]."""
 
 
-def manipulability(J: Array) -> float:
-    """Return w of a Jacobian J (m, n), m ≤ n."""
-    return math.sqrt(max(0.0, float(np.linalg.det(J @ J.T))))
+@compiled(MATRIX)
+def _solved(J: Array) -> tuple[float, Array]:
+    """Return w and G (6, n) of a Jacobian J (6, n), by elimination."""
+    G = J.copy()
+    A = np.empty((6, 6))
+    for i in range(6):
+        for k in range(6):
+            A[i, k] = REGULAR * (i == k)
+            for j in range(J.shape[1]):
+                A[i, k] += J[i, j] * J[k, j]
+    w = 1.0
+    for i in range(6):
+        # No pivot can be less, but for rounding.
+        A[i, i] = max(A[i, i], REGULAR)
+        w *= math.sqrt(A[i, i])
+        for k in range(i + 1, 6):
+            part = A[k, i] / A[i, i]
+            for j in range(i, 6):
+                A[k, j] -= part * A[i, j]
+            for j in range(J.shape[1]):
+                G[k, j] -= part * G[i, j]
+    for i in range(5, -1, -1):
+        for j in range(J.shape[1]):
+            for k in range(i + 1, 6):
+                G[i, j] -= A[i, k] * G[k, j]
+            G[i, j] /= A[i, i]
+    return w, G
 
 
-def rate(J: Array) -> Array:
-    """Return the slope ∂w/∂q (n,) for a chain's Jacobian J (6, n), as joint rates at gain 1."""
-    A = J @ J.T
-    A.flat[::7] += REGULAR
-    w = math.sqrt(max(0.0, float(np.linalg.det(A))))
-    G = np.linalg.solve(A, J)
+@compiled(MATRIX)
+def slope(J: Array) -> tuple[float, Array]:
+    """Return w of a chain's Jacobian J (6, n), and ∂w/∂q (n,): joint rates at gain 1."""
+    w, G = _solved(J)
     n = J.shape[1]
-    v, omega, g, h = J[:3], J[3:], G[:3], G[3:]
-    (ax, ay, az), (bx, by, bz) = np.hstack([v, omega, g]), np.hstack([g, h, omega])
-    turned = np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
-    outboard = (turned[:, :n] + turned[:, n : 2 * n])[:, ::-1].cumsum(axis=1)[:, ::-1]
-    inboard = turned[:, 2 * n :].cumsum(axis=1) - turned[:, 2 * n :]
-    return np.asarray(w * ((omega * outboard).sum(axis=0) + (v * inboard).sum(axis=0)))
+    found = np.zeros(n)
+    x = y = z = 0.0
+    for j in range(n):  # Σ_{j<k} g_j × ω_j
+        found[j] = w * (J[0, j] * x + J[1, j] * y + J[2, j] * z)
+        x += G[1, j] * J[5, j] - G[2, j] * J[4, j]
+        y += G[2, j] * J[3, j] - G[0, j] * J[5, j]
+        z += G[0, j] * J[4, j] - G[1, j] * J[3, j]
+    x = y = z = 0.0
+    for j in range(n - 1, -1, -1):  # Σ_{j≥k} v_j × g_j + ω_j × h_j
+        for v in (0, 3):
+            x += J[v + 1, j] * G[v + 2, j] - J[v + 2, j] * G[v + 1, j]
+            y += J[v + 2, j] * G[v, j] - J[v, j] * G[v + 2, j]
+            z += J[v, j] * G[v + 1, j] - J[v + 1, j] * G[v, j]
+        found[j] += w * (J[3, j] * x + J[4, j] * y + J[5, j] * z)
+    return w, found

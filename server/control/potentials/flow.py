@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..frames import Array
-from .charges import Charges
+from ..scene import Scene
 from .curvature import curvature, weighed
 from .potential import Potential, Value
 from .shape import Index, Shape, ahead
@@ -20,19 +20,12 @@ LOOK = 1e-5
 
 
 class Seen(NamedTuple):
-    """Where the arm is, and among what."""
+    """Where the arm is, among what, and its potential there."""
 
     here: Shape
-    charges: Charges
-
-
-class Around(NamedTuple):
-    """The potential where the arm is, and a small way ahead."""
-
-    here: Shape
+    scene: Scene | None
+    """None where nothing repels the links."""
     value: Value
-    there: Shape
-    ahead: Value
 
 
 class Flow:
@@ -45,36 +38,32 @@ class Flow:
         self._body = body
         self._flattest = flattest
 
-    def self_motion(self, seen: Seen, null: Array) -> tuple[Array, Value]:
+    def look(self, here: Shape, scene: Scene | None) -> Seen:
+        """Return what there is to know of the field where the arm is."""
+        return Seen(here, scene, self._potential.at(here, scene))
+
+    def self_motion(self, seen: Seen, null: Array) -> tuple[Array, float]:
         """Return the joint rates (n,) [rad/s], at a gain of 1 /s, to the least potential.
 
-        `null` (r, n) holds orthonormal rows that span the self-motions. The potential here is
-        returned with them.
+        `null` (r, n) holds orthonormal rows that span the self-motions. The size of the slope
+        along them, |Pτ| [N·m], is returned with the rates.
         """
-        around = None
-        if len(null) == 1:  # there is but one way, and both its senses bend alike
-            around = self._look(seen, null[0])
-            value = around.value
-        else:
-            value = self._potential.at(seen.here, seen.charges)
-        slope = (null @ value.torque) @ null
+        slope = (null @ seen.value.torque) @ null
         size = math.sqrt(float(slope @ slope))
         if size < 1e-12:
-            return slope, value
-        way = slope / size
-        if around is None:
-            around = self._look(seen, way, value)
-        else:
-            way = null[0]
+            return slope, size
+        # Where there is but one way, both its senses bend alike.
+        way = null[0] if len(null) == 1 else slope / size
+        there = self._ahead(seen, way)
         bend = curvature(
             way,
             seen.here.screws,
-            value.torque,
-            around.there.screws,
-            around.ahead.torque,
+            seen.value.torque,
+            there.here.screws,
+            there.value.torque,
             LOOK,
         )
-        return slope / max(abs(bend), self._flattest), value
+        return slope / max(abs(bend), self._flattest), size
 
     def along(self, seen: Seen, direction: Array, out: float, stiffness: float) -> float:
         """Return the speed [m/s], at a gain of 1 /s, of the tool along a virtual link.
@@ -84,19 +73,14 @@ class Flow:
         """
         way = _lever(seen.here, direction)
         step = LOOK / max(math.sqrt(float(way @ way)), 1e-6)
-        around = self._look(seen, way * step / LOOK)
-        force = float(way @ around.value.torque)
-        bend = (force - float(_lever(around.there, direction) @ around.ahead.torque)) / step
+        there = self._ahead(seen, way * step / LOOK)
+        force = float(way @ seen.value.torque)
+        bend = (force - float(_lever(there.here, direction) @ there.value.torque)) / step
         return (force - stiffness * out) / max(abs(bend + stiffness), 0.5 * stiffness)
 
-    def _look(self, seen: Seen, way: Array, value: Value | None = None) -> Around:
-        """Look at the potential here, unless its value is known, and ahead along a way (n,)."""
-        there = ahead(seen.here, self._body, way, LOOK)
-        if value is None:
-            value, beyond = self._potential.both(seen.here, there, seen.charges)
-        else:
-            beyond = self._potential.at(there, seen.charges)
-        return Around(seen.here, value, there, beyond)
+    def _ahead(self, seen: Seen, way: Array) -> Seen:
+        """Look a small way ahead along joint rates (n,)."""
+        return self.look(ahead(seen.here, self._body, way, LOOK), seen.scene)
 
 
 def _lever(at: Shape, direction: Array) -> Array:

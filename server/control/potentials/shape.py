@@ -9,9 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled import ARRAY3, INDEX, MATRIX, NUMBER, VECTOR, XYZ, compiled
 from ..frames import Array
 
 Index = NDArray[np.int64]
+Xyz = tuple[float, float, float]
 
 
 class Shape(NamedTuple):
@@ -21,10 +23,8 @@ class Shape(NamedTuple):
     """(n,) [rad]."""
     screws: Array
     """Twist of a joint's rate (6, n), taken at World's origin: `[v; ω]`."""
-    p1: Array
-    """First ends of the links, in World (3, m) [m]."""
-    p2: Array
-    """Second ends (3, m)."""
+    ends: Array
+    """Both ends of the links, in World (m, 2, 3) [m]."""
 
 
 def shape(q: Array, J: Array, p: Array, ends: Array) -> Shape:
@@ -32,15 +32,7 @@ def shape(q: Array, J: Array, p: Array, ends: Array) -> Shape:
 
     `ends` (m, 2, 3) are the links' ends in World.
     """
-    (vx, vy, vz, wx, wy, wz), (x, y, z) = J, p.tolist()
-    # How the point of each body moves that is at World's origin.
-    screws = np.empty_like(J)
-    screws[0] = vx - wy * z + wz * y
-    screws[1] = vy - wz * x + wx * z
-    screws[2] = vz - wx * y + wy * x
-    screws[3:] = J[3:]
-    turned = ends.transpose(1, 2, 0)
-    return Shape(q, screws, turned[0], turned[1])
+    return Shape(q, screws(J, p), ends)
 
 
 def ahead(at: Shape, body: Index, way: Array, step: float) -> Shape:
@@ -48,19 +40,53 @@ def ahead(at: Shape, body: Index, way: Array, step: float) -> Shape:
 
     `body` (m,) counts the joints inboard of each link.
     """
-    S = at.screws
-    n = S.shape[1]
-    twists = np.zeros((6, n + 1))
-    np.cumsum(S * (step * way), axis=1, out=twists[:, 1:])
-    v, w, vj, wj = twists[:3, :n], twists[3:, :n], S[:3], S[3:]
-    turn = np.concatenate([_cross(w, vj) + _cross(v, wj), _cross(w, wj)])
-    v, w = twists[:3, body], twists[3:, body]
-    return Shape(
-        at.q + step * way, S + turn, at.p1 + v + _cross(w, at.p1), at.p2 + v + _cross(w, at.p2)
-    )
+    return Shape(*_moved(at.q, at.screws, at.ends, body, way, step))
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Return a × b over the first axis."""
-    (ax, ay, az), (bx, by, bz) = a, b
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+@compiled(XYZ, XYZ)
+def _cross(a: Xyz, b: Xyz) -> Xyz:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled(MATRIX, VECTOR)
+def screws(J: Array, p: Array) -> Array:
+    """Return twists (6, n) at World's origin of joints whose Jacobian at p (3,) is J (6, n)."""
+    found = np.empty(J.shape)
+    for j in range(J.shape[1]):
+        w = (J[3, j], J[4, j], J[5, j])
+        # How the point of each body moves that is at World's origin.
+        lever = _cross((p[0], p[1], p[2]), w)
+        for i in range(3):
+            found[i, j] = J[i, j] + lever[i]
+            found[3 + i, j] = w[i]
+    return found
+
+
+@compiled(VECTOR, MATRIX, ARRAY3, INDEX, VECTOR, NUMBER)
+def _moved(
+    q: Array, S: Array, ends: Array, body: Index, way: Array, step: float
+) -> tuple[Array, Array, Array]:
+    """Return angles, screws and ends of a shape after a small step."""
+    n = len(q)
+    angles, turned, shifted = np.empty(n), np.empty((6, n)), np.empty(ends.shape)
+    twist = np.zeros((n + 1, 6))  # of each body, over the step
+    for j in range(n):
+        angles[j] = q[j] + step * way[j]
+        v, w = (S[0, j], S[1, j], S[2, j]), (S[3, j], S[4, j], S[5, j])
+        V = (twist[j, 0], twist[j, 1], twist[j, 2])
+        W = (twist[j, 3], twist[j, 4], twist[j, 5])
+        dv, vw, dw = _cross(W, v), _cross(V, w), _cross(W, w)
+        for i in range(3):
+            turned[i, j] = v[i] + dv[i] + vw[i]
+            turned[3 + i, j] = w[i] + dw[i]
+            twist[j + 1, i] = V[i] + step * way[j] * v[i]
+            twist[j + 1, 3 + i] = W[i] + step * way[j] * w[i]
+    for link in range(len(ends)):
+        b = body[link]
+        W = (twist[b, 3], twist[b, 4], twist[b, 5])
+        for e in range(2):
+            x = (ends[link, e, 0], ends[link, e, 1], ends[link, e, 2])
+            dx = _cross(W, x)
+            for i in range(3):
+                shifted[link, e, i] = x[i] + twist[b, i] + dx[i]
+    return angles, turned, shifted

@@ -57,9 +57,8 @@ def look(arm, scene, q, field=None):
 
 
 def felt(arm, scene, q, field):
-    """The potential and its slope, as they are found on the way to a self-motion."""
-    null = np.linalg.svd(arm.mechanism.kinematics(q, arm.settings.T_wrist_mrf).J)[2][6:]
-    return field.flow.self_motion(look(arm, scene, q, field), null)[1]
+    """The potential and its slope."""
+    return look(arm, scene, q, field).value
 
 
 @pytest.mark.parametrize("kind", [*(o.name for o in EVERY_KIND), "all"])
@@ -155,6 +154,26 @@ def test_a_field_that_nothing_follows_is_not_computed(start, monkeypatch):
     run = start(arm)
     monkeypatch.setattr(arm.p.links, "place", None)
     assert run.go(0.1, scene=scene).field is None
+
+
+def test_where_there_is_no_field_none_is_computed_or_told(start):
+    """Obstacles that do not repel, and no other potential."""
+    none = PotentialField(obstacles=0.0, lines=0.0, joint_limits=0.0, manipulability=0.0)
+    arm, scene = arm_among("pa10", EVERY_KIND, none, field=4.0)
+    run = start(arm)
+    output = run.go(0.1, scene=scene)
+    assert output.field is None
+    assert not output.self_motion.dq.any()
+
+
+def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
+    arm, _ = arm_among("pa10", EVERY_KIND, field=4.0)
+    run = start(arm, arm.posture("ready") + SWUNG)
+    monkeypatch.setattr(arm.p.links, "place", None)
+    output = run.tick()
+    assert output.field.parts["joint_limits"] > 0.0
+    assert output.field.parts["obstacles"] == 0.0
+    assert output.self_motion.dq.any()
 
 
 ON_THE_WAY = (Obstacle(name="ball", shape="sphere", xyz=(0.55, 0.0, 0.40), radius=0.05),)

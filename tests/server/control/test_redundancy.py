@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.schema import OBJECTIVES
-from telerobot.server.control.objectives.manipulability import manipulability
+from telerobot.server.control.objectives.manipulability import slope
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.redundancy import Pulls, Redundancy
 from telerobot.server.control.tick import Control
@@ -50,7 +50,7 @@ def test_manipulability_rises_until_its_slope_in_the_null_space_is_flat(swung):
 
     def w():
         k = control.mechanism.kinematics(swung.sent[-1], swung.settings.T_wrist_mrf)
-        return manipulability(k.J)
+        return slope(k.J)[0]
 
     found = [w()]
     for _ in range(8):

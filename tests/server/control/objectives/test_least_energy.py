@@ -25,6 +25,16 @@ def test_the_rates_become_those_of_the_inertia_weighted_inverse(pa10, rng):
         assert dq @ M @ dq <= plain @ M @ plain + 1e-12
 
 
+def test_with_several_spare_motions_all_that_can_be_is_saved(rng):
+    for _ in range(20):
+        J, twist = rng.normal(size=(6, 9)), rng.normal(size=6)
+        A = rng.normal(size=(9, 9))
+        M = A @ A.T + 0.1 * np.eye(9)
+        plain, null = np.linalg.pinv(J) @ twist, np.linalg.svd(J)[2][6:]
+        dq = plain + least_energy.rate(plain, null, M)
+        np.testing.assert_allclose(dq, weighted_solution(J, M, twist), rtol=1e-5, atol=1e-6)
+
+
 def test_the_mass_matrix_is_that_of_its_kinetic_energy(pa10, rng):
     M = pa10.mechanism.mass_matrix(pa10.random_posture(rng))
     np.testing.assert_allclose(M, M.T, atol=1e-12)

@@ -1,15 +1,16 @@
 """The planar arm of the paper's example: three links of a metre, and one charge (section IV)."""
 
 import numpy as np
-from telerobot.server.control.potentials.charges import Charges
-from telerobot.server.control.potentials.potential import Potential, Value
+from telerobot.server.control.potentials.potential import Potential, Strengths, Value
 from telerobot.server.control.potentials.search import Place
 from telerobot.server.control.potentials.shape import shape
+
+from .around import points
 
 LOWER, UPPER = -np.pi * np.ones(3), np.pi * np.ones(3)
 START = np.array([0.0, np.pi / 2, -np.pi / 2])
 K = 0.1
-OBSTACLE = np.array([[1.5], [1.3], [0.0]])
+OBSTACLE = np.array([1.5, 1.3, 0.0])
 PRINTED_MINIMUM = np.array([-0.36, 1.79, -1.07])
 """Of figure 4; it is none."""
 
@@ -32,12 +33,12 @@ def manipulability(q):
     return np.sqrt(np.linalg.det(J @ J.T))
 
 
-def value(q, charges=None, k_limits=K) -> Value:
-    potential = Potential(LOWER, UPPER, np.array([1, 2, 3]), k_limits, 0.0, 0.0)
+def value(q, k_limits=K) -> Value:
+    strengths = Strengths(K, 0.0, k_limits, 0.0)
+    potential = Potential(LOWER, UPPER, np.array([1, 2, 3]), strengths, 0.0)
     at = joints(q)
-    here = Charges.none()._replace(points=OBSTACLE, k_points=np.array([K]))
     ends = np.stack([at[:, :3].T, at[:, 1:].T], axis=1)
-    return potential.at(shape(q, jacobian(q), at[:, -1], ends), charges or here)
+    return potential.at(shape(q, jacobian(q), at[:, -1], ends), points(OBSTACLE))
 
 
 def slope_of_manipulability(q, h=1e-6):

@@ -2,20 +2,21 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.potentials.charged_link import load
-from telerobot.server.control.potentials.curvature import curvature
+from telerobot.server.control.potentials.curvature import curvature, weighed
 from telerobot.server.control.potentials.search import Place, search
 
 from . import planar
+from .around import acting, points
 
 
 def test_table_ii_of_the_paper_to_its_four_digits():
     q = planar.START
     at = planar.joints(q)
-    obstacle = load(at[:, :3], at[:, 1:], planar.OBSTACLE, np.array([planar.K]), 0.0)
+    links = zip(at[:, :3].T, at[:, 1:].T, strict=True)
+    obstacle = [acting(points(planar.OBSTACLE), *link, least=0.0)[2] for link in links]
     only = planar.value(q, k_limits=0.0)
     np.testing.assert_array_equal(np.round(only.torque, 4), [-0.9161, -0.2268, -0.2858])
-    assert only.parts["obstacles"] == pytest.approx(obstacle.potential.sum())
+    assert only.parts["obstacles"] == pytest.approx(planar.K * sum(obstacle))
     limits = planar.value(q).torque - only.torque
     np.testing.assert_array_equal(np.round(limits, 4), [0.0, -0.0250, 0.0250])
     slope = planar.K * planar.slope_of_manipulability(q)
@@ -89,6 +90,20 @@ def test_the_curvature_is_that_of_the_potential_along_the_manifold():
     ahead, back = along(s), along(-s)
     second = (ahead.potential - 2.0 * here.potential + back.potential) / s**2
     assert found == pytest.approx(second, rel=1e-3)
+
+
+def test_the_force_that_holds_the_tool_is_that_of_the_pseudo_inverse(rng):
+    for rows, joints in ((6, 7), (6, 10), (2, 3), (6, 6)):
+        J, torque = rng.normal(size=(rows, joints)), rng.normal(size=joints)
+        np.testing.assert_allclose(
+            weighed(J, J @ torque), np.linalg.pinv(J).T @ torque, rtol=1e-6, atol=1e-6
+        )
+
+
+def test_at_a_singularity_what_holds_the_tool_is_finite():
+    J = np.zeros((6, 3))
+    J[:2] = planar.jacobian(np.zeros(3))[:2]
+    assert np.isfinite(weighed(J, J @ np.ones(3))).all()
 
 
 def test_a_pose_out_of_reach_is_told():

@@ -1,8 +1,31 @@
 """The field of a point charge on a link, against quadrature, finite differences and the paper."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
-from telerobot.server.control.potentials.charged_link import load, pairs
+from telerobot.server.control.potentials.push import by_charge, direction, push
+
+from .around import acting, points
+
+
+class Pairs(NamedTuple):
+    """What unit charges do to links: force and moment about the first end (m, c, 3), potential."""
+
+    force: np.ndarray
+    moment: np.ndarray
+    potential: np.ndarray
+
+
+def pairs(p1, p2, charges, least=0.0):
+    found = Pairs(*(np.empty((p1.shape[1], charges.shape[1], *x)) for x in ((3,), (3,), ())))
+    for i, (a, b) in enumerate(zip(p1.T, p2.T, strict=True)):
+        u, length = direction(tuple(a), tuple(b))
+        for j, charge in enumerate(charges.T):
+            force, lever, potential = by_charge(tuple(a), u, length, tuple(charge), least)
+            found.force[i, j], found.potential[i, j] = force, potential
+            found.moment[i, j] = np.cross(u, lever)
+    return found
 
 
 def column(*points):
@@ -134,19 +157,26 @@ def test_the_moment_is_the_slope_of_the_potential_in_a_turn(least):
             assert moment[axis] == pytest.approx(-(ahead - back) / (2 * h), rel=1e-4, abs=1e-6)
 
 
-def test_loads_are_the_pairs_summed_about_the_worlds_origin():
+def test_the_torques_are_those_of_all_pairs_about_the_worlds_origin():
+    """Joints that are the six unit twists there feel the wrench of the links outboard of them."""
     rng = np.random.default_rng(7)
     p1, p2, charges = (rng.normal(size=(3, n)) for n in (3, 3, 5))
-    k = rng.uniform(0.1, 2.0, size=5)
-    each, together = pairs(p1, p2, charges, 0.01), load(p1, p2, charges, k, 0.01)
-    force = np.einsum("mci,c->im", each.force, k)
-    moment = np.einsum("mci,c->im", each.moment, k) + np.cross(p1, force, axis=0)
-    np.testing.assert_allclose(together.wrench, np.vstack([force, moment]), rtol=1e-12)
-    np.testing.assert_allclose(together.potential, each.potential @ k, rtol=1e-12)
+    k, least, body = 0.7, 0.01, np.array([0, 4, 6])
+    each, scene = pairs(p1, p2, charges, least), points(charges.T)
+    force = k * each.force.sum(axis=1)
+    moment = k * each.moment.sum(axis=1) + np.cross(p1.T, force)
+    wrench, moves = np.hstack([force, moment]), np.arange(6) < body[:, None]
+    r, b = scene.rounds, scene.boxes
+    around = (r.start, r.end, r.radius, r.line, b.R, b.centre, b.half, k, 0.0, least, True)
+    torque, potential = push(np.eye(6), np.stack([p1.T, p2.T], axis=1), body, *around)
+    np.testing.assert_allclose(torque, (wrench * moves).sum(axis=0), rtol=1e-12)
+    assert potential == pytest.approx(k * each.potential.sum(), rel=1e-12)
 
 
 def test_a_link_without_length_feels_nothing():
-    p = column([0.1, 0.2, 0.3])
-    found = load(p, p, column([0.1, 0.2, 0.3], [1.0, 0.0, 0.0]), np.ones(2), 0.01)
-    assert not found.wrench.any()
-    assert not found.potential.any()
+    p = np.array([0.1, 0.2, 0.3])
+    scene = points(np.array([[0.1, 0.2, 0.3], [1.0, 0.0, 0.0]]))
+    force, moment, potential = acting(scene, p, p, 0.01)
+    assert not force.any()
+    assert not moment.any()
+    assert potential == 0.0

@@ -1,0 +1,38 @@
+"""Scenes made by hand, and what they do to one link."""
+
+import numpy as np
+from telerobot.server.control.evolve import evolve
+from telerobot.server.control.potentials.push import push
+from telerobot.server.control.scene import Boxes, Rounds, empty
+
+
+def rounds(start, end, radius, line=False):
+    """Return a scene of segments (o, 3) with radii; `line` where they are sight lines."""
+    start, end = np.atleast_2d(start), np.atleast_2d(end)
+    radius = np.broadcast_to(np.asarray(radius, dtype=float), len(start))
+    flags = np.full(len(start), line)
+    found = Rounds(start, end, radius, flags, np.zeros(len(start), dtype=bool))
+    return evolve(empty(), rounds=found)
+
+
+def points(at):
+    return rounds(at, at, 0.0)
+
+
+def lines(start, end):
+    return rounds(start, end, 0.0, line=True)
+
+
+def boxes(R, centre, half):
+    return evolve(empty(), boxes=Boxes(R, centre, half))
+
+
+def acting(scene, p1, p2, least, smooth=True):
+    """Return force, moment about World's origin and potential of a link, at strengths of 1.
+
+    The link is borne by six joints: the unit twists at World's origin.
+    """
+    r, b = scene.rounds, scene.boxes
+    around = (r.start, r.end, r.radius, r.line, b.R, b.centre, b.half, 1.0, 1.0, least, smooth)
+    torque, potential = push(np.eye(6), np.array([[p1, p2]]), np.array([6]), *around)
+    return torque[:3], torque[3:], potential
