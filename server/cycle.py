@@ -23,18 +23,14 @@ from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
 from .desk import Desk, View
 from .events import Events
-from .frame_watch import FrameWatch
 from .intake import Intake
 from .link import Link
 from .mode import Mode, Situation, Wish, next_mode
 from .orders import Orders
 from .plant import Plant, PlantReading
-from .sensor_watch import SensorWatch
 from .telemetry import describe, report
-from .touch_watch import TouchWatch
-from .vision_watch import VisionWatch
 from .warm_up import warm_up
-from .world import World
+from .watches import Watches
 
 DESCRIBE_EVERY = 100
 """Ticks between two descriptions, for operators that come late [1]."""
@@ -66,7 +62,6 @@ class Cycle:
         gain_bound: Callable[[str, tuple[float, ...]], str | None],
     ) -> None:
         timing = cell.config.timing
-        sensor = cell.config.mechanism.force_torque
         self.mode = Mode.BOOT
         self.tick = 0
         self.overruns = 0
@@ -92,13 +87,7 @@ class Cycle:
         self._trouble: Trouble | None = None
         self._reopened = False
         self._retiring = False
-        essential = sensor is not None and sensor.essential
-        self._sensor = SensorWatch(self._events, essential, timing.period_s)
-        self._vision = VisionWatch(cell, self._events)
-        self._world = World(cell, self._events)
-        self._frames = FrameWatch(cell, self._events)
-        self._orders.places.lens = lambda: self._vision.lens
-        self._touch = TouchWatch(cell, control.p, control.mechanism, self._events)
+        self._watches = Watches(cell, control, self._orders, self._events)
         self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
 
     def boot(self) -> None:
@@ -171,7 +160,7 @@ class Cycle:
         self._intake.take(view, None if self.output is None else self.output.T_world_mrf)
         # Only now: what was just ordered was placed where arm and frames were together, a tick ago.
         moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
-        self._orders.places.moved = self._frames.step(self.tick, moving=moving)
+        self._orders.places.moved = self._watches.frames.step(self.tick, moving=moving)
         trouble = self._find_trouble(reading)
         if trouble is not None and self.mode is not Mode.FAULT:
             self._quick_stop(trouble, "fault")
@@ -186,34 +175,28 @@ class Cycle:
     # --- operators ---------------------------------------------------------------------------
 
     def _look_around(self, now_s: float, reading: PlantReading) -> View:
-        """Watch the sensor, and return what a request may depend on."""
-        if self.plant.sensor is not None and self.plant.opened:
-            weight = None
-            if self.output is not None:
-                T_world_mrf = self.output.T_world_mrf_measured
-                weight = self._control.summing.weight(T_world_mrf, self._orders.settings())
-            self._sensor.look(reading, weight)
-        self._touch.look(
+        """Watch what is to be watched, and return what a request may depend on."""
+        watches = self._watches
+        watches.look(
             now_s,
             reading,
             self._memory,
             self.output,
-            self._orders.places.T_wrist_mrf,
-            self._orders.places.moved,
+            self.plant.sensor is not None and self.plant.opened,
             self.mode is Mode.ENABLED,
         )
         return View(
             now=Now(now_s, self.tick, self._enabled_since),
             mode=self.mode,
-            unloaded=self._sensor.unloaded,
+            unloaded=watches.sensor.unloaded,
             at_rest=self.output is None or self.output.at_rest,
-            essential_stale=self._sensor.missed,
+            essential_stale=watches.sensor.missed,
             gain_bound=self._gain_bound,
-            vision=self._vision,
-            world=self._world,
-            frames=self._frames,
+            vision=watches.vision,
+            world=watches.world,
+            frames=watches.frames,
             T_world_mrf=None if self.output is None else self.output.T_world_mrf,
-            touched=self._touch.stopping,
+            touched=watches.touch.stopping,
         )
 
     # --- faults and modes --------------------------------------------------------------------
@@ -294,12 +277,9 @@ class Cycle:
             return "lease run out"
         if self._desk.protective_stop is not None:
             return "protective stop"
-        if view.essential_stale:
-            return "sensor stale"
-        if self._orders.tuning.avoid and self._world.stop is not None:
-            return "obstacle stale"
-        if self._touch.stopping:
-            return "touched"
+        seen = self._watches.reason_to_stop()
+        if seen is not None:
+            return seen
         if self._late_in_a_row > self._tolerated_overruns:
             return "overruns"
         return None
@@ -326,8 +306,8 @@ class Cycle:
         intent = INTENTS[self.mode]
         if self._memory is None:
             self._memory = self._control.seed(q)
-        orders, moving = self._orders, intent is Intent.MOVE
-        moved = orders.places.moved if self._frames.watching else None
+        orders, watches, moving = self._orders, self._watches, intent is Intent.MOVE
+        moved = orders.places.moved if watches.frames.watching else None
         T_world_mrf = self._control.pose_mrf(
             self._memory, orders.places.T_wrist_mrf, None if moved is None else moved.base.T
         )
@@ -343,11 +323,11 @@ class Cycle:
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,
             paused=orders.paused,
-            view=self._vision.goal(orders.places.moved.base.T) if moving else None,
+            view=watches.vision.goal(orders.places.moved.base.T) if moving else None,
             posture=orders.posture if moving else None,
             at_posture=orders.posture_reached,
             wrench_desired=orders.wrench_desired,
-            scene=self._world.scene(self.tick) if self._world.known else None,
+            scene=watches.world.scene(self.tick) if watches.world.known else None,
             R_world_wrench=orders.wrench_axes(T_world_mrf),
             moved=moved,
             ground="world" if moved is None else orders.ground(now_s),
@@ -356,13 +336,7 @@ class Cycle:
         self._memory, self.output = self._control.tick(self._memory, inputs)
         self.compute_s = time.perf_counter() - start
         orders.reflect(self.output)
-        if self._vision.watching:
-            T_mrf_wrist = inputs.settings.T_wrist_mrf.inverse()
-            self._vision.remember(
-                self.tick,
-                self.output.T_world_mrf_measured @ T_mrf_wrist,
-                orders.places.moved.T_world_base_measured,
-            )
+        self._watches.remember(self.tick, self.output)
         if self.output.stop_worsened:
             self._tell_worsened(self.output.gaps)
         if self.output.refusal is not None and self.mode is not Mode.FAULT:
@@ -399,11 +373,11 @@ class Cycle:
             self.output,
             self._orders,
             self._admission,
-            self._vision,
-            self._frames,
+            self._watches.vision,
+            self._watches.frames,
             self._desk.protective_stop is not None,
             self.overruns,
-            self._touch.external,
+            self._watches.touch.external,
         )
         self._link.publish(STATE, encode(state))
         reflection = self._orders.reflection(self.tick)

@@ -1,0 +1,64 @@
+"""Everything that keeps an eye on something: sensor, cameras, obstacles, moving frames, contact."""
+
+from ..config.load import Cell
+from .control.state import Memory, Output
+from .control.tick import Control
+from .events import Events
+from .frame_watch import FrameWatch
+from .orders import Orders
+from .plant import PlantReading
+from .sensor_watch import SensorWatch
+from .touch_watch import TouchWatch
+from .vision_watch import VisionWatch
+from .world import World
+
+
+class Watches:
+    """The watches of one cell."""
+
+    def __init__(self, cell: Cell, control: Control, orders: Orders, events: Events) -> None:
+        sensor = cell.config.mechanism.force_torque
+        essential = sensor is not None and sensor.essential
+        self._control, self._orders = control, orders
+        self.sensor = SensorWatch(events, essential, cell.config.timing.period_s)
+        self.vision = VisionWatch(cell, events)
+        self.world = World(cell, events)
+        self.frames = FrameWatch(cell, events)
+        self.touch = TouchWatch(cell, control.p, control.mechanism, events)
+        orders.places.lens = lambda: self.vision.lens
+
+    def look(
+        self,
+        now_s: float,
+        reading: PlantReading,
+        memory: Memory | None,
+        output: Output | None,
+        has_sensor: bool,
+        moving: bool,
+    ) -> None:
+        """Take in what the devices said, and what the last tick made of it."""
+        orders = self._orders
+        if has_sensor:
+            weight = None
+            if output is not None:
+                weight = self._control.summing.weight(
+                    output.T_world_mrf_measured, orders.settings()
+                )
+            self.sensor.look(reading, weight)
+        places = orders.places
+        self.touch.look(now_s, reading, memory, output, places.T_wrist_mrf, places.moved, moving)
+
+    def remember(self, tick: int, output: Output) -> None:
+        """Keep where the arm was in a tick, for pictures that were taken in it."""
+        if self.vision.watching:
+            places = self._orders.places
+            T_world_wrist = output.T_world_mrf_measured @ places.T_wrist_mrf.inverse()
+            self.vision.remember(tick, T_world_wrist, places.moved.T_world_base_measured)
+
+    def reason_to_stop(self) -> str | None:
+        """Return why the arm may not move for what is seen, or None."""
+        if self.sensor.missed:
+            return "sensor stale"
+        if self._orders.tuning.avoid and self.world.stop is not None:
+            return "obstacle stale"
+        return "touched" if self.touch.stopping else None
