@@ -93,8 +93,9 @@ class Touch:
         on the arm; `load` (10,) what the sensor carries, see `sources.force.load_of`;
         `time_s` the tick's time [s].
         """
-        if time_s - state.time_s > 1.5 * self._period_s:
-            # Ticks were missed: differences would be wrong. What was felt until then is kept.
+        if abs(time_s - state.time_s - self._period_s) > 0.5 * self._period_s:
+            # Ticks were missed, or a late one is followed by one in time: differences would be
+            # wrong. What was felt until then is kept.
             state = evolve(state, q=())
         if len(state.q) < 2 or state.tau is None or state.seen is None:
             return evolve(state, q=(q, *state.q[:1]), tau=tau, seen=seen, time_s=time_s)
