@@ -1,5 +1,10 @@
-"""Sensors of frames that move, simulated in virtual time: noisy news, at its rate and latency."""
+"""Sensors of frames that move, simulated: noisy news, at its rate and latency, in physics time.
 
+In virtual time a SYNC's number is the tick that it begins. Between processes it is not: there the
+rig listens to the telemetry, and learns how far the two numbers are apart.
+"""
+
+import statistics
 from collections import deque
 from collections.abc import Callable
 
@@ -7,12 +12,17 @@ import numpy as np
 
 from ..config.load import Cell
 from ..drivers.rig.rig import Rig
-from ..protocols.codec import encode
 from ..protocols.moving import FrameNews
-from ..protocols.topics import FRAME_NEWS, Topic
 from ..server.control.frames import Pose, rotation_exp
 
-Put = Callable[[Topic, bytes], None]
+Put = Callable[[FrameNews], None]
+"""Takes what a sensor says, when that has arrived."""
+
+HEARD = 25
+"""Newest ticks that are held against the SYNCs beside which they were heard [1]."""
+
+GAP_S = 0.1
+"""After a silence of the bus for this long, another daemon may be at work [s]."""
 
 
 class SimulatedFrameSensors:
@@ -27,23 +37,25 @@ class SimulatedFrameSensors:
         self._rig, self._put = rig, put
         self._rng = np.random.default_rng([config.seed, 1])
         self._due_s = 0.0
-        self.silent: set[str] = set()
-        """Frames of which no news is told."""
-        self._underway: deque[tuple[float, bytes]] = deque()
+        self._underway: deque[tuple[float, FrameNews]] = deque()
 
     def run(self, now_s: float, tick: int) -> None:
         """Hand over what has arrived by `now_s`, and measure what is due at SYNC `tick`."""
         if not self._names:
             return
         while self._underway and self._underway[0][0] <= now_s + 1e-9:
-            self._put(FRAME_NEWS, self._underway.popleft()[1])
+            self._put(self._underway.popleft()[1])
         if now_s < self._due_s - 1e-9:
             return
         self._due_s = now_s + 1.0 / self._config.rate_hz
         for name in self._names:
             news = self._news(name, tick)  # the noise does not depend on who hears it
-            if name not in self.silent:
-                self._underway.append((now_s + self._config.latency_s, encode(news)))
+            if name not in self._rig.unseen:
+                self._underway.append((now_s + self._config.latency_s, news))
+
+    def forget(self) -> None:
+        """Drop what has not arrived yet."""
+        self._underway.clear()
 
     def _news(self, name: str, tick: int) -> FrameNews:
         pose = self._rig.frames[name]
@@ -55,3 +67,57 @@ class SimulatedFrameSensors:
         return FrameNews.model_validate(
             {"name": name, "tick": tick, "xyz": (x, y, z), "rpy": tuple(rpy), "twist": twist}
         )
+
+
+class SyncTicks:
+    """Which telemetry tick a SYNC began, from the ticks that are heard.
+
+    A tick is mostly heard before the next SYNC. One that is heard late, or whose SYNC was handled
+    late, is put right by the others: the median counts.
+    """
+
+    def __init__(self) -> None:
+        self._apart: deque[int] = deque(maxlen=HEARD)
+
+    def heard(self, tick: int, sync: int) -> None:
+        """Note that tick `tick` was the newest one heard when SYNC `sync` was the newest one."""
+        self._apart.append(sync - tick)
+
+    def tick(self, sync: int) -> int | None:
+        """Return the tick that a SYNC began, None while that is not known."""
+        if not self._apart:
+            return None
+        return sync - statistics.median_low(self._apart)
+
+    def forget(self) -> None:
+        """Know nothing."""
+        self._apart.clear()
+
+
+class FrameSensors:
+    """The sensors of a rig's frames in a process of its own; `newest_tick` is the telemetry's."""
+
+    def __init__(
+        self, cell: Cell, rig: Rig, newest_tick: Callable[[], int | None], put: Put
+    ) -> None:
+        self._sensors = SimulatedFrameSensors(cell, rig, self._tell)
+        self._ticks = SyncTicks()
+        self._rig, self._newest_tick, self._put = rig, newest_tick, put
+        self._last_s = -GAP_S
+        rig.on_sync = self._on_sync
+
+    def _on_sync(self) -> None:
+        now_s, sync = self._rig.time_s, self._rig.sync_count
+        newest = self._newest_tick()
+        if now_s - self._last_s >= GAP_S:
+            self._ticks.forget()
+            self._sensors.forget()
+        elif newest is not None:
+            self._ticks.heard(newest, sync - 1)
+        self._last_s = now_s
+        self._sensors.run(now_s, sync)
+
+    def _tell(self, news: FrameNews) -> None:
+        tick = self._ticks.tick(news.tick)
+        if tick is not None and tick >= 0:
+            self._put(news.model_copy(update={"tick": tick}))

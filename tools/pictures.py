@@ -68,7 +68,7 @@ class SimulatedCameras:
                 np.array(rig.world.q),
                 rig.tags.covered,
                 rig.tags.poses,
-                rig.world.platform,
+                rig.frames.get("base"),
             )
             sighting = told(eye.camera, tick, eye.detector.look(picture))
             eye.underway.append((now_s + eye.camera.latency_s, encode(sighting)))

@@ -16,6 +16,7 @@ from ..drivers.rig.realtime import run_realtime
 from ..drivers.rig.rig import Rig, RigError
 from ..drivers.rig.session import RigSession
 from .address import add_cell_arguments, cell_from, duration
+from .frame_sensors import FrameSensors
 
 PRIORITY = 50
 """SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines."""
@@ -43,8 +44,11 @@ def run(args: argparse.Namespace) -> int:
             rig = Rig(cell, bus)
         except ValueError as error:
             raise ConfigError(f"{cell.path}: {error}") from None
-        session = RigSession(cell.config.name, cell.config.zenoh.listen)
+        moving = bool(cell.config.frames.moving)
+        session = RigSession(cell.config.name, cell.config.zenoh.listen, frames=moving)
         try:
+            if moving:
+                FrameSensors(cell, rig, session.newest_tick, session.tell)
             end_s = math.inf if args.seconds is None else time.monotonic() + args.seconds
             channel = f"{cell.config.bus.channel}:{cell.config.bus.port}"
             _prefer()

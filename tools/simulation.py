@@ -24,7 +24,7 @@ from ..drivers.fieldbus import Fieldbus
 from ..drivers.rig.rig import Rig
 from ..protocols import messages as m
 from ..protocols import topics as t
-from ..protocols.codec import decode_as
+from ..protocols.codec import decode_as, encode
 from ..protocols.reflection import Reflection
 from ..server.clock import VirtualClock
 from ..server.control.frames import Pose, rotation_log
@@ -112,7 +112,9 @@ class Simulation:
         self.blind: str | None = None
         """Why the cell's cameras give no pictures here, None where they do or there are none."""
         self._cameras = self._open_cameras() if cameras is None else cameras(self)
-        self.frame_sensors = SimulatedFrameSensors(cell, self.rig, self.link.put)
+        self.frame_sensors = SimulatedFrameSensors(
+            cell, self.rig, lambda news: self.link.put(t.FRAME_NEWS, encode(news))
+        )
         self.events: list[m.Event] = []
         self.states: list[m.State] = []
         self.truths: list[m.RigTruth] = []

@@ -69,7 +69,8 @@ class _World:
         if self.truth is None:
             return None
         truth = self.truth
-        return self._cameras.picture(camera, truth.q, truth.covered, truth.tags)
+        base = truth.frames.get("base")
+        return self._cameras.picture(camera, truth.q, truth.covered, truth.tags, base)
 
 
 class Looker:

@@ -55,6 +55,7 @@ class RigCameras:
         width = max((c.size[0] for c in self._cameras.values()), default=640)
         height = max((c.size[1] for c in self._cameras.values()), default=480)
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+        self._root = spec.worldbody.first_body().name
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._n = len(cell.config.mechanism.drives)
@@ -71,24 +72,22 @@ class RigCameras:
         q: Sequence[float] | NDArray[np.float64],
         covered: Collection[str] = (),
         tags: Mapping[str, Sequence[float]] | None = None,
-        platform: Sequence[float] | NDArray[np.float64] | None = None,
+        base: Sequence[float] | None = None,
     ) -> Picture:
         """Return an RGB picture (h, w, 3) with the joints at q (n,) [rad].
 
         `covered` names tags that are not to be seen; `tags` says where those are that stand in
-        World: x, y, z [m], roll, pitch, yaw [rad]; `platform` (6,) how far from its place that is
-        which the arm stands on. Raises `KeyError` for an unknown camera.
+        World: x, y, z [m], roll, pitch, yaw [rad]; `base` the same of Base, where that may move.
+        Raises `KeyError` for an unknown camera.
         """
         self._data.qpos[self._first : self._first + self._n] = q
-        if platform is not None:
-            self._data.qpos[: self._first] = platform
+        if base is not None:
+            _put(self._model, self._root, base)
         for name, geom in self._tags.items():
             self._model.geom_group[geom] = _COVERED if name in covered else 0
         for name, pose in (tags or {}).items():
             if name in self._bodies:
-                body = self._model.body(self._bodies[name])
-                body.pos[:] = pose[:3]
-                body.quat[:] = quaternion(Pose(rpy=(pose[3], pose[4], pose[5])))
+                _put(self._model, self._bodies[name], pose)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
         renderer = self._renderers[camera]
@@ -109,6 +108,13 @@ class RigCameras:
                 "pictures cannot be rendered here: apt-get install libosmesa6 "
                 f"({type(error).__name__}: {words})"
             ) from None
+
+
+def _put(model: "mujoco.MjModel", name: str, pose: Sequence[float]) -> None:
+    """Put a body of World at x, y, z [m], roll, pitch, yaw [rad]."""
+    body = model.body(name)
+    body.pos[:] = pose[:3]
+    body.quat[:] = quaternion(Pose(rpy=(pose[3], pose[4], pose[5])))
 
 
 def _close(renderers: "tuple[mujoco.Renderer, ...]") -> None:

@@ -3,6 +3,7 @@
 | kind | target | value |
 |---|---|---|
 | silence | joint, force_torque | the node neither sends nor hears |
+| silence | base, carrier | no sensor tells where the frame is (`rig.py`) |
 | drop, corrupt | joint, force_torque | probability per frame, 1 by default |
 | delay | joint, force_torque | seconds of physics time, required |
 | fault | joint | the power stage fails: EMCY 2310h; a reset works once it is off |

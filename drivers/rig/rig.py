@@ -5,6 +5,7 @@ It meets the daemon on the bus and nowhere else. Time is the physics' own: `step
 
 import math
 from collections import deque
+from collections.abc import Callable
 
 import can
 import numpy as np
@@ -53,6 +54,10 @@ class Rig:
         self.sync_count = 0
         self.sync_stamps: deque[float] = deque(maxlen=SYNC_STAMPS)
         """Physics time of the newest SYNCs [s]."""
+        self.on_sync: Callable[[], None] = _ignore
+        """Called at every SYNC, after the nodes have sampled."""
+        self.unseen: set[str] = set()
+        """Frames that may move and of which no sensor tells: a fault, `silence`."""
         self._bus = bus
         self._steps = 0
         self._time_s = 0.0
@@ -94,6 +99,7 @@ class Rig:
             self.gripper = SimulatedGripper(mechanism.gripper, link, self.world.grasp, self.now)
         self.tags = Tags(rig.tags)
         self._movers = Movers(cell)
+        self._moving = frozenset(config.frames.moving)
         self._T_world_carrier = cell.config.frames.T_world_carrier
         self._sight = SightLines(cell, self.world.model, self.world.data)
         self._faults = Faults(self.world, self.drives, self.force_torque)
@@ -157,6 +163,8 @@ class Rig:
             links = self._routes[can301.SYNC_ID]
         for link in links:
             link.deliver(can_id, data)
+        if can_id == can301.SYNC_ID:
+            self.on_sync()
 
     def step(self) -> None:
         """Advance nodes, position loops and physics by one physics step."""
@@ -216,6 +224,8 @@ class Rig:
             self.world.place(fault.target, np.array(fault.vector))
         elif fault.kind in KINDS:
             self.tags.inject(fault)
+        elif fault.kind == "silence" and fault.target in self._moving:
+            (self.unseen.add if fault.on else self.unseen.discard)(fault.target)
         else:
             self._faults.inject(fault)
 
@@ -236,6 +246,10 @@ class Rig:
             covered=self.tags.covered,
             frames=self.frames,
         )
+
+
+def _ignore() -> None:
+    """Stand in for a listener."""
 
 
 def _six(position: Vector, R: Vector) -> Vector6:

@@ -1,6 +1,7 @@
-"""The rig's own topics over Zenoh: faults in, truth out; for judges, never for the daemon.
+"""The rig's own topics over Zenoh: faults in, truth out, for judges; and its sensors of frames.
 
-The rig dials the daemon's router, which may not be there yet, or no longer: the session looks for
+What a sensor of a frame tells is the one thing that reaches the daemon, as any sensor's would. The
+rig dials the daemon's router, which may not be there yet, or no longer: the session looks for
 it for ever, and the rig runs on without it.
 """
 
@@ -11,11 +12,11 @@ from typing import TypeVar
 import zenoh
 
 from ...protocols import codec, topics
-from ...protocols.messages import RigFault, RigTruth
-from ...protocols.moving import RigMotion
+from ...protocols.messages import RigFault, RigTruth, State
+from ...protocols.moving import FrameNews, RigMotion
 from ..device import DeviceError
 
-_Kind = TypeVar("_Kind", RigFault, RigMotion)
+_Kind = TypeVar("_Kind", RigFault, RigMotion, State)
 
 _MAILBOX = 64
 """Unread faults kept; older ones are dropped for newer ones."""
@@ -50,10 +51,11 @@ def dialling_config(endpoint: str) -> "zenoh.Config":
 class RigSession:
     """A Zenoh session for the rig of one cell. Nothing here blocks, and nothing calls back.
 
-    Raises `DeviceError` for an endpoint of a kind that Zenoh does not know.
+    With `frames` it hears the daemon's telemetry, too, to tell which tick it is. Raises
+    `DeviceError` for an endpoint of a kind that Zenoh does not know.
     """
 
-    def __init__(self, cell: str, endpoint: str) -> None:
+    def __init__(self, cell: str, endpoint: str, *, frames: bool = False) -> None:
         try:
             self._session = zenoh.open(dialling_config(endpoint))
         except zenoh.ZError:
@@ -68,23 +70,49 @@ class RigSession:
             topics.RIG_TRUTH.full_key(cell),
             congestion_control=zenoh.CongestionControl.DROP,
         )
+        self._states = (
+            self._session.declare_subscriber(
+                topics.STATE.full_key(cell), zenoh.handlers.RingChannel(1)
+            )
+            if frames
+            else None
+        )
+        self._news = self._session.declare_publisher(
+            topics.FRAME_NEWS.full_key(cell),
+            priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
         self.refused = 0
-        """Payloads that were no `RigFault` and no `RigMotion`."""
+        """Payloads that were no `RigFault`, no `RigMotion` and no `State`."""
 
     def faults(self) -> Iterator[RigFault | RigMotion]:
         """Yield the faults that came in, oldest first, then the motions."""
         yield from self._read(self._faults, RigFault)
         yield from self._read(self._motions, RigMotion)
 
+    def newest_tick(self) -> int | None:
+        """Return the newest telemetry tick that came since this was asked last, if one did."""
+        if self._states is None:
+            return None
+        ticks = [state.tick for state in self._read(self._states, State, topics.STATE.max_bytes)]
+        return max(ticks, default=None)
+
+    def tell(self, news: FrameNews) -> None:
+        """Send what a sensor of a frame says; dropped where nobody can take it."""
+        self._news.put(codec.encode(news))
+
     def _read(
-        self, box: "zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]", kind: type[_Kind]
+        self,
+        box: "zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]",
+        kind: type[_Kind],
+        max_bytes: int = 4096,
     ) -> Iterator[_Kind]:
         for _ in range(_MAILBOX):
             sample = box.try_recv()
             if sample is None:
                 return
             try:
-                yield codec.decode_as(kind, sample.payload.to_bytes())
+                yield codec.decode_as(kind, sample.payload.to_bytes(), max_bytes)
             except codec.CodecError:
                 self.refused += 1
 

@@ -171,11 +171,6 @@ class World:
         mujoco.mj_kinematics(self.model, self.data)
         return self.data.xpos[self._root].copy(), self.data.xmat[self._root].reshape(3, 3).copy()
 
-    @property
-    def platform(self) -> Vector | None:
-        """How far what the arm stands on is from its place (6,), None where that is fixed."""
-        return self.data.qpos[: self._first].copy() if self._platform else None
-
     def base_twist(self) -> Vector:
         """Return Base's twist (6,) `[v; ω]` at its origin, in World axes."""
         found = np.zeros(6)

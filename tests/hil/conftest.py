@@ -34,7 +34,7 @@ def judge_config(endpoint, daemon):
         "mode": "router",
         "listen/endpoints": [endpoint],
         "connect/endpoints": [daemon],
-        "connect/timeout_ms": 0,
+        "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500},
         "scouting/multicast/enabled": False,

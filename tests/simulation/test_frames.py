@@ -103,10 +103,9 @@ MOVING = [
 ]
 
 
-def played(cell, steps, seconds, on_tick=None):
+def played(cell, steps, seconds):
     script = Script.model_validate({"duration_s": seconds, "step": steps})
     simulation = Simulation(cell, script)
-    simulation.on_tick = on_tick
     return Run(simulation, simulation.run())
 
 
@@ -127,11 +126,11 @@ def test_hold_holds_the_joints_whatever_the_crf_does(cell):
 
 
 def test_a_conveyor_that_falls_silent_is_no_longer_followed_and_news_brings_it_back(cell):
-    def mute(simulation):
-        since = simulation.clock.time_s - simulation.player.start_s
-        simulation.frame_sensors.silent = {"carrier"} if 2.0 <= since < 3.5 else set()
-
-    run = played(cell, MOVING, 6.0, mute)
+    silent = [
+        {"at_s": 2.0, "fault": {"silence": "carrier"}},
+        {"at_s": 3.5, "fault": {"silence": "carrier", "on": False}},
+    ]
+    run = played(cell, [*MOVING, *silent], 6.0)
     (lost,) = run.events("frame_lost")
     assert lost.values == {"frame": "carrier", "reason": "no_news"}
     stood = [s for s, _ in window(run, 3.0, 3.4)]

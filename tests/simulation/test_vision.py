@@ -1,8 +1,11 @@
 """Vision in virtual time, on rendered pictures; judged by the physics' truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.config.moving import Frames, MovingFrame
 from telerobot.tools.script import load_script
 from telerobot.tools.simulation import Simulation
 
@@ -187,3 +190,26 @@ def test_a_view_of_nothing_is_not_stored(play, cell):
 def test_equal_runs_send_equal_frames_pictures_and_all(play, cell):
     runs = [play(*STORE, seconds=3.5, cell=cell) for _ in range(2)]
     assert runs[0].summary["command_hash"] == runs[1].summary["command_hash"]
+
+
+def test_a_view_is_kept_from_a_platform_that_sways(play, cell):
+    """By the Lens's true pose; the tag stands in World, and pictures are of the true platform."""
+    frames = Frames(base=MovingFrame())
+    swaying = replace(cell, config=cell.config.model_copy(update={"frames": frames}))
+    sway = {"sway": [0.0, 0.04, 0.02, 0.02, 0.0, 0.03], "period_s": 4.0}
+    run = play(
+        *STORE,
+        {"at_s": 2.5, "joystick": {"twist": [0.0, 0.06, 0.03, 0.0, 0.0, 0.1]}},
+        {"at_s": 3.5, "joystick": {"twist": [0.0] * 6}, "platform": sway},
+        seconds=12.0,
+        cell=swaying,
+    )
+    clean(run)
+    assert run.events("view_lost") == run.events("picture_rejected") == []
+    assert errors(run, 3.4, 3.5)[-1][0] > 0.02
+    start = run.simulation.player.start_s
+    base = np.array([t.frames["base"] for t in run.truths if t.time_s > start + 7.0])
+    assert np.ptp(base[:, 1]) > 0.07
+    metres, radians = errors(run, 7.0).max(axis=0)
+    assert metres < 3e-3
+    assert radians < 4e-3
