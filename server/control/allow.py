@@ -64,18 +64,10 @@ class Allow:
         Base that moves.
         """
         q, V = memory.motion.q, settings.speed_factor * self._p.velocity
-        limits: tuple[str, ...] = ()
-        share = 1.0 / max(1.0, float((np.abs(dq) / V).max()))
-        if share < 1.0:
-            limits += ("joint_speed",)
-        dq = np.clip(share * dq, -V, V)  # rounding is no reason to name a limit
-        room = self.room.limits(q)
-        leash = self.room.leash(error)
-        low = np.maximum(np.maximum(room.low, leash.low), -V)
-        high = np.minimum(np.minimum(room.high, leash.high), V)
-        low, high = np.minimum(low, high), np.maximum(low, high)
-        beyond = bool(((dq < low) | (dq > high)).any())
+        dq, share, low, high, beyond = self.room.within(dq, V, q, error)
+        limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
         if beyond:
+            room, leash = self.room.limits(q), self.room.leash(error)
             limits += self._reasons(dq, room.low, room.high, "joint_limit")
             limits += self._reasons(dq, leash.low, leash.high, "leash")
         watch = None

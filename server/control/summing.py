@@ -118,17 +118,8 @@ class Summing:
             k.T_world_mrf,
             1.0 if memory.near is None else 1.0 - memory.near.alpha,
         )
-        memory = evolve(
-            memory,
-            joystick=joystick_state,
-            position=position_state,
-            vision=vision_state,
-            following=following_state,
-        )
         frames, frames_state = np.zeros(6), FramesState()
-        if not moving:
-            memory, force = self._bleed(memory, inputs, k, wrench, force)
-        elif guided:
+        if guided:
             frames, frames_state = self.frames.rate(
                 memory.frames,
                 joystick + position + vision + force + following,
@@ -136,7 +127,16 @@ class Summing:
                 (settings.T_wrist_mrf, settings.redefined, inputs.ground),
                 k.T_world_wrist.R,
             )
-        memory = evolve(memory, frames=frames_state)
+        elif not moving:
+            memory, force = self._bleed(memory, inputs, k, wrench, force)
+        memory = evolve(
+            memory,
+            joystick=joystick_state,
+            position=position_state,
+            vision=vision_state,
+            following=following_state,
+            frames=frames_state,
+        )
         return memory, {
             "joystick": joystick,
             "position": position,

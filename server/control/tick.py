@@ -104,13 +104,14 @@ class Control:
         T_world_wrist_measured = self.mechanism.pose_wrist(
             inputs.q_measured, None if moved is None else moved.T_world_base_measured
         )
-        measured = self.summing.measure(memory, inputs, T_world_wrist_measured)
+        memory = self.summing.measure(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
             if inputs.energised is not None:
                 q = np.where(inputs.energised, memory.motion.q, q)
-            memory = evolve(self.seed(q), torque=memory.torque)
-        memory = evolve(memory, force=measured.force, load=measured.load)
+            memory = evolve(
+                self.seed(q), torque=memory.torque, force=memory.force, load=memory.load
+            )
         kinematics = self.mechanism.kinematics(
             memory.motion.q,
             inputs.settings.T_wrist_mrf,

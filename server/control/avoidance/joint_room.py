@@ -28,6 +28,19 @@ class Room(NamedTuple):
     high: Array
 
 
+class Within(NamedTuple):
+    """Joint rates inside their speed bounds, and the bounds that all barriers of joints set."""
+
+    dq: Array
+    """All scaled by one share (n,) [rad/s]."""
+    share: float
+    low: Array
+    """Never above `high` (n,) [rad/s]."""
+    high: Array
+    beyond: bool
+    """True where dq is not inside these."""
+
+
 class JointRoom:
     """Rate bounds from position limits and from the leash, for n joints."""
 
@@ -47,6 +60,18 @@ class JointRoom:
         self._b = self._a * 2.0 * (acceleration / jerk + period_s)
         self._velocity = velocity
         self._leash = leash
+
+    def within(self, dq: Array, most: Array, q: Array, error: Array) -> Within:
+        """Return rates dq (n,) scaled to the bounds `most` (n,), and what all bounds allow.
+
+        `q` (n,) and what the command is ahead of the joints, `error` (n,), set the others.
+        """
+        return Within(
+            *_within(
+                dq, most, q, self._lower, self._upper, self._a, self._b,
+                error, self._leash, self._velocity,
+            )
+        )  # fmt: skip
 
     def approach(self, room: Array) -> Array:
         """Return the greatest rate (n,) towards a bound that is `room` (n,) [rad] away."""
@@ -81,3 +106,29 @@ def _leashed(error: Array, leash: Array, velocity: Array) -> tuple[Array, Array]
         low[j] = -velocity[j] * min(1.0, max(0.0, 2.0 * (1.0 + ahead)))
         high[j] = velocity[j] * min(1.0, max(0.0, 2.0 * (1.0 - ahead)))
     return low, high
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+def _within(
+    dq: Array, most: Array, q: Array, lower: Array, upper: Array, a: Array, b: Array,
+    error: Array, leash: Array, velocity: Array,
+) -> tuple[Array, float, Array, Array, bool]:  # fmt: skip
+    n = len(q)
+    fastest = 1.0
+    for j in range(n):
+        ratio = abs(dq[j]) / most[j]
+        if not ratio <= fastest:  # what is not a number is not hidden
+            fastest = ratio
+    share = 1.0 / fastest
+    below, above = _approach(q - lower, a, b), _approach(upper - q, a, b)
+    low, high = _leashed(error, leash, velocity)
+    scaled, beyond = np.empty(n), False
+    for j in range(n):
+        scaled[j] = share * dq[j]
+        if abs(scaled[j]) > most[j]:  # by rounding, which is no reason to name a limit
+            scaled[j] = math.copysign(most[j], scaled[j])
+        least = max(max(-below[j], low[j]), -most[j])
+        greatest = min(min(above[j], high[j]), most[j])
+        low[j], high[j] = min(least, greatest), max(least, greatest)
+        beyond = beyond or scaled[j] < low[j] or scaled[j] > high[j]
+    return scaled, share, low, high, beyond

@@ -74,3 +74,25 @@ def test_the_leash_slows_a_command_that_runs_ahead_and_never_its_return(part, ah
     lagging = room.leash(np.full(n, -0.03 * part))
     np.testing.assert_allclose(lagging.low, -ahead * V, atol=1e-12)
     np.testing.assert_allclose(lagging.high, back * V, atol=1e-12)
+
+
+def test_what_is_within_is_scaled_to_the_speeds_and_held_against_every_bound(rng):
+    reached = set()
+    for _ in range(200):
+        n = 3
+        room = room_of(*joints(rng, n))
+        most, q = rng.uniform(0.2, 2.0, n), rng.uniform(-1.1, 1.1, n)
+        dq, error = rng.normal(0.0, 1.5, n), rng.normal(0.0, 0.012, n)
+        found = room.within(dq, most, q, error)
+        share = 1.0 / max(1.0, np.max(np.abs(dq) / most))
+        limits, leash = room.limits(q), room.leash(error)
+        low = np.maximum(np.maximum(limits.low, leash.low), -most)
+        high = np.minimum(np.minimum(limits.high, leash.high), most)
+        np.testing.assert_allclose(found.dq, share * dq, rtol=1e-12)
+        assert (np.abs(found.dq) <= most).all()
+        np.testing.assert_array_equal(found.low, np.minimum(low, high))
+        np.testing.assert_array_equal(found.high, np.maximum(low, high))
+        outside = (found.dq < found.low) | (found.dq > found.high)
+        assert found.beyond == outside.any()
+        reached.add((share < 1.0, found.beyond))
+    assert len(reached) == 4
