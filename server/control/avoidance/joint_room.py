@@ -127,8 +127,8 @@ def _within(
         scaled[j] = share * dq[j]
         if abs(scaled[j]) > most[j]:  # by rounding, which is no reason to name a limit
             scaled[j] = math.copysign(most[j], scaled[j])
-        least = max(max(-below[j], low[j]), -most[j])
-        greatest = min(min(above[j], high[j]), most[j])
+        least = max(-below[j], low[j], -most[j])
+        greatest = min(above[j], high[j], most[j])
         low[j], high[j] = min(least, greatest), max(least, greatest)
         beyond = beyond or scaled[j] < low[j] or scaled[j] > high[j]
     return scaled, share, low, high, beyond
