@@ -4,13 +4,13 @@ Williams 1997, eq. 7: dq = J⁺ẋ + (I − J⁺J) z. Every objective has a gain
 sources' gains; one whose gain is zero is not computed.
 """
 
-import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from .compiled import MATRIX, NUMBER, VECTOR, compiled
 from .frames import Array
 from .mechanism import Mechanism
 from .objectives import least_energy, manipulability, posture
@@ -19,6 +19,9 @@ from .parameters import Parameters
 
 NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
 """What objectives ask for that look at obstacles, where none does."""
+
+_NONE: Final = 1e-12
+"""Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
 
 TASK = 6
 """Freedoms of the task: with no more joints than these, nothing is spare."""
@@ -89,28 +92,13 @@ class Redundancy:
         objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
         s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
         """
-        if not self._spare:
+        names = [name for name, gain in pulls.gains.items() if gain > 0.0]
+        if not self._spare or not names:
             return self.none()
-        parts = {
-            name: gain * ((null @ self._part(name, q, J, dq_task, null, pulls, outside)) @ null)
-            for name, gain in pulls.gains.items()
-            if gain > 0.0
-        }
-        dq = np.zeros(len(q))
-        for part in parts.values():
-            dq = dq + part
-        bound = np.maximum(factor * self._bound, 1e-12)
-        share = 1.0 / max(1.0, float((np.abs(dq) / bound).max()))
-        share *= self._room(dq_task, share * dq, factor)
-        norms = {name: share * math.sqrt(float(z @ z)) for name, z in parts.items()}
-        return SelfMotion(share * dq, norms)
-
-    def _room(self, dq_task: Array, dq: Array, factor: float) -> float:
-        """Return the share (0 to 1) of a self-motion (n,) that fits beside the task's rates."""
-        V = factor * self._velocity
-        task = dq_task / max(1.0, float((np.abs(dq_task) / V).max()))
-        room = np.maximum(V - np.sign(dq) * task, 0.0)
-        return min(1.0, float((room / np.maximum(np.abs(dq), 1e-12)).min()))
+        gains = np.array([pulls.gains[name] for name in names])
+        asked = np.array([self._part(name, q, J, dq_task, null, pulls, outside) for name in names])
+        dq, norms = _composed(asked, gains, null, dq_task, self._velocity, self._bound, factor)
+        return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
 
     def _part(
         self,
@@ -134,3 +122,44 @@ class Redundancy:
                 return posture.rate(q, pulls.posture)
             case _:
                 return least_energy.rate(dq_task, null, self._mechanism.mass_matrix(q))
+
+
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
+def _composed(
+    asked: Array,
+    gains: Array,
+    null: Array,
+    dq_task: Array,
+    velocity: Array,
+    most: Array,
+    factor: float,
+) -> tuple[Array, Array]:
+    """Return the self-motion (n,) and the size (k,) of each objective's part of it [rad/s].
+
+    Objectives ask for rates (k, n) at gains (k,). Of joints' speed bounds (n,), and of those of
+    self-motion, counts the part that is the reduced-speed setting.
+    """
+    objectives, n = asked.shape
+    dq, norms = np.zeros(n), np.zeros(objectives)
+    for i in range(objectives):
+        part = np.zeros(n)
+        for row in range(len(null)):
+            along = 0.0
+            for j in range(n):
+                along += null[row, j] * asked[i, j]
+            for j in range(n):
+                part[j] += gains[i] * along * null[row, j]
+        for j in range(n):
+            dq[j] += part[j]
+            norms[i] += part[j] * part[j]
+    beyond = slowed = 1.0
+    for j in range(n):
+        beyond = max(beyond, abs(dq[j]) / max(factor * most[j], _NONE))
+        slowed = max(slowed, abs(dq_task[j]) / (factor * velocity[j]))
+    share = 1.0 / beyond
+    fits = 1.0
+    for j in range(n):
+        room = factor * velocity[j] - np.sign(dq[j]) * dq_task[j] / slowed
+        fits = min(fits, max(room, 0.0) / max(share * abs(dq[j]), _NONE))
+    share *= fits
+    return share * dq, share * np.sqrt(norms)

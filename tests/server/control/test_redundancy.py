@@ -97,6 +97,34 @@ def test_the_sum_of_all_keeps_its_own_speed_bound(swung):
     assert set(output.self_motion.norms) == {"mid_range", "manipulability", "posture"}
 
 
+@pytest.mark.parametrize("factor", [1.0, 0.3])
+@pytest.mark.parametrize("task", [0.0, 0.5, 3.0])
+def test_self_motion_is_the_projected_sum_as_far_as_its_bound_and_the_task_leave_room(
+    pa10, rng, factor, task
+):
+    redundancy, p, q = Redundancy(pa10.p, pa10.mechanism), pa10.p, pa10.posture("ready") + SWUNG
+    V = factor * p.velocity
+    for size in (1e-3, 1.0, 100.0):
+        J = rng.normal(size=(6, 7))
+        null, dq_task = np.linalg.svd(J)[2][6:], task * V * rng.uniform(-1.0, 1.0, 7)
+        asked = {name: size * rng.normal(size=7) for name in ("field", "spheres")}
+        gains = {"field": 0.7, "spheres": 1.3, "posture": 2.0}
+        pulls = Pulls(OFF | gains, np.zeros(7))
+        found = redundancy.rate(q, J, dq_task, null, pulls, factor, asked)
+        P = np.eye(7) - np.linalg.pinv(J) @ J
+        parts = {name: gains[name] * P @ z for name, z in (asked | {"posture": -q}).items()}
+        free = sum(parts.values())
+        # As much of it as fits: of every joint, then beside the task's rates, slowed as a whole.
+        bound = p.redundancy.max_rate * V
+        share = min(1.0, (bound / np.abs(free)).min())
+        slowed = dq_task / max(1.0, (np.abs(dq_task) / V).max())
+        room = np.where(free > 0.0, V - slowed, V + slowed)
+        share *= min(1.0, (np.maximum(room, 0.0) / np.abs(share * free)).min())
+        np.testing.assert_allclose(found.dq, share * free, rtol=1e-9, atol=1e-12)
+        for name, part in parts.items():
+            assert found.norms[name] == pytest.approx(share * np.linalg.norm(part), rel=1e-9)
+
+
 def test_gains_and_posture_change_while_running_without_a_jump(swung, rng):
     swung.tick()
     for _ in range(15):
