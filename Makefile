@@ -27,6 +27,8 @@ $(STAMP): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || { echo "creating $(VENV) with $(PYTHON)"; "$(PYTHON)" -m venv $(VENV); }
 	@echo "installing telerobot into $(VENV)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@echo "compiling its kernels"
+	@$(BIN)/python -c 'import telerobot.server.daemon'
 	@touch $@
 
 demo: venv ## Virtual arm and daemon on this machine, ready to drive

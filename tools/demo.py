@@ -17,8 +17,8 @@ from .operator import Operator, OperatorError
 from .performance import Performance
 from .script import Script, load_script
 
-READY_WITHIN_S = 30.0
-"""A daemon that is not ready by then will not be [s]."""
+READY_WITHIN_S = 90.0
+"""A daemon that is not ready by then will not be [s]; the very first start compiles kernels."""
 
 HEADLESS_S = 20.0
 """How long a headless demo goes on unless told otherwise [s]."""
