@@ -3,13 +3,19 @@
 Sight lines are not solid. What may move counts as far out as it may be now.
 """
 
-from typing import NamedTuple
+import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from ..compiled import ARRAY3, FLAGS, MATRIX, VECTOR, XYZ, compiled
 from ..frames import Array
-from ..scene import Boxes, Rounds, Scene
-from .distance import TOUCHING, dot
+from ..scene import Flags, Scene
+
+Xyz = tuple[float, float, float]
+
+TOUCHING: Final = 1e-9
+"""Closer than this there is no direction [m]."""
 
 
 class Apart(NamedTuple):
@@ -23,39 +29,100 @@ class Apart(NamedTuple):
 
 def apart(points: Array, scene: Scene) -> Apart:
     """Return how far points (s, 3) [m] in World are from each solid obstacle."""
-    solid = ~scene.rounds.line
-    rounds = _from_rounds(points, scene.rounds)
-    boxes = _from_boxes(points, scene.boxes)
-    distance = np.concatenate([rounds.distance, boxes.distance], axis=1)
-    normal = np.concatenate([rounds.normal, boxes.normal], axis=1)
-    if scene.moves:
-        distance = distance - scene.reach(0.0)
-    if not solid.all():
-        keep = np.concatenate([solid, np.ones(len(scene.boxes.half), dtype=bool)])
-        distance, normal = distance[:, keep], normal[:, keep]
-    return Apart(distance, normal)
+    rounds, boxes = scene.rounds, scene.boxes
+    # Where nothing moves, no speed is the reach.
+    reach = scene.reach(0.0) if scene.moves else scene.speed
+    return Apart(
+        *_apart(
+            points,
+            rounds.start,
+            rounds.end,
+            rounds.radius,
+            rounds.line,
+            boxes.R,
+            boxes.centre,
+            boxes.half,
+            reach,
+        )
+    )
 
 
-def _from_rounds(points: Array, rounds: Rounds) -> Apart:
-    way = rounds.end - rounds.start
-    from_start = points[:, None, :] - rounds.start
-    length2 = np.maximum(dot(way, way), TOUCHING**2)
-    part = np.clip(dot(from_start, way) / length2, 0.0, 1.0)
-    between = from_start - part[..., None] * way
-    size = np.sqrt(dot(between, between))
-    return Apart(size - rounds.radius, between / np.maximum(size, TOUCHING)[..., None])
+@compiled(XYZ, XYZ)
+def _dot(a: Xyz, b: Xyz) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _from_boxes(points: Array, boxes: Boxes) -> Apart:
-    x = np.einsum("bji,sbj->sbi", boxes.R, points[:, None, :] - boxes.centre)
-    out = x - np.clip(x, -boxes.half, boxes.half)
-    distance = np.sqrt(dot(out, out))
-    normal = out / np.maximum(distance, TOUCHING)[..., None]
-    inside = distance < TOUCHING
-    if inside.any():
-        # The shortest way out is through the nearest side.
-        depth = boxes.half - np.abs(x)
-        side = np.eye(3)[depth.argmin(axis=2)] * np.where(x < 0.0, -1.0, 1.0)
-        distance = np.where(inside, -depth.min(axis=2), distance)
-        normal = np.where(inside[..., None], side, normal)
-    return Apart(distance, np.einsum("bij,sbj->sbi", boxes.R, normal))
+@compiled(XYZ, XYZ, XYZ)
+def _from_axis(x: Xyz, start: Xyz, end: Xyz) -> tuple[float, Xyz]:
+    """Return the distance of a point from a segment, and the normal."""
+    away = (x[0] - start[0], x[1] - start[1], x[2] - start[2])
+    way = (end[0] - start[0], end[1] - start[1], end[2] - start[2])
+    part = min(1.0, max(0.0, _dot(away, way) / max(_dot(way, way), TOUCHING**2)))
+    away = (away[0] - part * way[0], away[1] - part * way[1], away[2] - part * way[2])
+    distance = math.sqrt(_dot(away, away))
+    size = max(distance, TOUCHING)
+    return distance, (away[0] / size, away[1] / size, away[2] / size)
+
+
+@compiled(XYZ, XYZ)
+def _from_box(x: Xyz, half: Xyz) -> tuple[float, Xyz]:
+    """Return the distance of a point from a box, and the normal, in the axes of the box."""
+    beyond = (abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2])
+    out = (max(beyond[0], 0.0), max(beyond[1], 0.0), max(beyond[2], 0.0))
+    distance = math.sqrt(_dot(out, out))
+    if distance < TOUCHING:  # inside, where the shortest way out is through the nearest side
+        distance = max(beyond[0], beyond[1], beyond[2])
+        if beyond[0] == distance:
+            out = (1.0, 0.0, 0.0)
+        elif beyond[1] == distance:
+            out = (0.0, 1.0, 0.0)
+        else:
+            out = (0.0, 0.0, 1.0)
+    size = math.sqrt(_dot(out, out))
+    return distance, (
+        math.copysign(out[0] / size, x[0]),
+        math.copysign(out[1] / size, x[1]),
+        math.copysign(out[2] / size, x[2]),
+    )
+
+
+@compiled(MATRIX, MATRIX, MATRIX, VECTOR, FLAGS, ARRAY3, MATRIX, MATRIX, VECTOR)
+def _apart(
+    points: Array,
+    start: Array,
+    end: Array,
+    radius: Array,
+    line: Flags,
+    R: Array,
+    centre: Array,
+    half: Array,
+    reach: Array,
+) -> tuple[Array, Array]:
+    """Return distances and normals of points; all but `reach` (m + b,) [m] as in `Scene`."""
+    rounds, solid = len(radius), len(radius) + len(centre) - line.sum()
+    distance, normal = np.empty((len(points), solid)), np.empty((len(points), solid, 3))
+    for s in range(len(points)):
+        x = (points[s, 0], points[s, 1], points[s, 2])
+        k = 0
+        for o in range(rounds):
+            if line[o]:
+                continue
+            a, b = (start[o, 0], start[o, 1], start[o, 2]), (end[o, 0], end[o, 1], end[o, 2])
+            d, away = _from_axis(x, a, b)
+            distance[s, k] = d - radius[o] - reach[o]
+            for i in range(3):
+                normal[s, k, i] = away[i]
+            k += 1
+        for o in range(len(centre)):
+            away = (x[0] - centre[o, 0], x[1] - centre[o, 1], x[2] - centre[o, 2])
+            local = (
+                _dot(away, (R[o, 0, 0], R[o, 1, 0], R[o, 2, 0])),
+                _dot(away, (R[o, 0, 1], R[o, 1, 1], R[o, 2, 1])),
+                _dot(away, (R[o, 0, 2], R[o, 1, 2], R[o, 2, 2])),
+            )
+            d, out = _from_box(local, (half[o, 0], half[o, 1], half[o, 2]))
+            distance[s, k] = d - reach[rounds + o]
+            for i in range(3):
+                normal[s, k, i] = R[o, i, 0] * out[0] + R[o, i, 1] * out[1] + R[o, i, 2] * out[2]
+            k += 1
+    return distance, normal

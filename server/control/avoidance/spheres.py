@@ -1,19 +1,21 @@
 """Virtual spheres on the arm: how far their centres are from obstacles, and the slope of that."""
 
-from typing import NamedTuple
+import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.priority import VirtualSphere
+from ..compiled import ARRAY3, FLAGS, INDEX, MATRIX, compiled
 from ..frames import Array, Pose
-from ..scene import Scene
+from ..scene import Flags, Scene
 from .chain import Chain
-from .distance import cross
+from .distance import Index
 from .points import apart
 
-ALIKE = 0.005
+ALIKE: Final = 0.005
 """Distances that differ by so much are nearly one, and their slopes are mixed [m]. Where another
 sphere or obstacle becomes the nearest, the direction to go turns over; it does not jump."""
 
@@ -39,33 +41,21 @@ class Spheres:
         """Place them. Raises `ConfigError` for one on a link that there is not, or that stands."""
         self._chain = Chain(cell)
         placed = [self._place(cell, i, sphere) for i, sphere in enumerate(spheres)]
-        body = np.array([b for b, _ in placed])
-        self._joint = body - 1
-        self._centre = np.array([[*p, 1.0] for _, p in placed])
-        self._moved = (np.arange(1, self._chain.n + 1) <= body[:, None]).astype(float)
+        self._body: Index = np.array([body for body, _ in placed], dtype=np.int64)
+        self._centre = np.array([p for _, p in placed])
 
     def look(self, q: Array, scene: Scene | None, T_world_base: Pose | None = None) -> Distances:
         """Return the distances at joint angles q (n,) [rad]."""
-        frames = self._chain.frames(q[None], T_world_base)[0]
-        centre = (frames[self._joint] @ self._centre[:, :, None])[:, :, 0]
-        nothing = Distances(np.full(len(centre), np.inf), np.zeros(len(q)))
-        if scene is None:
-            return nothing
-        distance, normal = apart(centre, scene)
-        if not distance.size:
-            return nothing
-        share = np.exp((distance.min() - distance) / ALIKE)
-        away = np.einsum("sk,ski->si", share / share.sum(), normal)
-        return Distances(distance.min(axis=1), self._slope(frames, centre, away))
-
-    def _slope(self, frames: Array, centre: Array, away: Array) -> Array:
-        """Return Σ Jᵀ away (n,), by away·(z × (centre − o)) = z·(centre × away) − away·(z × o)."""
-        z, o = self._chain.axes(frames), frames[:, :, 3]
-        rows = cross(centre, away) @ z.T - away @ cross(z, o).T
-        prismatic = self._chain.prismatic
-        if prismatic.any():
-            rows[:, prismatic] = away @ z[prismatic].T
-        return np.asarray((rows * self._moved).sum(axis=0))
+        if scene is not None:
+            frames = self._chain.frames(q[None], T_world_base)[0]
+            centre = _placed(frames, self._body, self._centre)
+            distance, normal = apart(centre, scene)
+            if distance.size:
+                axes, prismatic = self._chain.axes(frames), self._chain.prismatic
+                return Distances(
+                    *_mixed(frames, axes, prismatic, self._body, centre, distance, normal)
+                )
+        return Distances(np.full(len(self._centre), np.inf), np.zeros(len(q)))
 
     def _place(self, cell: Cell, i: int, sphere: VirtualSphere) -> tuple[int, Array]:
         where = f"{cell.path}: priority.spheres[{i}].link: value '{sphere.link}'"
@@ -76,3 +66,55 @@ class Spheres:
         if body == 0:
             raise ConfigError(f"{where}: no joint of the arm moves it")
         return body, T.R @ np.array(sphere.centre) + T.p
+
+
+@compiled(ARRAY3, INDEX, MATRIX)
+def _placed(frames: Array, body: Index, centre: Array) -> Array:
+    """Return the centres (s, 3) of spheres on bodies (s,), in World, by the joints' frames."""
+    found = np.empty(centre.shape)
+    for s in range(len(body)):
+        for i in range(3):
+            found[s, i] = frames[body[s] - 1, i, 3]
+            for k in range(3):
+                found[s, i] += frames[body[s] - 1, i, k] * centre[s, k]
+    return found
+
+
+@compiled(ARRAY3, MATRIX, FLAGS, INDEX, MATRIX, MATRIX, ARRAY3)
+def _mixed(
+    frames: Array,
+    axes: Array,
+    prismatic: Flags,
+    body: Index,
+    centre: Array,
+    distance: Array,
+    normal: Array,
+) -> tuple[Array, Array]:
+    """Return the least distance of each sphere (s,), and the slope of the least of all (n,).
+
+    `distance` (s, k) and `normal` (s, k, 3) are those of `Apart`; the joints are given by their
+    frames (n, 3, 4), their axes (n, 3) and which are prismatic (n,).
+    """
+    spheres, obstacles = distance.shape
+    each, slope = np.full(spheres, np.inf), np.zeros(len(axes))
+    for s in range(spheres):
+        for k in range(obstacles):
+            each[s] = min(each[s], distance[s, k])
+    least, total = each.min(), 0.0
+    for s in range(spheres):
+        x = y = z = 0.0
+        for k in range(obstacles):
+            share = math.exp((least - distance[s, k]) / ALIKE)
+            x += share * normal[s, k, 0]
+            y += share * normal[s, k, 1]
+            z += share * normal[s, k, 2]
+            total += share
+        for j in range(body[s]):
+            a, b, c = axes[j, 0], axes[j, 1], axes[j, 2]
+            if not prismatic[j]:  # the axis times the way from it to the centre
+                u = centre[s, 0] - frames[j, 0, 3]
+                v = centre[s, 1] - frames[j, 1, 3]
+                w = centre[s, 2] - frames[j, 2, 3]
+                a, b, c = b * w - c * v, c * u - a * w, a * v - b * u
+            slope[j] += a * x + b * y + c * z
+    return each, slope / total
