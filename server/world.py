@@ -210,14 +210,14 @@ class World:
         way = _rows(k.velocity for k in every) * (believed * np.minimum(age, still))[:, None]
         shift = way[: len(rounds)]
         # Off its prediction an obstacle is at most as fast as both together.
-        speed = np.array([k.max_speed for k in every])
+        speed = np.array([k.max_speed for k in every], dtype=float)
         speed = speed + believed * np.sqrt((_rows(k.velocity for k in every) ** 2).sum(axis=1))
         return Scene(
             names=tuple(k.name for k in every),
             rounds=Rounds(
                 start=_rows(k.xyz for k in rounds) + shift,
                 end=_rows(k.to for k in rounds) + shift,
-                radius=np.array([k.radius for k in rounds]),
+                radius=np.array([k.radius for k in rounds], dtype=float),
                 line=np.array([k.shape == "sight_line" for k in rounds], dtype=bool),
                 carried=np.array([k.carried for k in rounds], dtype=bool),
             ),
@@ -227,7 +227,7 @@ class World:
                 half=_rows(k.half_size for k in boxes),
             ),
             hard=np.array([k.hard for k in every], dtype=bool),
-            clearance=np.array([k.clearance for k in every]),
+            clearance=np.array([k.clearance for k in every], dtype=float),
             velocity=velocity,
             speed=speed,
             acceleration=np.array(

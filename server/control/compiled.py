@@ -24,6 +24,9 @@ NUMBER: Final = types.float64
 COUNT: Final = types.int64
 FLAG: Final = types.boolean
 XYZ: Final = types.UniTuple(types.float64, 3)  # type: ignore[no-untyped-call]  # numba's
+"""A vector (3,) from kernel to kernel: unlike an array's, its holders need not be counted."""
+ATTITUDE: Final = types.UniTuple(XYZ, 3)  # type: ignore[no-untyped-call]  # numba's
+"""The rows of a matrix (3, 3), likewise."""
 
 
 def _array(dtype: Any, dimensions: int) -> Any:

@@ -1,14 +1,17 @@
 """Forward kinematics of a serial chain for several postures in one pass.
 
 A joint's frame in the one before it is a constant plus two constants times functions of its angle
-(Rodrigues), so that all joints of all postures cost a few array operations.
+(Rodrigues).
 """
+
+import math
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from ....config.load import Cell
+from ..compiled import ARRAY3, ARRAY4, FLAGS, MATRIX, VECTOR, compiled
 from ..frames import Array, Pose
 
 Flags = NDArray[np.bool_]
@@ -28,7 +31,9 @@ class Chain:
         self.n = len(ids)
         self._ids = ids
         self._model, self._data = model, data
-        self._constant, self._by_sine, self._by_cosine = np.zeros((3, self.n, 4, 4))
+        self._parts = np.zeros((self.n, 3, 3, 4))
+        """Of each joint: its frame in the one before at zero, and what is added by functions of
+        its angle: times sin and 1 − cos, or times the way of a prismatic one and 0."""
         self._axis = np.zeros((self.n, 3))
         self._prismatic = np.zeros(self.n, dtype=bool)
         before = pin.SE3.Identity()
@@ -41,41 +46,25 @@ class Chain:
             self._prismatic[i] = bool(linear.any())
             axis = linear if self._prismatic[i] else angular
             self._axis[i] = axis
-            self._constant[i] = placement
+            self._parts[i, 0] = placement[:3]
             if self._prismatic[i]:
-                self._by_sine[i, :3, 3] = placement[:3, :3] @ axis
+                self._parts[i, 1, :, 3] = placement[:3, :3] @ axis
             else:
                 K = pin.skew(axis)
-                self._by_sine[i, :3, :3] = placement[:3, :3] @ K
-                self._by_cosine[i, :3, :3] = placement[:3, :3] @ K @ K
-        self._all_revolute = not self._prismatic.any()
+                self._parts[i, 1, :, :3] = placement[:3, :3] @ K
+                self._parts[i, 2, :, :3] = placement[:3, :3] @ K @ K
         far = [max(abs(joint.lower), abs(joint.upper)) for joint in cell.robot.joints]
         self.stroke = np.where(self._prismatic, far, 0.0)
         """How far each prismatic joint may be out (n,) [m]; zero for the others."""
 
     def frames(self, q: Array, T_world_base: Pose | None = None) -> Array:
         """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
-        sine, cosine = np.sin(q), 1.0 - np.cos(q)
-        if not self._all_revolute:
-            sine = np.where(self._prismatic, q, sine)
-            cosine = np.where(self._prismatic, 0.0, cosine)
-        A = (
-            self._constant
-            + sine[:, :, None, None] * self._by_sine
-            + cosine[:, :, None, None] * self._by_cosine
-        )
         base = self.T_world_base if T_world_base is None else T_world_base
-        found = np.empty((len(q), self.n, 3, 4))
-        R = base.R
-        np.matmul(R, A[:, 0, :3], out=found[:, 0])
-        found[:, 0, :, 3] += base.p
-        for i in range(1, self.n):
-            np.matmul(found[:, i - 1], A[:, i], out=found[:, i])
-        return found
+        return _frames(self._parts, self._prismatic, q, base.R, base.p)
 
     def axes(self, frames: Array) -> Array:
         """Return the joints' axes (n, 3) in World, given the frames (n, 3, 4) of one posture."""
-        return np.asarray((frames[:, :, :3] @ self._axis[:, :, None])[:, :, 0])
+        return _axes(frames, self._axis)
 
     @property
     def prismatic(self) -> Flags:
@@ -109,3 +98,39 @@ class Chain:
     def model(self) -> "pin.Model":
         """Pinocchio's model of the whole URDF."""
         return self._model
+
+
+@compiled(ARRAY4, FLAGS, MATRIX, MATRIX, VECTOR)
+def _frames(parts: Array, prismatic: Flags, q: Array, R: Array, p: Array) -> Array:
+    """Return the joints' frames (s, n, 3, 4) at postures q (s, n), Base at R (3, 3), p (3,)."""
+    postures, n = q.shape
+    found = np.empty((postures, n, 3, 4))
+    step = np.empty((3, 4))
+    for s in range(postures):
+        for i in range(n):
+            sine, cosine = q[s, i], 0.0
+            if not prismatic[i]:
+                sine, cosine = math.sin(q[s, i]), 1.0 - math.cos(q[s, i])
+            for row in range(3):
+                for k in range(4):
+                    step[row, k] = parts[i, 0, row, k] + sine * parts[i, 1, row, k]
+                    step[row, k] += cosine * parts[i, 2, row, k]
+            for row in range(3):
+                x, y, z, place = R[row, 0], R[row, 1], R[row, 2], p[row]
+                if i:
+                    x, y, z, place = found[s, i - 1, row]
+                for k in range(4):
+                    found[s, i, row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
+                found[s, i, row, 3] += place
+    return found
+
+
+@compiled(ARRAY3, MATRIX)
+def _axes(frames: Array, axis: Array) -> Array:
+    """Return axes (n, 3), given in frames (n, 3, 4), in World."""
+    found = np.empty(axis.shape)
+    for j in range(len(axis)):
+        x, y, z = axis[j]
+        for i in range(3):
+            found[j, i] = frames[j, i, 0] * x + frames[j, i, 1] * y + frames[j, i, 2] * z
+    return found

@@ -6,16 +6,19 @@ the command, times how much that matters for the gap, is taken off every gap (th
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ....config.load import Cell
+from ..compiled import INDEX, MATRIX, VECTOR, compiled
 from ..frames import Array
 from ..scene import Scene
 from ..tree import Body
 from .approach import Braking
-from .links import Flags, Index, Links
+from .chain import Flags
+from .distance import Index
+from .links import Links
 from .neighbours import Around, Neighbours
 
 SAMPLE_S = 0.025
@@ -47,8 +50,7 @@ Levels = dict[tuple[int, int, str], float]
 """Best gap so far of each pair that is inside its bound, by capsule, other capsule or −1, name."""
 
 
-@dataclass(frozen=True)
-class Gap:
+class Gap(NamedTuple):
     """One pair, as it is told to operators."""
 
     link: str
@@ -59,8 +61,7 @@ class Gap:
     """True while its barrier bends or slows the motion."""
 
 
-@dataclass(frozen=True)
-class Sight:
+class Sight(NamedTuple):
     """What clearances are at one posture."""
 
     q: Array
@@ -76,33 +77,6 @@ class Sight:
     floor: Array
     """What each gap (k,) must keep where it is below its bound already [m]."""
     levels: Levels
-
-
-def travel(lever: Array, way: Array) -> Array:
-    """Return how far capsules move at most (c,) [m] when joints move by no more than `way` (n,).
-
-    The levers (c, n) themselves grow with the motion: D' ≤ Σ way (lever + D), so that
-    D ≤ lever·way (exp(σ) − 1)/σ with σ the sum of all ways.
-    """
-    total = float(way.sum())
-    return np.asarray(lever @ way * (math.expm1(total) / total if total > 1e-9 else 1.0))
-
-
-def carried(near: Neighbours, base: Body) -> Neighbours:
-    """Return neighbours with the speed at which a Base that moves brings links to obstacles."""
-    place, w = near.near.place - base.T.p, base.twist[3:]
-    v = base.twist[:3] + np.stack(
-        [
-            w[1] * place[:, 2] - w[2] * place[:, 1],
-            w[2] * place[:, 0] - w[0] * place[:, 2],
-            w[0] * place[:, 1] - w[1] * place[:, 0],
-        ],
-        axis=1,
-    )
-    others = near.obstacle >= 0
-    closing = np.where(others, -np.einsum("ki,ki->k", near.near.normal, v), 0.0)
-    fastest = np.where(others, np.sqrt(np.einsum("ki,ki->k", v, v)), 0.0)
-    return near._replace(speed=np.maximum(near.speed + closing, 0.0), carried=fastest)
 
 
 class Clearance:
@@ -129,7 +103,7 @@ class Clearance:
         room = travel(lever, self.braking.stop_way(fastest, factor)) + 0.03 + self._margin
         near = self.around.look(placed, scene, room, HORIZON_S)
         if base is not None:
-            near = carried(near, base)
+            near = _on_moving_base(near, base)
         tube = np.abs(near.rows) @ np.abs(error)
         floor, levels = self._floors(near, tube, scene, levels)
         return Sight(q, scene, base, lever, room, near, tube, floor, levels)
@@ -151,17 +125,10 @@ class Clearance:
 
         `low` and `high` (n,) bound the joints along the stop; `postures` gives them at times.
         """
-        deviation = np.maximum(high - sight.q, sight.q - low)
-        way = travel(sight.lever, deviation)
+        way = travel(sight.lever, np.maximum(high - sight.q, sight.q - low))
         if (way > sight.room).any():
             sight = self._farther(sight, way)
         near, scene = sight.near, sight.scene
-        if not near.size:
-            return 0.0
-        first = near.pairs.first
-        closer = way[first]
-        if len(near.pairs.own):
-            closer[: len(near.pairs.own)] += way[near.pairs.own[:, 1]]
         needed = near.promise + sight.tube + BETWEEN
         end_s = duration_s + (1.0 + LATENCY) * self._period_s
         most = needed
@@ -169,10 +136,10 @@ class Clearance:
             most = most + self._growth(near, scene, end_s)
         if sight.base is not None:
             most = most + near.carried * end_s
-        doubtful = near.gap - closer < most
-        if not doubtful.any():
+        doubtful, closer = _doubtful(way, near.first, near.second, near.gap, most)
+        if not len(doubtful):
             return 0.0
-        return self._sampled(sight, doubtful, needed, duration_s, closer, postures)
+        return self._sampled(sight, doubtful, needed[doubtful], duration_s, closer, postures)
 
     def _farther(self, sight: Sight, way: Array) -> Sight:
         """Return a sight that reaches as far as a stop may lead: the first one did not."""
@@ -182,36 +149,40 @@ class Clearance:
         tube = np.full(near.size, float(sight.tube.max(initial=0.0)))
         floor, _ = self._floors(near, tube, sight.scene, sight.levels)
         if sight.base is not None:
-            near = carried(near, sight.base)
+            near = _on_moving_base(near, sight.base)
         return Sight(
             sight.q, sight.scene, sight.base, sight.lever, way, near, tube, floor, sight.levels
         )
 
     def _sampled(
-        self, sight: Sight, doubtful: Flags, needed: Array, duration_s: float, closer: Array,
+        self, sight: Sight, doubtful: Index, needed: Array, duration_s: float, closer: Array,
         postures: Postures,
     ) -> float:  # fmt: skip
+        """Return how short doubtful pairs (k,) fall of `needed` (k,) [m] where a stop is looked at.
+
+        Each may come `closer` (k,) [m] at most.
+        """
         near, scene = sight.near, sight.scene
-        longest = float(closer[doubtful].max())
-        count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(longest / SAMPLE_M), 1)
+        count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(float(closer.max()) / SAMPLE_M), 1)
         count = min(count, SAMPLES)
-        times = np.linspace(0.0, duration_s, count + 1)
-        pairs = near.pairs.chosen(doubtful)
-        base = None if sight.base is None else sight.base.T
-        ends = self.links.place(postures(times), base).ends
-        radii = self.around.radii(pairs, scene)
-        gaps = self.around.between(ends, pairs, scene).distance - radii
-        chord = closer[doubtful] / count
+        times = (duration_s / count) * np.arange(count + 1.0)
+        radii, chord = near.radii[doubtful], closer / count
         round_off = chord * chord / (8.0 * np.maximum(radii + near.promise[doubtful], 0.02))
-        bound = needed[doubtful] + round_off
+        bound = np.empty((count + 1, len(doubtful)))
+        bound[:] = needed + round_off
         if scene is not None and scene.moves:
             ahead = times[:, None] + (1.0 + LATENCY) * self._period_s
-            bound = bound + self._growth_at(near.obstacle[doubtful], scene, ahead)
+            bound += self._growth_at(near.obstacle[doubtful], scene, ahead)
         if sight.base is not None:
             ahead = times[:, None] + (1.0 + LATENCY) * self._period_s
-            bound = bound + near.carried[doubtful] * ahead
-        short = np.minimum(bound, sight.floor[doubtful]) - gaps
-        return max(0.0, float(short.max()))
+            bound += near.carried[doubtful] * ahead
+        wanted = np.minimum(bound, sight.floor[doubtful]) + radii
+        base = None if sight.base is None else sight.base.T
+        ends = self.links.place(postures(times), base).ends
+        found = self.around.between(
+            ends, near.first[doubtful], near.second[doubtful], wanted, scene
+        )
+        return max(0.0, float((wanted - found.distance).max()))
 
     def _growth(self, near: Neighbours, scene: Scene, ahead_s: float) -> Array:
         """Return how much nearer each second may be `ahead_s` from now (k,) [m]."""
@@ -230,15 +201,10 @@ class Clearance:
         A gap that was below its bound to begin with can only get better: it keeps the best it has
         had. That of something that moves keeps what it is now.
         """
-        floor = np.full(near.size, np.inf)
-        below = near.gap < near.promise + tube + BETWEEN
-        moving = near.speed > 0.0
-        floor[moving] = near.gap[moving] - CREEP
-        if not below.any():
-            return floor, {}
+        floor, held = _floor(near.gap, near.promise, tube, near.speed)
         kept: Levels = {}
-        for i in np.flatnonzero(below & ~moving):
-            key = self._key(near, int(i), scene)
+        for i in held.tolist():
+            key = self._key(near, i, scene)
             gap = float(near.gap[i])
             level = levels.get(key, gap)
             level = gap if gap < level - 2.0 * SLACK else max(level, gap)
@@ -247,10 +213,10 @@ class Clearance:
         return floor, kept
 
     def _key(self, near: Neighbours, i: int, scene: Scene | None) -> tuple[int, int, str]:
-        first = int(near.pairs.first[i])
-        if scene is None or near.obstacle[i] < 0:
-            return (first, int(near.pairs.own[i, 1]), "")
-        return (first, -1, scene.names[int(near.obstacle[i])])
+        first, obstacle = int(near.first[i]), int(near.obstacle[i])
+        if scene is None or obstacle < 0:
+            return (first, int(near.second[i]), "")
+        return (first, -1, scene.names[obstacle])
 
     def shown(
         self, sight: Sight, active: Flags, most: int = SHOWN, only_active: bool = False
@@ -263,10 +229,98 @@ class Clearance:
                 break
             if only_active and not active[i]:
                 continue
-            first = int(near.pairs.first[i])
-            if sight.scene is None or near.obstacle[i] < 0:
-                other = names[int(near.pairs.own[i, 1])]
+            obstacle = int(near.obstacle[i])
+            if sight.scene is None or obstacle < 0:
+                other = names[int(near.second[i])]
             else:
-                other = sight.scene.names[int(near.obstacle[i])]
-            found.append(Gap(names[first], other, float(near.gap[i]), bool(active[i])))
+                other = sight.scene.names[obstacle]
+            link = names[int(near.first[i])]
+            found.append(Gap(link, other, float(near.gap[i]), bool(active[i])))
         return tuple(found)
+
+
+def _on_moving_base(near: Neighbours, base: Body) -> Neighbours:
+    """Return neighbours with the speed at which a Base that moves brings links to obstacles."""
+    speed, carried = _carried(
+        near.near.normal, near.near.place - base.T.p, near.obstacle, near.speed, base.twist
+    )
+    return near._replace(speed=speed, carried=carried)
+
+
+@compiled(MATRIX, VECTOR)
+def travel(lever: Array, way: Array) -> Array:
+    """Return how far capsules move at most (c,) [m] when joints move by no more than `way` (n,).
+
+    The levers (c, n) themselves grow with the motion: D' ≤ Σ way (lever + D), so that
+    D ≤ lever·way (exp(σ) − 1)/σ with σ the sum of all ways.
+    """
+    total = 0.0
+    for j in range(len(way)):
+        total += way[j]
+    growth = math.expm1(total) / total if total > 1e-9 else 1.0
+    found = np.zeros(len(lever))
+    for c in range(len(lever)):
+        for j in range(len(way)):
+            found[c] += lever[c, j] * way[j]
+        found[c] *= growth
+    return found
+
+
+@compiled(MATRIX, MATRIX, INDEX, VECTOR, VECTOR)
+def _carried(
+    normal: Array, lever: Array, obstacle: Index, speed: Array, twist: Array
+) -> tuple[Array, Array]:
+    """Return `speed` and `carried` (k,), as in `Neighbours`, where Base moves with a twist (6,).
+
+    `lever` (k, 3) leads from Base to the places [m].
+    """
+    nearer, fastest = speed.copy(), np.zeros(len(speed))
+    wx, wy, wz = twist[3:]
+    for i in range(len(speed)):
+        if obstacle[i] < 0:
+            continue
+        x, y, z = lever[i]
+        vx = twist[0] + wy * z - wz * y
+        vy = twist[1] + wz * x - wx * z
+        vz = twist[2] + wx * y - wy * x
+        closing = -(normal[i, 0] * vx + normal[i, 1] * vy + normal[i, 2] * vz)
+        nearer[i] = max(speed[i] + closing, 0.0)
+        fastest[i] = math.sqrt(vx * vx + vy * vy + vz * vz)
+    return nearer, fastest
+
+
+@compiled(VECTOR, INDEX, INDEX, VECTOR, VECTOR)
+def _doubtful(
+    way: Array, first: Index, second: Index, gap: Array, most: Array
+) -> tuple[Index, Array]:
+    """Return the pairs that may come below `most` (k,), and how much closer each may come [m].
+
+    `way` (c,) is how far capsules move at most.
+    """
+    doubtful, closer = np.empty(len(gap), dtype=np.int64), np.empty(len(gap))
+    found = 0
+    for i in range(len(gap)):
+        together = way[first[i]]
+        if second[i] < len(way):
+            together += way[second[i]]
+        if gap[i] - together < most[i]:
+            doubtful[found], closer[found] = i, together
+            found += 1
+    return doubtful[:found].copy(), closer[:found].copy()
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR)
+def _floor(gap: Array, promise: Array, tube: Array, speed: Array) -> tuple[Array, Index]:
+    """Return what gaps to things that move must keep (k,), and which others are below their bound.
+
+    Infinite for all others.
+    """
+    floor, below = np.full(len(gap), np.inf), np.empty(len(gap), dtype=np.int64)
+    found = 0
+    for i in range(len(gap)):
+        if speed[i] > 0.0:
+            floor[i] = gap[i] - CREEP
+        elif gap[i] < promise[i] + tube[i] + BETWEEN:
+            below[found] = i
+            found += 1
+    return floor, below[:found].copy()

@@ -1,18 +1,22 @@
-"""Distances of segments from segments and boxes, in closed form, many pairs in one pass.
+"""Distances of segments from segments and boxes, in closed form.
 
-All arrays broadcast; points are (..., 3) [m]. The normal points from the second thing to the
-first: moving the first along it widens the distance.
+Things are counted: first the arm's capsules, then the scene's rounds, then its boxes. All are taken
+without their radii. The normal points from the second thing to the first: moving the first along it
+widens the distance.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled import ARRAY3, ARRAY4, ATTITUDE, COUNT, INDEX, MATRIX, NUMBER, XYZ, compiled
 from ..frames import Array
 
-Flags = NDArray[np.bool_]
 Index = NDArray[np.int64]
+Point = tuple[float, float, float]
+Attitude = tuple[Point, Point, Point]
 
 TOUCHING = 1e-9
 """Closer than this there is no direction between nearest points [m]."""
@@ -24,142 +28,273 @@ _TINY = 1e-300
 
 
 class Near(NamedTuple):
-    """Two things' nearest places."""
+    """The nearest places of k pairs of things."""
 
     distance: Array
-    """(...,) [m]; below zero for a segment inside a box: how far it has to come out."""
+    """(k,) [m]; below zero for a segment inside a box: how far it has to come out."""
     normal: Array
-    """(..., 3)."""
+    """(k, 3)."""
     place: Array
-    """On the first thing (..., 3) [m]."""
-    part: Array
-    """Where that is on the second thing, if a segment: 0 at its start, 1 at its end (...,)."""
+    """On the first thing (k, 3) [m]."""
 
 
-def dot(a: Array, b: Array) -> Array:
-    """Return the dot products (...,) of vectors (..., 3)."""
-    return np.asarray(np.einsum("...i,...i->...", a, b))
+# --- points ----------------------------------------------------------------------------------
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Return a × b of rows (k, 3), written out: several times quicker than numpy's."""
-    c = np.empty_like(a)
-    c[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    c[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    c[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return c
+@compiled(MATRIX, COUNT)
+def _row(rows: Array, i: int) -> Point:
+    return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-def segments(a: Array, b: Array, c: Array, d: Array) -> Near:
-    """Return where segments a–b and c–d are nearest (after Ericson 2005, section 5.1.9)."""
-    u, v, r = b - a, d - c, a - c
-    uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
-    safe_u, safe_v = np.maximum(uu, _TINY), np.maximum(vv, _TINY)
-    sine2 = uu * vv - uv * uv
-    crossing = sine2 > _PARALLEL * uu * vv
-    s = np.where(crossing, (uv * vr - ur * vv) / np.where(crossing, sine2, 1.0), 0.5)
-    t = np.clip((uv * np.clip(s, 0.0, 1.0) + vr) / safe_v, 0.0, 1.0)
-    s = np.clip((uv * t - ur) / safe_u, 0.0, 1.0)
-    place = a + s[..., None] * u
-    between = place - (c + t[..., None] * v)
-    distance = np.sqrt(dot(between, between))
-    normal = between / np.maximum(distance, TOUCHING)[..., None]
-    touching = distance < TOUCHING
-    if touching.any():
-        normal = np.where(touching[..., None], _across(u, v), normal)
-    return Near(distance, normal, place, t)
+@compiled(ARRAY4, COUNT, COUNT, COUNT)
+def _node(ends: Array, s: int, c: int, e: int) -> Point:
+    return ends[s, c, e, 0], ends[s, c, e, 1], ends[s, c, e, 2]
 
 
-def segments_boxes(a: Array, b: Array, R: Array, centre: Array, half: Array) -> Near:
-    """Return where segments a–b are nearest to boxes at R (..., 3, 3), centre, half sides.
-
-    The squared distance along a segment is convex, with a derivative that is linear between the
-    places where the segment crosses the planes of the sides.
-    """
-    p = np.einsum("...ji,...j->...i", R, a - centre)
-    u = np.einsum("...ji,...j->...i", R, b - a)
-    # Where each coordinate passes a side; what never does is put at the start.
-    steep = np.where(np.abs(u) > _TINY, u, np.inf)
-    t = np.empty((*u.shape[:-1], 8))
-    t[..., 0], t[..., 7] = 0.0, 1.0
-    t[..., 1:4], t[..., 4:7] = (-half - p) / steep, (half - p) / steep
-    t = np.minimum(np.maximum(t, 0.0), 1.0)
-    x = p[..., None, :] + t[..., None] * u[..., None, :]
-    sides = half[..., None, :]
-    out = x - np.minimum(np.maximum(x, -sides), sides)
-    best = _least(t, np.einsum("...ki,...i->...k", out, u))
-    x = p + best[..., None] * u
-    out = x - np.minimum(np.maximum(x, -half), half)
-    distance = np.sqrt(dot(out, out))
-    normal = out / np.maximum(distance, TOUCHING)[..., None]
-    inside = distance < TOUCHING
-    if inside.any():
-        distance, normal, best = _pushed_out(p, u, half, inside, distance, normal, best)
-    return Near(
-        distance,
-        np.einsum("...ij,...j->...i", R, normal),
-        a + best[..., None] * (b - a),
-        np.zeros_like(distance),
+@compiled(ARRAY3, COUNT)
+def _attitude(R: Array, i: int) -> Attitude:
+    return (
+        (R[i, 0, 0], R[i, 0, 1], R[i, 0, 2]),
+        (R[i, 1, 0], R[i, 1, 1], R[i, 1, 2]),
+        (R[i, 2, 0], R[i, 2, 1], R[i, 2, 2]),
     )
 
 
-def _least(t: Array, slope: Array) -> Array:
-    """Return where a convex function is least (...,), by its slopes at places t (..., k).
+@compiled(XYZ, XYZ)
+def _dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
-    Between the last place where it falls and the first where it does not, the slope is linear;
-    where it is level all the way between two places, the middle is taken.
+
+@compiled(XYZ, XYZ)
+def _minus(a: Point, b: Point) -> Point:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@compiled(XYZ, XYZ, NUMBER)
+def _further(a: Point, u: Point, t: float) -> Point:
+    return a[0] + t * u[0], a[1] + t * u[1], a[2] + t * u[2]
+
+
+@compiled(XYZ, NUMBER)
+def _times(a: Point, factor: float) -> Point:
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@compiled(XYZ, XYZ)
+def _cross(a: Point, b: Point) -> Point:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled(XYZ)
+def _length(a: Point) -> float:
+    return math.sqrt(_dot(a, a))
+
+
+@compiled(NUMBER)
+def _part(t: float) -> float:
+    """Return the nearest number from 0 to 1."""
+    return min(max(t, 0.0), 1.0)
+
+
+@compiled(ATTITUDE, XYZ)
+def _turned(R: Attitude, a: Point) -> Point:
+    return _dot(R[0], a), _dot(R[1], a), _dot(R[2], a)
+
+
+@compiled(ATTITUDE, XYZ)
+def _turned_back(R: Attitude, a: Point) -> Point:
+    return _further(_further(_times(R[0], a[0]), R[1], a[1]), R[2], a[2])
+
+
+# --- a segment and a segment -----------------------------------------------------------------
+
+
+@compiled(XYZ, XYZ, XYZ, XYZ)
+def _between_segments(a: Point, u: Point, c: Point, v: Point) -> tuple[float, float]:
+    """Return where a + s u and c + t v are nearest: s and t (after Ericson 2005, section 5.1.9)."""
+    r = _minus(a, c)
+    uu, vv, uv, ur, vr = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, r), _dot(v, r)
+    sine2 = uu * vv - uv * uv
+    s = 0.5
+    if sine2 > _PARALLEL * uu * vv:
+        s = _part((uv * vr - ur * vv) / sine2)
+    t = _part((uv * s + vr) / max(vv, _TINY))
+    return _part((uv * t - ur) / max(uu, _TINY)), t
+
+
+@compiled(XYZ, XYZ)
+def _across(u: Point, v: Point) -> Point:
+    """Return a unit vector across both u and v, or across u where they are parallel."""
+    n = _cross(u, v)
+    if _length(n) <= TOUCHING * math.sqrt(_dot(u, u) * _dot(v, v)):
+        x, y, z = abs(u[0]), abs(u[1]), abs(u[2])
+        if x <= y and x <= z:
+            n = _cross(u, (1.0, 0.0, 0.0))
+        elif y <= z:
+            n = _cross(u, (0.0, 1.0, 0.0))
+        else:
+            n = _cross(u, (0.0, 0.0, 1.0))
+    length = _length(n)
+    return _times(n, 1.0 / length) if length > 0.0 else (0.0, 0.0, 1.0)
+
+
+@compiled(XYZ, XYZ, XYZ, XYZ)
+def _from_segment(a: Point, u: Point, c: Point, v: Point) -> tuple[float, Point, float]:
+    """Return how far a + s u is from c + t v: the distance, the normal, and s."""
+    s, t = _between_segments(a, u, c, v)
+    out = _minus(_further(a, u, s), _further(c, v, t))
+    distance = _length(out)
+    return distance, _times(out, 1.0 / distance) if distance >= TOUCHING else _across(u, v), s
+
+
+@compiled(XYZ, XYZ, XYZ, XYZ)
+def _from_segment_at_least(a: Point, u: Point, c: Point, v: Point) -> float:
+    middles = _length(_minus(_further(a, u, 0.5), _further(c, v, 0.5)))
+    return middles - 0.5 * (_length(u) + _length(v))
+
+
+# --- a segment and a box, in the axes of the box ---------------------------------------------
+
+
+@compiled(XYZ, XYZ)
+def _beyond(x: Point, half: Point) -> Point:
+    """Return how far a point is beyond the sides of a box, along each axis."""
+    return (
+        x[0] - min(max(x[0], -half[0]), half[0]),
+        x[1] - min(max(x[1], -half[1]), half[1]),
+        x[2] - min(max(x[2], -half[2]), half[2]),
+    )
+
+
+@compiled(NUMBER, NUMBER, NUMBER)
+def _passing(p: float, u: float, side: float) -> float:
+    """Return where p + t u passes a side, from 0 to 1; 0 where it never does."""
+    return _part((side - p) / u) if abs(u) > _TINY else 0.0
+
+
+@compiled(XYZ, XYZ, XYZ)
+def _beside_box(p: Point, u: Point, half: Point) -> float:
+    """Return t, 0 to 1, where p + t u is nearest to a box; the middle of many such places.
+
+    The squared distance is convex, with a slope that is linear between the places where the segment
+    passes the planes of the sides.
     """
-    falls = slope < 0.0
-    last, first = np.where(falls, t, 0.0).max(axis=-1), np.where(falls, 1.0, t).min(axis=-1)
-    down = np.where(falls, slope, -np.inf).max(axis=-1)
-    up = np.where(falls, np.inf, slope).min(axis=-1)
-    level = up == 0.0
-    if level.any():
-        end = np.where(slope <= 0.0, t, 0.0).max(axis=-1)
-        up = np.where(level, 1.0, up)
-        middle = np.where(level, 0.5 * (first + end), 0.0)
-    share = 1.0 / (1.0 - up / np.where(np.isinf(down), -_TINY, down))
-    place = last + np.where(np.isinf(down), 1.0, share) * (first - last)
-    return np.where(level, middle, place) if level.any() else place
+    last, first, level = 0.0, 1.0, 0.0
+    down, up = -np.inf, np.inf
+    for t in (
+        0.0,
+        _passing(p[0], u[0], -half[0]),
+        _passing(p[0], u[0], half[0]),
+        _passing(p[1], u[1], -half[1]),
+        _passing(p[1], u[1], half[1]),
+        _passing(p[2], u[2], -half[2]),
+        _passing(p[2], u[2], half[2]),
+        1.0,
+    ):
+        slope = _dot(_beyond(_further(p, u, t), half), u)
+        if slope < 0.0:
+            last, down = max(last, t), max(down, slope)
+        else:
+            first, up = min(first, t), min(up, slope)
+        if slope <= 0.0:
+            level = max(level, t)
+    if up == 0.0:
+        return 0.5 * (first + level)
+    if down == -np.inf:
+        return first
+    return last + (first - last) / (1.0 - up / down)
 
 
-def _pushed_out(
-    p: Array, u: Array, half: Array, inside: Flags, distance: Array, normal: Array, best: Array
-) -> tuple[Array, Array, Array]:
-    """Return the shortest way out for segments that cut a box: separating axes, one by one."""
-    distance, normal, best = distance.copy(), normal.copy(), best.copy()
-    half = np.broadcast_to(half, p.shape)
-    for i in np.ndindex(*inside.shape):
-        if not inside[i]:
-            continue
-        axes = [sign * e for e in np.eye(3) for sign in (1.0, -1.0)]
-        for e in np.eye(3):
-            n = np.array([u[i][1] * e[2] - u[i][2] * e[1], u[i][2] * e[0] - u[i][0] * e[2],
-                          u[i][0] * e[1] - u[i][1] * e[0]])  # fmt: skip
-            length = float(np.sqrt(n @ n))
-            if length > TOUCHING:
-                axes += [n / length, -n / length]
-        ways = []
-        for n in axes:
-            start, end = float(n @ p[i]), float(n @ (p[i] + u[i]))
-            ways.append(float(np.abs(n) @ half[i]) - min(start, end))
-        k = int(np.argmin(ways))
-        along = float(axes[k] @ u[i])
-        # The end that is deepest; all of it, where the segment lies across the way out.
-        best[i] = 0.5 if abs(along) < TOUCHING else float(along < 0.0)
-        distance[i], normal[i] = -ways[k], axes[k]
-    return distance, normal, best
+@compiled(XYZ, XYZ, XYZ, XYZ)
+def _depth(p: Point, u: Point, half: Point, n: Point) -> float:
+    """Return how far along a unit vector n a segment is inside a box."""
+    size = abs(n[0]) * half[0] + abs(n[1]) * half[1] + abs(n[2]) * half[2]
+    return size - min(_dot(n, p), _dot(n, _further(p, u, 1.0)))
 
 
-def _across(u: Array, v: Array) -> Array:
-    """Return unit vectors (..., 3) across both u and v, or across u where they are parallel."""
-    u, v = np.broadcast_arrays(u, v)
-    n = np.cross(u, v)
-    k = np.argmin(np.abs(u), axis=-1)
-    other = np.cross(u, np.eye(3)[k])
-    size = np.sqrt(dot(n, n))[..., None]
-    n = np.where(size > TOUCHING * np.sqrt(dot(u, u) * dot(v, v))[..., None], n, other)
-    length = np.sqrt(dot(n, n))[..., None]
-    up = np.zeros_like(n)
-    up[..., 2] = 1.0
-    return np.where(length > 0.0, n / np.maximum(length, _TINY), up)
+@compiled(XYZ, XYZ, XYZ)
+def _way_out(p: Point, u: Point, half: Point) -> tuple[float, Point, float]:
+    """Return the shortest way out for a segment that cuts a box: separating axes, one by one.
+
+    Its length, its direction, and where on the segment the deepest end is; the middle, where the
+    segment lies across the way out.
+    """
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    least, way = np.inf, x
+    for axis in (x, y, z, _cross(u, x), _cross(u, y), _cross(u, z)):
+        length = _length(axis)
+        if length > TOUCHING:
+            for sign in (1.0, -1.0):
+                n = _times(axis, sign / length)
+                depth = _depth(p, u, half, n)
+                if depth < least:
+                    least, way = depth, n
+    along = _dot(way, u)
+    if abs(along) < TOUCHING:
+        return least, way, 0.5
+    return least, way, 1.0 if along < 0.0 else 0.0
+
+
+@compiled(XYZ, XYZ, ATTITUDE, XYZ, XYZ)
+def _from_box(
+    a: Point, u: Point, R: Attitude, centre: Point, half: Point
+) -> tuple[float, Point, float]:
+    """Return how far a segment, from a along u, is from a box: as `_from_segment`, in World."""
+    p, u = _turned_back(R, _minus(a, centre)), _turned_back(R, u)
+    s = _beside_box(p, u, half)
+    out = _beyond(_further(p, u, s), half)
+    distance = _length(out)
+    if distance >= TOUCHING:
+        return distance, _turned(R, _times(out, 1.0 / distance)), s
+    depth, way, s = _way_out(p, u, half)
+    return -depth, _turned(R, way), s
+
+
+@compiled(XYZ, XYZ, ATTITUDE, XYZ, XYZ)
+def _from_box_at_least(a: Point, u: Point, R: Attitude, centre: Point, half: Point) -> float:
+    middle = _turned_back(R, _minus(_further(a, u, 0.5), centre))
+    distance = _length(_beyond(middle, half)) - 0.5 * _length(u)
+    return distance if distance > 0.0 else -np.inf  # how deep it may be inside is not known
+
+
+# --- many pairs ------------------------------------------------------------------------------
+
+
+@compiled(ARRAY4, INDEX, INDEX, MATRIX, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
+def measured(
+    ends: Array, first: Index, second: Index, within: Array,
+    start: Array, end: Array, R: Array, centre: Array, half: Array,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Return distances (s, k), normals and places (s, k, 3), as in `Near`, of pairs at s postures.
+
+    The k pairs are of a capsule `first` (k,) and a thing `second` (k,). What is not `within` (s, k)
+    [m] is only told to be at least so far: the rest of its arrays is not set.
+    `ends` (s, c, 2, 3) are the capsules', `start` and `end` (m, 3) the rounds', R (b, 3, 3),
+    `centre` and `half` (b, 3) the boxes', in World [m].
+    """
+    postures, capsules, pairs = ends.shape[0], ends.shape[1], len(first)
+    distance = np.empty((postures, pairs))
+    normal, place = np.empty((postures, pairs, 3)), np.empty((postures, pairs, 3))
+    for s in range(postures):
+        for i in range(pairs):
+            a = _node(ends, s, first[i], 0)
+            u = _minus(_node(ends, s, first[i], 1), a)
+            thing, box = second[i] - capsules, second[i] - capsules - len(start)
+            if box >= 0:
+                turn, middle, sides = _attitude(R, box), _row(centre, box), _row(half, box)
+                distance[s, i] = _from_box_at_least(a, u, turn, middle, sides)
+                if distance[s, i] >= within[s, i]:
+                    continue
+                d, n, part = _from_box(a, u, turn, middle, sides)
+            else:
+                if thing >= 0:
+                    b, v = _row(start, thing), _minus(_row(end, thing), _row(start, thing))
+                else:
+                    b = _node(ends, s, second[i], 0)
+                    v = _minus(_node(ends, s, second[i], 1), b)
+                distance[s, i] = _from_segment_at_least(a, u, b, v)
+                if distance[s, i] >= within[s, i]:
+                    continue
+                d, n, part = _from_segment(a, u, b, v)
+            distance[s, i], normal[s, i], place[s, i] = d, n, _further(a, u, part)
+    return distance, normal, place

@@ -12,8 +12,8 @@ from ....config.load import Cell
 from ..frames import Array, Pose
 from ..scene import Scene
 from .approach import Rows
+from .chain import Flags
 from .clearance import Base, Clearance, Gap, Levels, Postures, Sight
-from .links import Flags
 from .workspace import Walls
 
 NAMED = 3
@@ -88,7 +88,7 @@ class Guard:
         if self._near_speed is None:
             return 1.0
         near = watch.sight.near
-        beside = (near.obstacle >= 0) & self._tool[near.pairs.first]
+        beside = (near.obstacle >= 0) & self._tool[near.first]
         if not beside.any():
             return 1.0
         gap = float(near.gap[beside].min())

@@ -1,6 +1,7 @@
 """The arm as capsules: fitted around the primitives of its URDF, placed and differentiated."""
 
 import itertools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -8,10 +9,10 @@ import pinocchio as pin
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
+from ..compiled import ARRAY3, ARRAY4, FLAGS, INDEX, MATRIX, VECTOR, compiled
 from ..frames import Array, Pose
-from .chain import Chain
-from .distance import Flags as Flags
-from .distance import Index as Index
+from .chain import Chain, Flags
+from .distance import Index
 
 SLACK = 1e-9
 """A part that sticks out of another by less is inside it [m]."""
@@ -47,13 +48,8 @@ class Links:
         self.radius = np.array([c.radius for c in self.capsules])
         self.body: Index = np.array([c.body for c in self.capsules], dtype=np.int64)
         self.half_length = np.array([0.5 * float(_length(c.end - c.start)) for c in self.capsules])
-        nodes = [(c.body, p) for c in self.capsules for p in (c.start, c.end)]
-        self._node_body = np.array([body for body, _ in nodes])
-        self._node = np.array([[*p, 1.0] for _, p in nodes])
-        n = self.chain.n
-        self.moved = (np.arange(1, n + 1) <= self.body[:, None]).astype(float)
-        """Which capsules each joint moves (c, n), as ones and zeros."""
-        origins = self.chain.frames(np.zeros((1, n)))[0, :, :, 3]
+        self._segments = np.array([[c.start, c.end] for c in self.capsules]).reshape(-1, 2, 3)
+        origins = self.chain.frames(np.zeros((1, self.chain.n)))[0, :, :, 3]
         steps = [float(_length(b - a)) for a, b in itertools.pairwise(origins)]
         self._steps = np.array(steps) + self.chain.stroke[1:]
         """From each joint's origin to the next one's, at most (n − 1,) [m]."""
@@ -67,28 +63,7 @@ class Links:
         """Return where the capsules are at postures q (s, n) [rad]."""
         frames = self.chain.frames(q, T_world_base)
         base = self.chain.T_world_base if T_world_base is None else T_world_base
-        bodies = np.empty((len(q), self.chain.n + 1, 3, 4))
-        bodies[:, 0, :, :3], bodies[:, 0, :, 3] = base.R, base.p
-        bodies[:, 1:] = frames
-        points = (bodies[:, self._node_body] * self._node[:, None, :]).sum(-1)
-        return Placed(points.reshape(len(q), -1, 2, 3), frames)
-
-    def jacobians(self, placed: Placed, capsule: Index, points: Array) -> Array:
-        """Return the Jacobians (k, 3, n) of points (k, 3) [m] that move with capsules (k,).
-
-        `placed` holds one posture.
-        """
-        frames = placed.frames[0]
-        z = self.chain.axes(frames)
-        arm = points[:, None, :] - frames[None, :, :, 3]
-        # z × arm, written out.
-        J = np.empty((len(points), 3, self.chain.n))
-        J[:, 0] = z[:, 1] * arm[:, :, 2] - z[:, 2] * arm[:, :, 1]
-        J[:, 1] = z[:, 2] * arm[:, :, 0] - z[:, 0] * arm[:, :, 2]
-        J[:, 2] = z[:, 0] * arm[:, :, 1] - z[:, 1] * arm[:, :, 0]
-        if self.chain.prismatic.any():
-            J[:, :, self.chain.prismatic] = z[self.chain.prismatic].T
-        return np.asarray(J * self.moved[capsule][:, None, :])
+        return Placed(_ends(frames, self.body, self._segments, base.R, base.p), frames)
 
     def levers(self, placed: Placed) -> Array:
         """Return the distances of capsules from the joints' axes at one posture (c, n) [m].
@@ -96,14 +71,8 @@ class Links:
         Of either end, the farther; zero for joints that do not move it, 1 for prismatic ones.
         """
         frames = placed.frames[0]
-        z = self.chain.axes(frames)
-        arm = placed.ends[0][:, :, None, :] - frames[:, :, 3]
-        along = np.einsum("ceji,ji->cej", arm, z)
-        across2 = np.einsum("ceji,ceji->cej", arm, arm) - along * along
-        lever = np.sqrt(np.maximum(across2, 0.0).max(axis=1))
-        if self.chain.prismatic.any():
-            lever[:, self.chain.prismatic] = 1.0
-        return np.asarray(lever * self.moved)
+        axes = self.chain.axes(frames)
+        return _levers(frames, axes, placed.ends[0], self.body, self.chain.prismatic)
 
     def reach(self, body: int, far: float) -> Array:
         """Return bounds on the levers (n,) [m] of a point `far` from the origin of a body.
@@ -206,3 +175,48 @@ def _distance(point: Array, capsule: Capsule) -> float:
 
 def _length(v: Array) -> Array:
     return np.asarray(np.sqrt((v * v).sum(-1)))
+
+
+@compiled(ARRAY4, INDEX, ARRAY3, MATRIX, VECTOR)
+def _ends(frames: Array, body: Index, segments: Array, R: Array, p: Array) -> Array:
+    """Return where segments (c, 2, 3), fixed to bodies, are in World (s, c, 2, 3) [m].
+
+    `frames` (s, n, 3, 4) are the joints', R and p those of Base.
+    """
+    postures, capsules = len(frames), len(body)
+    ends = np.empty((postures, capsules, 2, 3))
+    for s in range(postures):
+        for c in range(capsules):
+            turn, origin = R, p
+            if body[c] > 0:
+                turn, origin = frames[s, body[c] - 1, :, :3], frames[s, body[c] - 1, :, 3]
+            for e in range(2):
+                x, y, z = segments[c, e]
+                for row in range(3):
+                    way = turn[row, 0] * x + turn[row, 1] * y + turn[row, 2] * z
+                    ends[s, c, e, row] = way + origin[row]
+    return ends
+
+
+@compiled(ARRAY3, MATRIX, ARRAY3, INDEX, FLAGS)
+def _levers(frames: Array, axes: Array, ends: Array, body: Index, prismatic: Flags) -> Array:
+    """Return the levers (c, n) of capsules with `ends` (c, 2, 3), as `Links.levers` says.
+
+    `frames` (n, 3, 4) are the joints', `axes` (n, 3) what they turn about.
+    """
+    lever = np.zeros((len(body), len(frames)))
+    for c in range(len(body)):
+        for j in range(body[c]):
+            if prismatic[j]:
+                lever[c, j] = 1.0
+                continue
+            farthest = 0.0
+            for e in range(2):
+                length2, along = 0.0, 0.0
+                for i in range(3):
+                    arm = ends[c, e, i] - frames[j, i, 3]
+                    length2 += arm * arm
+                    along += arm * axes[j, i]
+                farthest = max(farthest, length2 - along * along)
+            lever[c, j] = math.sqrt(farthest)
+    return lever

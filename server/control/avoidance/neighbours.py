@@ -1,50 +1,37 @@
 """What is near the arm: links against obstacles and against each other, far pairs culled cheaply.
 
-A pair is a capsule of the arm (`first`) and another thing (`second`): a capsule of the arm, a round
-or a box of the scene. Three kinds in this order, one array entry each: own, round, box.
+A pair is a capsule of the arm (`first`) and another thing (`second`), counted as in `distance.py`.
+Those of two capsules come first, then those with rounds, then those with boxes.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ....config.load import Cell
+from ..compiled import ARRAY3, FLAGS, FLAGS2, INDEX, INDEX2, MATRIX, NUMBER, VECTOR, compiled
 from ..frames import Array
-from ..scene import Scene
-from .distance import Near, cross, dot, segments, segments_boxes
-from .links import Flags, Index, Links, Placed
+from ..scene import Scene, empty
+from .chain import Flags
+from .distance import Index, Near, measured
+from .links import Links, Placed
 
 NEIGHBOURS = 2
 """Links that so many joints part, or fewer, may overlap by design [1]."""
 
-
-class Pairs(NamedTuple):
-    """Pairs by index: capsules of the arm, obstacles of the scene as it counts them."""
-
-    own: Index
-    """(p, 2) capsules."""
-    rounds: Index
-    """(r, 2) capsule and round."""
-    boxes: Index
-    """(b, 2) capsule and box, counted from the first box."""
-
-    def chosen(self, flags: Flags) -> "Pairs":
-        """Return those that are flagged, of all in their order."""
-        p, r = len(self.own), len(self.rounds)
-        return Pairs(self.own[flags[:p]], self.rounds[flags[p : p + r]], self.boxes[flags[p + r :]])
-
-    @property
-    def first(self) -> Index:
-        """The capsules that come first, of all pairs in their order."""
-        return np.concatenate([self.own[:, 0], self.rounds[:, 0], self.boxes[:, 0]])
+_NOTHING = empty()
 
 
 class Neighbours(NamedTuple):
     """The pairs that are near at one posture, and how; all arrays have one row per pair."""
 
-    pairs: Pairs
+    first: Index
+    second: Index
     placed: Placed
     near: Near
+    radii: Array
+    """What the surfaces are nearer than the segments [m]."""
     gap: Array
     """Distance of the surfaces [m]."""
     promise: Array
@@ -72,9 +59,8 @@ class Around:
         avoidance = cell.config.avoidance
         self._own_clearance = avoidance.self_clearance
         self._contacts = {(c.link, c.other) for c in avoidance.allowed_contacts}
+        self._size = links.half_length + links.radius
         self._own = self._own_pairs(avoidance.self_clearance + avoidance.margin)
-        self._radius_own = links.radius[self._own].sum(axis=1)
-        self._size_own = (links.half_length + links.radius)[self._own].sum(axis=1)
         self._of: tuple[tuple[str, ...], Flags] | None = None
 
     def look(self, placed: Placed, scene: Scene | None, room: Array, ahead_s: float) -> Neighbours:
@@ -82,144 +68,60 @@ class Around:
 
         `room` is how far each capsule may come; `ahead_s` the time for which what moves counts.
         """
-        ends = placed.ends[0]
-        centre = 0.5 * (ends[:, 0] + ends[:, 1])
-        between = centre[self._own[:, 0]] - centre[self._own[:, 1]]
-        reach = self._size_own + self._own_clearance + room[self._own].sum(axis=1)
-        own = self._own[dot(between, between) < reach * reach]
-        rounds = boxes = np.zeros((0, 2), dtype=np.int64)
-        if scene is not None:
-            wanted = self._wanted(scene)
-            further = scene.clearance
-            if scene.moves:
-                speed = np.sqrt(dot(scene.velocity, scene.velocity))
-                further = further + scene.reach(ahead_s) + speed * ahead_s
-            rounds = self._near_rounds(centre, scene, wanted, room, further)
-            boxes = self._near_boxes(centre, scene, wanted, room, further)
-        return self._measured(Pairs(own, rounds, boxes), placed, scene)
-
-    def _measured(self, pairs: Pairs, placed: Placed, scene: Scene | None) -> Neighbours:
-        near = self.between(placed.ends[0], pairs, scene)
-        gap = near.distance - self.radii(pairs, scene)
-        p = len(pairs.own)
-        promise = np.full(len(gap), self._own_clearance)
-        speed = np.zeros(len(gap))
-        obstacle = np.full(len(gap), -1, dtype=np.int64)
-        if scene is not None and p < len(gap):
-            index = obstacle[p:] = np.concatenate(
-                [pairs.rounds[:, 1], pairs.boxes[:, 1] + len(scene.rounds.radius)]
-            )
-            promise[p:] = scene.clearance[index]
-            if scene.moves:
-                closing = dot(near.normal[p:], scene.velocity[index])
-                speed[p:] = np.maximum(scene.speed[index] + closing, 0.0)
-        rows = self._slopes(pairs, placed, near)
-        none = np.zeros(len(gap))
-        return Neighbours(pairs, placed, near, gap, promise, rows, speed, obstacle, none)
-
-    def between(self, ends: Array, pairs: Pairs, scene: Scene | None) -> Near:
-        """Return where pairs are nearest, segments taken without their radii.
-
-        `ends` (..., c, 2, 3) are the capsules' in World; the scene stands still.
-        """
-        parts = []
-        p, r = len(pairs.own), 0 if scene is None else len(pairs.rounds)
-        if p + r:
-            # Both kinds in one pass: most of its cost is the number of operations.
-            first = ends[..., np.concatenate([pairs.own[:, 0], pairs.rounds[:, 0]]), :, :]
-            second = np.empty_like(first)
-            second[..., :p, :, :] = ends[..., pairs.own[:, 1], :, :]
-            if scene is not None:
-                i = pairs.rounds[:, 1]
-                second[..., p:, 0, :], second[..., p:, 1, :] = (
-                    scene.rounds.start[i],
-                    scene.rounds.end[i],
-                )
-            parts.append(
-                segments(first[..., 0, :], first[..., 1, :], second[..., 0, :], second[..., 1, :])
-            )
-        if scene is not None and len(pairs.boxes):
-            link, i = ends[..., pairs.boxes[:, 0], :, :], pairs.boxes[:, 1]
-            R, centre, half = scene.boxes.R[i], scene.boxes.centre[i], scene.boxes.half[i]
-            parts.append(segments_boxes(link[..., 0, :], link[..., 1, :], R, centre, half))
-        if len(parts) == 1:
-            return parts[0]
-        if not parts:
-            none = np.zeros((*ends.shape[:-3], 0))
-            return Near(none, np.zeros((*none.shape, 3)), np.zeros((*none.shape, 3)), none)
-        return Near(
-            np.concatenate([part.distance for part in parts], axis=-1),
-            np.concatenate([part.normal for part in parts], axis=-2),
-            np.concatenate([part.place for part in parts], axis=-2),
-            np.concatenate([part.part for part in parts], axis=-1),
+        scene = _NOTHING if scene is None else scene
+        links, rounds, boxes = self.links, scene.rounds, scene.boxes
+        further = scene.clearance
+        if scene.moves:
+            speed = np.sqrt((scene.velocity * scene.velocity).sum(axis=1))
+            further = further + scene.reach(ahead_s) + speed * ahead_s
+        first, second = _within(
+            placed.ends[0], self._size + room, self._own, self._own_clearance,
+            rounds.start, rounds.end, rounds.radius, boxes.R, boxes.centre, boxes.half,
+            further, self._wanted(scene), scene.hard,
+        )  # fmt: skip
+        near = self.between(placed.ends, first, second, np.full((1, len(first)), np.inf), scene)
+        near = Near(near.distance[0], near.normal[0], near.place[0])
+        radii, promise, speed, obstacle = _surfaces(
+            near.normal, first, second, links.radius, self._own_clearance,
+            rounds.radius, scene.clearance, scene.velocity, scene.speed,
+        )  # fmt: skip
+        frames, chain = placed.frames[0], links.chain
+        rows = _slopes(
+            frames, chain.axes(frames), chain.prismatic, links.body, first, second, *near[1:]
+        )
+        gap, none = near.distance - radii, np.zeros(len(first))
+        return Neighbours(
+            first, second, placed, near, radii, gap, promise, rows, speed, obstacle, none
         )
 
-    def radii(self, pairs: Pairs, scene: Scene | None) -> Array:
-        """Return what the surfaces of pairs are nearer than their segments (k,) [m]."""
-        r = self.links.radius
-        own = r[pairs.own[:, 0]] + r[pairs.own[:, 1]]
-        if scene is None:
-            return np.asarray(own)
-        rounds = r[pairs.rounds[:, 0]] + scene.rounds.radius[pairs.rounds[:, 1]]
-        return np.concatenate([own, rounds, r[pairs.boxes[:, 0]]])
+    def between(
+        self, ends: Array, first: Index, second: Index, within: Array, scene: Scene | None
+    ) -> Near:
+        """Return where k pairs are nearest at s postures, all arrays of `Near` with s rows.
 
-    def _slopes(self, pairs: Pairs, placed: Placed, near: Near) -> Array:
-        """Return the slopes (k, n) of the distances: the normal times the place's Jacobian.
-
-        n·(z × (x − o)) = z·(x × n) − n·(z × o); a second link's place lies on the same normal,
-        so that only the joints between the two links count.
+        `ends` (s, c, 2, 3) are the capsules' in World; the scene stands still. What is not `within`
+        (s, k) [m] is only told to be at least so far.
         """
-        frames = placed.frames[0]
-        z, o = self.links.chain.axes(frames), frames[:, :, 3]
-        moved = self.links.moved[pairs.first]
-        if len(pairs.own):
-            moved[: len(pairs.own)] -= self.links.moved[pairs.own[:, 1]]
-        rows = cross(near.place, near.normal) @ z.T - near.normal @ cross(z, o).T
-        prismatic = self.links.chain.prismatic
-        if prismatic.any():
-            rows[:, prismatic] = near.normal @ z[prismatic].T
-        return np.asarray(rows * moved)
-
-    # --- culling -----------------------------------------------------------------------------
+        scene = _NOTHING if scene is None else scene
+        rounds, boxes = scene.rounds, scene.boxes
+        found = measured(
+            ends, first, second, within,
+            rounds.start, rounds.end, boxes.R, boxes.centre, boxes.half,
+        )  # fmt: skip
+        return Near(*found)
 
     def _wanted(self, scene: Scene) -> Flags:
-        """Return which capsules and obstacles (c, k) are kept apart at all."""
-        if self._of is not None and self._of[0] == scene.names:
-            allowed = self._of[1]
-        else:
+        """Return which capsules and obstacles (c, k) may be kept apart at all."""
+        if self._of is None or self._of[0] != scene.names:
             allowed = np.array(
                 [
                     [body > 0 and (link, name) not in self._contacts for name in scene.names]
                     for link, body in zip(self.links.links, self.links.body, strict=True)
                 ],
                 dtype=bool,
-            ).reshape(len(self.links.links), -1)
-            self._of = (scene.names, allowed)
-        return np.asarray(allowed & scene.hard)
-
-    def _near_rounds(
-        self, centre: Array, scene: Scene, wanted: Flags, room: Array, further: Array
-    ) -> Index:
-        rounds = scene.rounds
-        m = len(rounds.radius)
-        if not m:
-            return np.zeros((0, 2), dtype=np.int64)
-        middle, way = 0.5 * (rounds.start + rounds.end), rounds.end - rounds.start
-        size = 0.5 * np.sqrt(dot(way, way)) + rounds.radius + further[:m]
-        reach = (room + self.links.half_length + self.links.radius)[:, None] + size
-        between = centre[:, None, :] - middle
-        return np.argwhere((dot(between, between) < reach * reach) & wanted[:, :m])
-
-    def _near_boxes(
-        self, centre: Array, scene: Scene, wanted: Flags, room: Array, further: Array
-    ) -> Index:
-        boxes, m = scene.boxes, len(scene.rounds.radius)
-        if not len(boxes.half):
-            return np.zeros((0, 2), dtype=np.int64)
-        local = np.einsum("bji,cbj->cbi", boxes.R, centre[:, None, :] - boxes.centre)
-        out = np.maximum(np.abs(local) - boxes.half, 0.0)
-        reach = (room + self.links.half_length + self.links.radius)[:, None] + further[m:]
-        return np.argwhere((dot(out, out) < reach * reach) & wanted[:, m:])
+            )
+            self._of = (scene.names, allowed.reshape(len(self.links.links), -1))
+        return self._of[1]
 
     def _own_pairs(self, least: float) -> Index:
         """Return the pairs of links to keep apart: no neighbours, none that meet at neutral."""
@@ -233,7 +135,127 @@ class Around:
             & self._contacts
         ]
         pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
-        ends = links.place(np.zeros((1, links.chain.n))).ends[0]
-        a, b = ends[pairs[:, 0]], ends[pairs[:, 1]]
-        apart = segments(a[:, 0], a[:, 1], b[:, 0], b[:, 1]).distance
+        ends = links.place(np.zeros((1, links.chain.n))).ends
+        within = np.full((1, len(pairs)), np.inf)
+        apart = self.between(ends, pairs[:, 0], pairs[:, 1], within, None).distance[0]
         return np.asarray(pairs[apart - links.radius[pairs].sum(axis=1) > least])
+
+
+@compiled(
+    ARRAY3, VECTOR, INDEX2, NUMBER,
+    MATRIX, MATRIX, VECTOR, ARRAY3, MATRIX, MATRIX,
+    VECTOR, FLAGS2, FLAGS,
+)  # fmt: skip
+def _within(
+    ends: Array, size: Array, own: Index, own_clearance: float,
+    start: Array, end: Array, radius: Array, R: Array, centre: Array, half: Array,
+    further: Array, wanted: Flags, hard: Flags,
+) -> tuple[Index, Index]:  # fmt: skip
+    """Return the pairs whose surroundings meet: balls around segments, and the boxes themselves.
+
+    `ends` (c, 2, 3) are the capsules', of which each reaches `size` (c,) from its middle; `own`
+    (p, 2) are their pairs. `further` is what each obstacle reaches beyond its surface [m]. Only
+    `wanted` (c, k) pairs with `hard` obstacles (k,) count.
+    """
+    capsules, rounds, boxes = len(ends), len(start), len(centre)
+    most = len(own) + capsules * (rounds + boxes)
+    first, second = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+    middle = np.empty((capsules, 3))
+    for c in range(capsules):
+        for i in range(3):
+            middle[c, i] = 0.5 * (ends[c, 0, i] + ends[c, 1, i])
+    found = 0
+    for pair in range(len(own)):
+        a, b = own[pair]
+        reach, apart2 = size[a] + size[b] + own_clearance, 0.0
+        for i in range(3):
+            apart2 += (middle[a, i] - middle[b, i]) ** 2
+        if apart2 < reach * reach:
+            first[found], second[found] = a, b
+            found += 1
+    around = np.empty(rounds)
+    for k in range(rounds):
+        length2 = 0.0
+        for i in range(3):
+            length2 += (end[k, i] - start[k, i]) ** 2
+        around[k] = 0.5 * math.sqrt(length2) + radius[k] + further[k]
+    for c in range(capsules):
+        for k in range(rounds):
+            if wanted[c, k] and hard[k]:
+                reach, apart2 = size[c] + around[k], 0.0
+                for i in range(3):
+                    apart2 += (middle[c, i] - 0.5 * (start[k, i] + end[k, i])) ** 2
+                if apart2 < reach * reach:
+                    first[found], second[found] = c, capsules + k
+                    found += 1
+    for c in range(capsules):
+        for box in range(boxes):
+            k = rounds + box
+            if wanted[c, k] and hard[k]:
+                reach, apart2 = size[c] + further[k], 0.0
+                for j in range(3):
+                    x = 0.0
+                    for i in range(3):
+                        x += R[box, i, j] * (middle[c, i] - centre[box, i])
+                    apart2 += max(abs(x) - half[box, j], 0.0) ** 2
+                if apart2 < reach * reach:
+                    first[found], second[found] = c, capsules + k
+                    found += 1
+    return first[:found].copy(), second[:found].copy()
+
+
+@compiled(MATRIX, INDEX, INDEX, VECTOR, NUMBER, VECTOR, VECTOR, MATRIX, VECTOR)
+def _surfaces(
+    normal: Array, first: Index, second: Index, link_radius: Array, own_clearance: float,
+    radius: Array, clearance: Array, velocity: Array, speed: Array,
+) -> tuple[Array, Array, Array, Index]:  # fmt: skip
+    """Return the radii, promise, speed and obstacle (k,) that `Neighbours` has of each pair.
+
+    `radius` is that of rounds; `clearance`, `velocity` (m, 3) and `speed` are those of obstacles.
+    """
+    k, capsules = len(first), len(link_radius)
+    radii, promise, nearer = np.empty(k), np.empty(k), np.zeros(k)
+    obstacle = np.empty(k, dtype=np.int64)
+    for i in range(k):
+        radii[i], promise[i], obstacle[i] = link_radius[first[i]], own_clearance, -1
+        if second[i] < capsules:
+            radii[i] += link_radius[second[i]]
+            continue
+        thing = second[i] - capsules
+        obstacle[i], promise[i] = thing, clearance[thing]
+        if thing < len(radius):
+            radii[i] += radius[thing]
+        closing = speed[thing]
+        for j in range(3):
+            closing += normal[i, j] * velocity[thing, j]
+        nearer[i] = max(closing, 0.0)
+    return radii, promise, nearer, obstacle
+
+
+@compiled(ARRAY3, MATRIX, FLAGS, INDEX, INDEX, INDEX, MATRIX, MATRIX)
+def _slopes(
+    frames: Array, axes: Array, prismatic: Flags, body: Index,
+    first: Index, second: Index, normal: Array, place: Array,
+) -> Array:  # fmt: skip
+    """Return the slopes (k, n) of distances: the normal (k, 3) times the Jacobian of the place.
+
+    A second link's place lies on the same normal, so that only the joints between the two count.
+    `frames` (n, 3, 4) and `axes` (n, 3) are the joints', `body` (c,) the capsules'.
+    """
+    rows = np.zeros((len(first), len(frames)))
+    for k in range(len(first)):
+        moved = body[second[k]] if second[k] < len(body) else 0
+        nx, ny, nz = normal[k]
+        for j in range(min(moved, body[first[k]]), max(moved, body[first[k]])):
+            zx, zy, zz = axes[j]
+            if prismatic[j]:
+                slope = nx * zx + ny * zy + nz * zz
+            else:
+                x, y, z = (
+                    place[k, 0] - frames[j, 0, 3],
+                    place[k, 1] - frames[j, 1, 3],
+                    place[k, 2] - frames[j, 2, 3],
+                )
+                slope = nx * (zy * z - zz * y) + ny * (zz * x - zx * z) + nz * (zx * y - zy * x)
+            rows[k, j] = slope if j < body[first[k]] else -slope
+    return rows

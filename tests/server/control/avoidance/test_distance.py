@@ -3,10 +3,30 @@
 import coal
 import numpy as np
 import pytest
-from telerobot.server.control.avoidance.distance import segments, segments_boxes
+from telerobot.server.control.avoidance.distance import Near, measured
 from telerobot.server.control.frames import rotation_exp
 
 COUNT = 300
+
+
+def segments(a, b, c, d, within=np.inf) -> Near:
+    """Return where each segment a–b is nearest to its c–d, as a round."""
+    return things(a, b, len(a), within, c, d)
+
+
+def segments_boxes(a, b, R, centre, half, within=np.inf) -> Near:
+    """Return where each segment a–b is nearest to its box."""
+    return things(a, b, len(a), within, R=R, centre=centre, half=half)
+
+
+def things(a, b, offset, within, c=None, d=None, R=None, centre=None, half=None) -> Near:
+    none = np.zeros((0, 3))
+    first = np.arange(len(a))
+    rounds = (none, none) if c is None else (c, d)
+    boxes = (np.zeros((0, 3, 3)), none, none) if R is None else (R, centre, half)
+    ends = np.stack([a, b], axis=1)[None]
+    within = np.full((1, len(a)), within)
+    return Near(*(x[0] for x in measured(ends, first, first + offset, within, *rounds, *boxes)))
 
 
 @pytest.fixture
@@ -100,12 +120,47 @@ def test_over_a_face_that_it_is_parallel_to_the_nearest_place_is_in_the_middle()
 
 
 def test_crossing_segments_have_a_direction_too():
-    p, q = np.array([-1.0, 0, 0]), np.array([1.0, 0, 0])
-    near = segments(p, q, np.array([0, -1.0, 0]), np.array([0, 1.0, 0]))
+    p, q = np.array([[-1.0, 0, 0]]), np.array([[1.0, 0, 0]])
+    near = segments(p, q, np.array([[0, -1.0, 0]]), np.array([[0, 1.0, 0]]))
     assert near.distance == 0.0
-    assert abs(near.normal[2]) == pytest.approx(1.0)
+    assert abs(near.normal[0, 2]) == pytest.approx(1.0)
     same = segments(p, q, p, q)
     assert float(np.linalg.norm(same.normal)) == pytest.approx(1.0)
+
+
+def test_two_segments_of_the_arm_are_measured_as_a_segment_and_a_round(lines):
+    a, b, c, d = lines
+    ends, i = np.stack([np.r_[a, c], np.r_[b, d]], axis=1)[None], np.arange(COUNT)
+    none, far = np.zeros((0, 3)), np.full((1, COUNT), np.inf)
+    own = measured(ends, i, i + COUNT, far, none, none, np.zeros((0, 3, 3)), none, none)
+    for found, expected in zip(own, segments(a, b, c, d), strict=True):
+        np.testing.assert_array_equal(found[0], expected)
+
+
+def test_every_posture_is_measured_as_if_it_were_the_only_one(lines, rng):
+    a, b, c, d = lines
+    ends = np.stack([a, b], axis=1) + rng.uniform(-0.5, 0.5, (5, 1, 1, 3))
+    i, none = np.arange(COUNT), np.zeros((0, 3))
+    within = np.full((5, COUNT), np.inf)
+    found = measured(ends, i, i + COUNT, within, c, d, np.zeros((0, 3, 3)), none, none)
+    for s in range(5):
+        alone = segments(ends[s, :, 0], ends[s, :, 1], c, d)
+        for several, one in zip(found, alone, strict=True):
+            np.testing.assert_array_equal(several[s], one)
+
+
+@pytest.mark.parametrize("within", [-0.05, 0.0, 0.2, 0.6])
+def test_of_what_is_beyond_it_is_only_said_that_it_is(lines, boxes, within):
+    a, b, c, d = lines
+    a, c = b + 0.2 * (a - b), d + 0.2 * (c - d)
+    for measure, others in ((segments, (c, d)), (segments_boxes, boxes)):
+        true, told = measure(a, b, *others), measure(a, b, *others, within)
+        near = true.distance < within
+        np.testing.assert_array_equal(told.distance[near], true.distance[near])
+        np.testing.assert_array_equal(told.normal[near], true.normal[near])
+        beyond = told.distance[~near]
+        assert (beyond >= within).all()
+        assert (beyond <= true.distance[~near] + 1e-12).all()
 
 
 THIN = 0.01
