@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.obstacles import Obstacle
+from telerobot.config.urdf import read_robot
 from telerobot.server.control.avoidance.priority import RELEASE_S, Priority, alpha_of, size_of
-from telerobot.server.control.avoidance.spheres import ALIKE
+from telerobot.server.control.avoidance.spheres import ALIKE, Spheres
 from telerobot.server.control.frames import Pose
 from telerobot.server.control.mechanism import Mechanism
 from telerobot.server.events import Events
 from telerobot.server.world import World
+from telerobot.tools.bench.load import chain
 
 CELL = load_cell("pa10_hand_pole")
 LAW = CELL.config.priority
@@ -88,6 +90,24 @@ def test_the_slope_is_that_of_the_distance(rng):
         for i, e in enumerate(np.eye(7)):
             expected = (mixed(q + h * e) - mixed(q - h * e)) / (2.0 * h)
             assert slope[i] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_sliding_joint_moves_a_sphere_along_its_axis(tmp_path):
+    """A made chain, of whose seven joints the second slides: the slope is that by differences."""
+    cell = chain(CELL, 7, tmp_path)
+    text = cell.path.read_text(encoding="utf-8")
+    path = tmp_path / "slides.urdf"
+    path.write_text(
+        text.replace('"joint1" type="revolute"', '"joint1" type="prismatic"'), encoding="utf-8"
+    )
+    cell = dataclasses.replace(cell, robot=read_robot(path, "tip", str(path)))
+    spheres, scene, h = Spheres(cell, LAW.spheres[:1]), scene_of(BALL), 1e-6
+    q = np.array([0.3, 0.1, -0.2, 0.5, 0.4, 0.1, 0.0])
+    slope = spheres.look(q, scene).slope
+    for i, e in enumerate(h * np.eye(7)):
+        ahead, behind = spheres.look(q + e, scene).least, spheres.look(q - e, scene).least
+        assert slope[i] == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-6)
+    assert abs(slope[1]) > 0.1
 
 
 @pytest.mark.parametrize("joints", [("s1",), ("s3",), ("s1", "s3"), ("e2",)])
