@@ -123,6 +123,22 @@ def test_distances_to_rounds_are_those_to_their_nearest_surface_point():
         np.testing.assert_allclose(normal, away[size.argmin()] / size.min(), atol=2e-3)
 
 
+def test_the_push_of_a_solid_is_the_integral_along_the_link():
+    """A ball beside a link: k/d' and its slope, summed over a thousand places."""
+    centre, radius = np.array([0.1, 0.5, -0.2]), 0.1
+    p1, p2 = np.array([-0.2, 0.0, 0.1]), np.array([0.3, 0.1, -0.2])
+    at = p1 + (p2 - p1) * ((np.arange(1000) + 0.5) / 1000)[:, None]
+    away = at - centre
+    d = np.linalg.norm(away, axis=1) - radius
+    bounded = 0.5 * d + np.sqrt(0.25 * d * d + LEAST**2)
+    pull = 1.0 / (bounded**2 + LEAST**2) / (d + radius)
+    each = np.linalg.norm(p2 - p1) / 1000
+    force, moment, potential = acting(rounds(centre, centre, radius), p1, p2, LEAST)
+    assert potential == pytest.approx(each * (1.0 / bounded).sum(), rel=1e-4)
+    np.testing.assert_allclose(force, each * pull @ away, atol=1e-4 * np.linalg.norm(force))
+    np.testing.assert_allclose(moment, each * pull @ np.cross(at, away), atol=5e-4)
+
+
 def test_solids_push_outwards_and_never_without_bound():
     box = boxes(np.eye(3)[None], np.zeros((1, 3)), np.full((1, 3), 0.2))
     at = np.linspace(0.05, 0.6, 200)
