@@ -1,7 +1,8 @@
 """What of the asked joint rates every barrier allows.
 
 Scaled to the joint speed bounds first, and beside things to the tool's; then the nearest rates that
-keep every barrier: self-motion is spent first, then speed along the path, and only then the path.
+keep every barrier: self-motion is spent first, then speed along the path, and only then the path,
+along which the tool would stop: it slides on along the barrier.
 """
 
 from typing import NamedTuple
@@ -25,9 +26,12 @@ class Allowed(NamedTuple):
 
     dq: Array
     scale: float
-    """Share of the asked tool motion that is left, 0 to 1."""
+    """Share of the asked tool motion that is left, on its path or sliding, 0 to 1."""
     limits: tuple[str, ...]
     """Names of what took the rest."""
+    pace: float
+    """Share of its own speed at which a path may go on, 0 to 1: it leads a tool that slides, and
+    waits for one that the leash holds."""
     watch: Watch | None = None
     """What is around the arm; None where clearances are not kept."""
     gaps: tuple[Gap, ...] = ()
@@ -85,12 +89,15 @@ class Allow:
         if watch is not None and broken is not None and self.guard is not None and broken.any():
             limits += self.guard.named(watch, broken)
             beyond = True
+        pace = share
         if beyond:
+            held = bool(((dq < leash.low) | (dq > leash.high)).any())
             found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length, rows)
             dq, share = found.dq, share * found.share
+            pace = share if held else pace * found.pace
         if watch is None or broken is None or self.guard is None:
-            return Allowed(dq, share, limits)
-        return Allowed(dq, share, limits, watch, self.guard.gaps(watch, broken))
+            return Allowed(dq, share, limits, pace)
+        return Allowed(dq, share, limits, pace, watch, self.guard.gaps(watch, broken))
 
     def _reasons(self, dq: Array, low: Array, high: Array, name: str) -> tuple[str, ...]:
         beyond = (dq < low) | (dq > high)

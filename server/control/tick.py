@@ -41,6 +41,9 @@ POSTURE_GAIN = 4.0
 POSTURE_REACHED = 2e-4
 """A posture is reached within this angle of every joint [rad]."""
 
+SLID = 0.99
+"""A tool that does less than this part of what its path does has been turned off it [1]."""
+
 STANDING = 1e-9
 """Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
 
@@ -59,6 +62,8 @@ class _Asked:
     field: Felt | None = None
     give_way: Array | None = None
     """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
+    pace: float = 1.0
+    """Share of its own speed at which a path may go on."""
 
 
 class Control:
@@ -134,6 +139,7 @@ class Control:
             asked,
             dq=allowed.dq,
             scale=asked.scale * allowed.scale,
+            pace=asked.scale * allowed.pace,
             limits=asked.limits + allowed.limits,
         )
         limited = self._limit(memory, inputs, asked, allowed)
@@ -299,7 +305,11 @@ class Control:
             motion=limited.motion,
             stop=limited.stop,
             sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
-            position=self.summing.position.advance(memory.position, granted),
+            position=self.summing.position.advance(
+                memory.position,
+                0.0 if limited.stopped else asked.pace,
+                slid=asked.scale < SLID * asked.pace,
+            ),
             following=self.summing.following.advance(
                 memory.following, asked.twist, granted, k.T_world_mrf
             ),

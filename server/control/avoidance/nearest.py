@@ -3,10 +3,15 @@
 Self-motion is spent first, then the tool slows along its path, and only then does it leave the
 path: the unknowns are the joint rates and the share s of the asked tool motion, and leaving the
 path (J dq ≠ s ẋ) costs far more than going slower (s < 1), which costs far more than self-motion.
+An arm that only slowed would creep to a stop beside whatever stands across its path. So s does not
+fall below `SLIDE`: what is still too much then is taken off sideways, and since the least of it
+is, it is what approaches that goes. The rest slides on, along the barrier; where nothing is left
+of the motion but what approaches, the arm stands.
 Bounds of joint rates are hard; other barriers are soft, at a price that only what cannot be had at
 all makes worth paying: an arm that is inside a bound is led back as well as it can be.
 """
 
+import math
 from typing import NamedTuple
 
 import daqp
@@ -18,8 +23,16 @@ LEAVE_PATH = 1000.0
 """Cost of tool motion off the path, per (m/s)²."""
 SLOW_DOWN = 3.0
 """Cost of going slower than asked, per (m/s)²."""
+SLIDE = 0.5
+"""Slowed to this share of what is asked, the tool goes no slower but leaves the path [1]."""
+ATTITUDE = 3.0
+"""Rotations count so much more here than in the resolution of tool rates: a tool that is pushed at
+something is not to tilt for the little way that this gains it [1]."""
 SELF_MOTION = 0.01
 """Cost of joint rates other than asked, per part of V squared."""
+
+UNASKED = 1e-9
+"""A tool motion below this is none [m/s]."""
 
 _SOFT = 8
 """DAQP's sign of a soft constraint."""
@@ -30,7 +43,11 @@ class Nearest(NamedTuple):
 
     dq: Array
     share: float
-    """Share of the asked tool motion that is left, 0 to 1."""
+    """Size of the tool motion that is left, on the path or sliding, as a share of the asked one,
+    0 to 1."""
+    pace: float
+    """Share of its asked speed at which the path itself may go on: that of the motion whose
+    projection this is, `SLIDE` at least."""
 
 
 class BarrierError(Exception):
@@ -52,7 +69,7 @@ def nearest(
     and b (m,) of further barriers A dq ≥ b.
     """
     n = len(dq)
-    weight = np.array([1.0, 1.0, 1.0] + [characteristic_length] * 3)
+    weight = np.array([1.0, 1.0, 1.0] + [ATTITUDE * characteristic_length] * 3)
     Jw = J * weight[:, None]
     x = Jw @ dq
     H = np.zeros((n + 1, n + 1))
@@ -70,7 +87,7 @@ def nearest(
     f = np.zeros(n + 1)
     f[n] = -slow
     upper = np.append(high, 1.0)
-    lower = np.append(low, 0.0)
+    lower = np.append(low, SLIDE)
     m = 0 if rows is None else len(rows[1])
     A = np.zeros((m, n + 1))
     sense = np.zeros(n + 1 + m, dtype=np.int32)
@@ -82,4 +99,7 @@ def nearest(
     solution, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     if flag not in (1, 2):
         raise BarrierError(f"solver flag {flag}, bounds {low} to {high}")
-    return Nearest(np.clip(solution[:n], low, high), float(solution[n]))
+    found, pace = np.clip(solution[:n], low, high), float(solution[n])
+    left, size = Jw @ found, math.sqrt(asked2)
+    share = pace if size < UNASKED else min(pace, math.sqrt(float(left @ left)) / size)
+    return Nearest(found, share, pace)

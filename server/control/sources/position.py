@@ -1,10 +1,11 @@
 """Target poses (Williams 1997, section 2.3): a jerk-limited path, followed with error feedback.
 
 The path leads straight from where the MRF is to the target, the rotation along the geodesic; the
-rate is the path's own plus K_P times the pose error, rotation by logarithm. The path waits while
-the arm is held back, so that limits slow a motion without bending it; and it does not care how
-far a stick pushes the tool aside: on release the error feedback brings it home. Routes, timed
-twists and a master's pose are followed by the same law: only the path differs.
+rate is the path's own plus K_P times the pose error, rotation by logarithm. The path slows as the
+arm is held back, so that limits slow a motion without bending it; it leads on where the tool
+slides along a barrier, so that it comes out behind it; and it does not care how far a stick pushes
+the tool aside: on release the error feedback brings it home. Routes, timed twists and a master's
+pose are followed by the same law: only the path differs.
 """
 
 import math
@@ -26,6 +27,9 @@ FULL_FEED_FORWARD = 0.5
 
 REACHED = (5e-4, 1e-3)
 """A goal is reached within this distance [m] and angle [rad]."""
+
+CAUGHT_UP = (5e-3, 2e-2)
+"""A tool that slid off its path is on it again within this distance [m] and angle [rad]."""
 
 PAUSE_TIME_S = 0.15
 """Time constant with which a path is paused and resumed [s]."""
@@ -58,6 +62,8 @@ class PositionState:
     """Time since the present segment of twists began [s]."""
     pace: float = 1.0
     """Part of its own speed at which the path goes: falls to 0 while it is paused [1]."""
+    behind: bool = False
+    """The tool slid off the path and has not caught up: no leg ends before it has."""
 
     @property
     def progress(self) -> Progress | None:
@@ -109,12 +115,18 @@ class Position:
         error = pose_error(T_world_path, T_world_mrf)
         rate = _followed(R_world_axes, error, twist_path, gain, factor * self._speed)
         reached = self._reached(state, path, goal, T_world_mrf)
-        state = evolve(state, at_goal=reached, T_world_path=T_world_path)
+        behind = state.behind and not _within(error, CAUGHT_UP)
+        state = evolve(state, at_goal=reached, T_world_path=T_world_path, behind=behind)
         return rate, state
 
-    def advance(self, state: PositionState, granted: float) -> PositionState:
-        """Return the state with the path moved on by `granted` (0 to 1) of a period."""
+    def advance(self, state: PositionState, granted: float, slid: bool = False) -> PositionState:
+        """Return the state with the path moved on by `granted` (0 to 1) of a period.
+
+        `slid` tells that a barrier turned the tool off the path.
+        """
         step_s = granted * self._period_s
+        if slid and not state.behind:
+            state = evolve(state, behind=True)
         match state.path:
             case Path() as path:
                 moved = path.advanced(state.pace * step_s)
@@ -168,7 +180,7 @@ class Position:
         path = state.path
         if begin or not isinstance(path, Path):
             return state, self._straight.plan(legs[state.leg], T, twist, factor)
-        if state.leg + 1 < len(legs):
+        if state.leg + 1 < len(legs) and not state.behind:
             near = isinstance(goal, Route) and goal.blend > 0.0 and path.distance() < goal.blend
             if path.finished or near:
                 leg = state.leg + 1
@@ -207,11 +219,15 @@ class Position:
             return False
         if isinstance(goal, Route) and state.leg + 1 < len(goal.legs):
             return False
-        away = pose_error(goal.T_world_target or path.now()[0], T)
-        return (
-            math.sqrt(float(away[:3] @ away[:3])) < REACHED[0]
-            and math.sqrt(float(away[3:] @ away[3:])) < REACHED[1]
-        )
+        return _within(pose_error(goal.T_world_target or path.now()[0], T), REACHED)
+
+
+def _within(error: Array, bounds: tuple[float, float]) -> bool:
+    """Return whether an error (6,) is below bounds of distance [m] and angle [rad]."""
+    return (
+        math.sqrt(float(error[:3] @ error[:3])) < bounds[0]
+        and math.sqrt(float(error[3:] @ error[3:])) < bounds[1]
+    )
 
 
 @compiled(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR)

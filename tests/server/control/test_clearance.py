@@ -99,7 +99,8 @@ def test_driven_into_a_table_the_tool_stands_before_it_and_leaves_at_once(pa10, 
     kept = Kept(pa10, (TABLE,))
     kept.go(4.0, twist)
     assert 0.0 < min(kept.least) < 0.012
-    assert np.abs(kept.run.memory.motion.dq).max() < 0.02
+    # Straight at it the tool stands; obliquely it glides along, up to where its reach ends.
+    assert np.abs(kept.run.memory.motion.dq).max() < (0.25 if any(twist[:2]) else 0.02)
     height = kept.run.pose.p[2]
     kept.go(1.0, (0, 0, 0.3, 0, 0, 0))
     assert kept.run.pose.p[2] > height + 0.15

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.avoidance.nearest import nearest
+from telerobot.server.control.avoidance.nearest import ATTITUDE, SLIDE, nearest
 
 L = 0.3
 W = np.diag([1.0] * 3 + [L] * 3)
@@ -84,3 +84,43 @@ def test_a_joint_that_leads_away_from_its_bound_is_not_held(arm, rng):
         # Every joint is at the bound that it leads away from.
         found = nearest(dq, J, np.where(dq > 0, 0.0, -V), np.where(dq > 0, V, 0.0), V, L)
         np.testing.assert_allclose(found.dq, dq, atol=1e-6)
+
+
+def test_where_slowing_is_not_enough_only_what_approaches_is_given_up(ur5e, rng):
+    """Six joints have no self-motion: the slowed tool motion, projected on the barrier."""
+    V, M = 10.0 * ur5e.p.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
+    for _ in range(50):
+        J = jacobian(ur5e, ur5e.posture("ready") + rng.uniform(-0.2, 0.2, 6))
+        x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
+        dq = rates_for(J, x)
+        # A gap with slope n along the tool's motion, which closes it more or less obliquely.
+        n = -M @ x / np.sqrt(x @ M @ x) + rng.normal(size=6) * [1.0, 1.0, 1.0, 0.9, 0.9, 0.9]
+        if n @ x > -0.3 * np.sqrt((x @ M @ x) * (n @ np.linalg.solve(M, n))):
+            continue
+        found = nearest(dq, J, -V, V, V, L, (n[None] @ J, np.zeros(1)))
+        turn = np.linalg.solve(M, n)
+        expected = SLIDE * (x - turn * (n @ x) / (n @ turn))
+        np.testing.assert_allclose(J @ found.dq, expected, atol=0.02 * np.linalg.norm(x))
+        assert n @ J @ found.dq > -2e-4
+        assert found.pace == pytest.approx(SLIDE)
+        assert found.share <= SLIDE + 1e-9
+
+
+def test_a_motion_straight_at_a_barrier_is_all_given_up(ur5e, rng):
+    V, M = 10.0 * ur5e.p.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
+    J = jacobian(ur5e, ur5e.posture("ready"))
+    x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
+    found = nearest(rates_for(J, x), J, -V, V, V, L, (-(M @ x)[None] @ J, np.zeros(1)))
+    assert np.linalg.norm(J @ found.dq) < 0.01 * np.linalg.norm(x)
+    assert found.share < 0.01
+
+
+def test_the_answer_does_not_jump_where_sliding_begins(ur5e, rng):
+    V, J = 10.0 * ur5e.p.velocity, jacobian(ur5e, ur5e.posture("ready"))
+    x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
+    dq, n = rates_for(J, x), rng.normal(size=6)
+    n *= -np.sign(n @ x)
+    allowed = np.linspace(1.1, 0.0, 400) * (n @ x)
+    every = np.array([nearest(dq, J, -V, V, V, L, (n[None] @ J, b[None])).dq for b in allowed])
+    steps = np.linalg.norm(np.diff(every, axis=0) @ J.T, axis=1)
+    assert steps.max() < 0.05 * np.linalg.norm(x)

@@ -150,6 +150,22 @@ def test_a_route_waits_for_a_tool_that_is_held():
     assert tool.go(8.0, route()).state.at_goal
 
 
+@pytest.mark.parametrize("blend", [0.0, 0.03])
+def test_no_leg_ends_while_a_barrier_has_the_tool_off_its_path(blend):
+    aside, other = Tool().go(0.3, route(blend)), Tool().go(0.3, route(blend))
+    for tool, slid in ((aside, True), (other, False)):
+        for _ in range(300):  # the path goes on, the tool stands
+            _, tool.state = tool.source.rate(
+                tool.state, route(blend), tool.pose, np.zeros(6), GAIN, np.eye(3), 1.0
+            )
+            tool.state = tool.source.advance(tool.state, 1.0, slid)
+    assert aside.state.leg == 0
+    assert other.state.leg == 2
+    aside.go(8.0, route(blend))
+    assert nearest(aside, CORNERS[0]) < 5.1e-3 + blend
+    assert aside.state.at_goal
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_another_route_in_full_motion_is_taken_up_without_a_jump(seed, random_pose):
     rng = np.random.default_rng(seed)
