@@ -91,6 +91,7 @@ class Allow:
             beyond = True
         pace = share
         if beyond:
+            leash = self.room.leash(error)
             held = bool(((dq < leash.low) | (dq > leash.high)).any())
             found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length, rows)
             dq, share = found.dq, share * found.share

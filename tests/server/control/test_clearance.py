@@ -281,6 +281,7 @@ def test_a_base_that_carries_the_arm_towards_things_leaves_it_more_room(pa10):
         for _ in range(300):
             command = StickCommand(np.array([0.3, 0, 0.1, 0, 0, 0]), np.eye(3))
             kept.run.tick(stick=command, scene=kept.world.scene(0), moved=moved)
-        gaps.append(kept.gap())
+            kept.least.append(kept.gap())
+        gaps.append(min(kept.least))
     assert gaps[0] > 0.0
     assert gaps[1] > gaps[0] + 0.003
