@@ -5,10 +5,12 @@ that comes nearer at w meanwhile; a' a part of the deceleration that the joints 
 lag the time that jerk and period take before braking acts.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
 from ..frames import Array
 
 BRAKING = 0.7
@@ -35,39 +37,46 @@ class Braking:
 
     def __init__(self, acceleration: Array, jerk: Array, period_s: float) -> None:
         self._acceleration = acceleration
-        self._jerk = jerk
+        self._ramp_s = float((acceleration / jerk).max())
         self._period_s = period_s
 
     def lag(self, factor: float) -> float:
         """Return the time before braking acts [s]; `factor` scales the acceleration."""
-        ramp = float((self._acceleration / self._jerk).max())
-        return 2.0 * (factor * ramp + self._period_s)
+        return 2.0 * (factor * self._ramp_s + self._period_s)
 
     def stop_way(self, speed: Array, factor: float) -> Array:
         """Return how far each joint goes at most until it stands, from a speed (n,) [rad/s]."""
         braking = 0.5 * speed / (factor * self._acceleration)
         return np.asarray(speed * (self.lag(factor) + braking))
 
-    def deceleration(self, slopes: Array, factor: float) -> Array:
-        """Return what is counted on along gaps with slopes (m, n) [m/s²].
-
-        Of all motions with one approach speed, the one with the least joint rates brakes like this.
-        """
-        size = np.abs(slopes)
-        slowest = (size / self._acceleration).max(axis=1)
-        return np.asarray(BRAKING * factor * (size * size).sum(axis=1) / np.maximum(slowest, 1e-12))
-
     def rows(self, slopes: Array, room: Array, closing: Array, factor: float, widen: bool) -> Rows:
         """Return the barriers of gaps with slopes (m, n), room (m,) [m] and closing speed [m/s].
 
         With `widen`, a gap beyond its bound is widened gently; else it just does not close.
         """
-        lag = self.lag(factor)
-        a = self.deceleration(slopes, factor)
-        b = a * lag + closing
-        left = room - closing * lag
-        speed = np.sqrt(b * b + 2.0 * a * np.maximum(left, 0.0)) - b
-        if widen:
-            back = np.minimum(RETURN_RATE * np.maximum(-room, 0.0), RETURN_SPEED)
-            speed = speed - np.where(closing > 0.0, 0.0, back)
-        return Rows(slopes, -speed)
+        lag, acceleration = self.lag(factor), factor * self._acceleration
+        return Rows(slopes, -_speeds(slopes, room, closing, acceleration, lag, widen))
+
+
+@compiled(MATRIX, VECTOR, VECTOR, VECTOR, NUMBER, FLAG)
+def _speeds(
+    slopes: Array, room: Array, closing: Array, acceleration: Array, lag: float, widen: bool
+) -> Array:
+    """Return the speeds (m,) [m/s] at which gaps may close: the law of this page.
+
+    Of all motions with one approach speed, the one with the least joint rates has the deceleration
+    that is counted on; `acceleration` (n,) is the joints'.
+    """
+    found = np.empty(len(slopes))
+    for i in range(len(slopes)):
+        size2, slowest = 0.0, 1e-12
+        for j in range(len(acceleration)):
+            size2 += slopes[i, j] * slopes[i, j]
+            slowest = max(slowest, abs(slopes[i, j]) / acceleration[j])
+        a = BRAKING * size2 / slowest
+        b = a * lag + closing[i]
+        left = max(room[i] - closing[i] * lag, 0.0)
+        found[i] = math.sqrt(b * b + 2.0 * a * left) - b
+        if widen and closing[i] <= 0.0:
+            found[i] -= min(RETURN_RATE * max(-room[i], 0.0), RETURN_SPEED)
+    return found

@@ -118,7 +118,8 @@ def _frames(parts: Array, prismatic: Flags, q: Array, R: Array, p: Array) -> Arr
             for row in range(3):
                 x, y, z, place = R[row, 0], R[row, 1], R[row, 2], p[row]
                 if i:
-                    x, y, z, place = found[s, i - 1, row]
+                    x, y = found[s, i - 1, row, 0], found[s, i - 1, row, 1]
+                    z, place = found[s, i - 1, row, 2], found[s, i - 1, row, 3]
                 for k in range(4):
                     found[s, i, row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
                 found[s, i, row, 3] += place

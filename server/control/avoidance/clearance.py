@@ -64,7 +64,6 @@ class Gap(NamedTuple):
 class Sight(NamedTuple):
     """What clearances are at one posture."""
 
-    q: Array
     scene: Scene | None
     base: Base
     lever: Array
@@ -106,7 +105,7 @@ class Clearance:
             near = _on_moving_base(near, base)
         tube = np.abs(near.rows) @ np.abs(error)
         floor, levels = self._floors(near, tube, scene, levels)
-        return Sight(q, scene, base, lever, room, near, tube, floor, levels)
+        return Sight(scene, base, lever, room, near, tube, floor, levels)
 
     def room(self, sight: Sight) -> Array:
         """Return how far each gap may close (k,) [m]; negative beyond its barrier."""
@@ -119,13 +118,13 @@ class Clearance:
         return room
 
     def shortfall(
-        self, sight: Sight, duration_s: float, low: Array, high: Array, postures: Postures
+        self, sight: Sight, duration_s: float, farthest: Array, postures: Postures
     ) -> float:
         """Return by how much the worst gap falls short along a stop [m]; 0 where all are kept.
 
-        `low` and `high` (n,) bound the joints along the stop; `postures` gives them at times.
+        `farthest` (n,) [rad] bounds how far joints go from where they are; `postures` gives them.
         """
-        way = travel(sight.lever, np.maximum(high - sight.q, sight.q - low))
+        way = travel(sight.lever, farthest)
         if (way > sight.room).any():
             sight = self._farther(sight, way)
         near, scene = sight.near, sight.scene
@@ -150,9 +149,7 @@ class Clearance:
         floor, _ = self._floors(near, tube, sight.scene, sight.levels)
         if sight.base is not None:
             near = _on_moving_base(near, sight.base)
-        return Sight(
-            sight.q, sight.scene, sight.base, sight.lever, way, near, tube, floor, sight.levels
-        )
+        return sight._replace(room=way, near=near, tube=tube, floor=floor)
 
     def _sampled(
         self, sight: Sight, doubtful: Index, needed: Array, duration_s: float, closer: Array,

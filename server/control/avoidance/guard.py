@@ -115,9 +115,10 @@ class Guard:
     ) -> float:
         """Return by how much a stop breaks what is kept, at its worst place [m]; 0 for not."""
         at = watch.at
-        short = self.clearance.shortfall(watch.sight, duration_s, low, high, postures)
+        way = np.maximum(high - at.q, at.q - low)
+        short = self.clearance.shortfall(watch.sight, duration_s, way, postures)
         if self.walls.given:
-            if self.walls.far(at.p, at.T_wrist_mrf, np.maximum(high - at.q, at.q - low)):
+            if self.walls.far(at.p, at.T_wrist_mrf, way):
                 return short
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
             base = None if at.base is None else at.base.T

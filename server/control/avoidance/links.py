@@ -187,14 +187,15 @@ def _ends(frames: Array, body: Index, segments: Array, R: Array, p: Array) -> Ar
     ends = np.empty((postures, capsules, 2, 3))
     for s in range(postures):
         for c in range(capsules):
-            turn, origin = R, p
-            if body[c] > 0:
-                turn, origin = frames[s, body[c] - 1, :, :3], frames[s, body[c] - 1, :, 3]
-            for e in range(2):
-                x, y, z = segments[c, e]
-                for row in range(3):
-                    way = turn[row, 0] * x + turn[row, 1] * y + turn[row, 2] * z
-                    ends[s, c, e, row] = way + origin[row]
+            joint = body[c] - 1
+            for row in range(3):
+                x, y, z, place = R[row, 0], R[row, 1], R[row, 2], p[row]
+                if joint >= 0:
+                    x, y = frames[s, joint, row, 0], frames[s, joint, row, 1]
+                    z, place = frames[s, joint, row, 2], frames[s, joint, row, 3]
+                for e in range(2):
+                    way = x * segments[c, e, 0] + y * segments[c, e, 1] + z * segments[c, e, 2]
+                    ends[s, c, e, row] = way + place
     return ends
 
 

@@ -244,18 +244,17 @@ def _slopes(
     """
     rows = np.zeros((len(first), len(frames)))
     for k in range(len(first)):
-        moved = body[second[k]] if second[k] < len(body) else 0
-        nx, ny, nz = normal[k]
-        for j in range(min(moved, body[first[k]]), max(moved, body[first[k]])):
-            zx, zy, zz = axes[j]
+        nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
+        ahead = body[first[k]]
+        behind = body[second[k]] if second[k] < len(body) else 0
+        for j in range(min(ahead, behind), max(ahead, behind)):
+            zx, zy, zz = axes[j, 0], axes[j, 1], axes[j, 2]
             if prismatic[j]:
                 slope = nx * zx + ny * zy + nz * zz
             else:
-                x, y, z = (
-                    place[k, 0] - frames[j, 0, 3],
-                    place[k, 1] - frames[j, 1, 3],
-                    place[k, 2] - frames[j, 2, 3],
-                )
+                x = place[k, 0] - frames[j, 0, 3]
+                y = place[k, 1] - frames[j, 1, 3]
+                z = place[k, 2] - frames[j, 2, 3]
                 slope = nx * (zy * z - zz * y) + ny * (zz * x - zx * z) + nz * (zx * y - zy * x)
-            rows[k, j] = slope if j < body[first[k]] else -slope
+            rows[k, j] = slope if j < ahead else -slope
     return rows

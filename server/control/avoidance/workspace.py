@@ -1,6 +1,7 @@
 """The box that the tool's MRF stays in: six walls, each a gap like any other."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,16 @@ from .links import Links
 
 BETWEEN = 0.002
 """Kept from a wall for what a path dips between two looks at a stop [m]."""
+
+
+class _Tip(NamedTuple):
+    """The MRF on the last body of the chain."""
+
+    T_wrist_mrf: Pose
+    p: Array
+    """Where it is there (3,) [m]."""
+    reach: Array
+    """Bounds on its levers (n,) [m]."""
 
 
 class Walls:
@@ -23,6 +34,7 @@ class Walls:
         if workspace is not None:
             self._low, self._high = np.array(workspace.low), np.array(workspace.high)
         _, self._T_last_wrist = links.chain.body_of(cell.config.mechanism.tip_link)
+        self._tip: _Tip | None = None
 
     def room(self, p: Array) -> Array:
         """Return how far the MRF at p (3,) is inside each barrier (6,) [m]: low walls, then high.
@@ -33,10 +45,8 @@ class Walls:
 
     def far(self, p: Array, T_wrist_mrf: Pose, way: Array) -> bool:
         """Return whether joints that move by `way` (n,) cannot lead the MRF out of the box."""
-        tip = self._T_last_wrist @ T_wrist_mrf
-        reach = self._links.reach(self._links.chain.n, math.sqrt(float(tip.p @ tip.p)))
         room = float(np.minimum(p - self._low, self._high - p).min()) - BETWEEN
-        return float(reach @ way) < room
+        return float(self._tip_at(T_wrist_mrf).reach @ way) < room
 
     def shortfall(
         self, p: Array, T_wrist_mrf: Pose, q: Array, T_world_base: Pose | None = None
@@ -46,8 +56,15 @@ class Walls:
         From where it is at p (3,), outside, it may only come nearer.
         """
         frames = self._links.chain.frames(q, T_world_base)[:, -1]
-        tip = self._T_last_wrist @ T_wrist_mrf
-        places = frames[:, :, :3] @ tip.p + frames[:, :, 3]
+        places = frames[:, :, :3] @ self._tip_at(T_wrist_mrf).p + frames[:, :, 3]
         low = np.minimum(self._low + BETWEEN, p - 1e-4)
         high = np.maximum(self._high - BETWEEN, p + 1e-4)
         return max(0.0, float(np.maximum(low - places, places - high).max()))
+
+    def _tip_at(self, T_wrist_mrf: Pose) -> _Tip:
+        """Return where the MRF is on the chain; it stays there from tick to tick."""
+        if self._tip is None or self._tip.T_wrist_mrf is not T_wrist_mrf:
+            p, chain = (self._T_last_wrist @ T_wrist_mrf).p, self._links.chain
+            reach = self._links.reach(chain.n, math.sqrt(float(p @ p)))
+            self._tip = _Tip(T_wrist_mrf, p, reach)
+        return self._tip

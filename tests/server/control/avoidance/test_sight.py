@@ -1,0 +1,69 @@
+"""What clearances are at one posture: bounds of the ways of links, and a Base that moves."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import Cell
+from telerobot.config.obstacles import Avoidance, Obstacle
+from telerobot.server.control.avoidance.clearance import Clearance, travel
+from telerobot.server.control.frames import Pose, rotation_exp
+from telerobot.server.control.tree import Body
+from telerobot.server.events import Events
+from telerobot.server.world import World
+
+THINGS = (
+    Obstacle(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1)),
+    Obstacle(name="ball", shape="sphere", xyz=(0.4, -0.4, 0.7), radius=0.1),
+    Obstacle(name="pole", shape="capsule", xyz=(0.5, 0.35, 0), to=(0.5, 0.35, 1), radius=0.05),
+)
+
+
+@pytest.fixture
+def clear(pa10):
+    """Return the clearances of an arm among things, and the scene."""
+    given = Avoidance(enabled=True)
+    config = pa10.cell.config.model_copy(update={"obstacles": THINGS, "avoidance": given})
+    cell = Cell(pa10.cell.path, config, pa10.cell.robot)
+    clearance = Clearance(cell, pa10.p.acceleration, pa10.p.jerk)
+    return clearance, World(cell, Events()).scene(0)
+
+
+def test_the_way_of_a_link_is_that_of_a_lever_which_grows_with_it(rng):
+    lever, way = rng.uniform(0.0, 1.0, (5, 4)), rng.uniform(0.0, 0.6, 4)
+    steps = 20000
+    gone = np.zeros(5)
+    for _ in range(steps):
+        middle = gone + 0.5 / steps * (lever + gone[:, None]) @ way
+        gone = gone + (lever + middle[:, None]) @ way / steps
+    assert travel(lever, way) == pytest.approx(gone, rel=1e-7)
+    assert travel(lever, np.zeros(4)) == pytest.approx(np.zeros(5))
+
+
+def test_no_end_of_a_link_goes_further_than_its_way(pa10, clear, rng):
+    clearance, _ = clear
+    links = clearance.links
+    for _ in range(50):
+        q, turn = pa10.random_posture(rng), rng.uniform(-0.5, 0.5, 7)
+        placed = links.place(q[None])
+        way = travel(links.levers(placed), np.abs(turn))
+        moved = links.place((q + turn)[None]).ends[0] - placed.ends[0]
+        assert (np.linalg.norm(moved, axis=-1).max(axis=1) <= way + 1e-12).all()
+
+
+def test_a_base_that_moves_closes_gaps_to_obstacles_as_fast_as_it_is_told(pa10, clear, rng):
+    clearance, scene = clear
+    q, none, far = pa10.posture("ready"), np.zeros(7), np.full(7, 1.0)
+    twist = np.array([0.2, 0.1, -0.1, 0.1, 0.3, 0.2])
+    base, h = Body(Pose(np.eye(3), np.array([0.01, 0.02, 0.0])), twist), 1e-6
+    later = Body(Pose(rotation_exp(h * twist[3:]), base.T.p + h * twist[:3]), twist)
+    seen, next_ = (clearance.look(q, far, none, scene, 1.0, {}, b).near for b in (base, later))
+    assert next_.second.tolist() == seen.second.tolist()
+    others = seen.obstacle >= 0
+    assert others.sum() > 5
+    assert (~others).any()
+    closing = (seen.gap - next_.gap) / h
+    assert seen.speed[others] == pytest.approx(np.maximum(closing[others], 0.0), abs=1e-5)
+    assert (seen.speed[~others] == 0.0).all()
+    assert (seen.carried[~others] == 0.0).all()
+    places = seen.near.place[others] - base.T.p
+    carried = twist[:3] + np.cross(twist[3:], places)
+    assert seen.carried[others] == pytest.approx(np.linalg.norm(carried, axis=1))
