@@ -11,8 +11,7 @@ import numpy as np
 from ..compiled import ARRAY3, FLAGS, MATRIX, VECTOR, XYZ, compiled
 from ..frames import Array
 from ..scene import Flags, Scene
-
-Xyz = tuple[float, float, float]
+from .distance import Point
 
 TOUCHING: Final = 1e-9
 """Closer than this there is no direction [m]."""
@@ -48,12 +47,12 @@ def apart(points: Array, scene: Scene) -> Apart:
 
 
 @compiled(XYZ, XYZ)
-def _dot(a: Xyz, b: Xyz) -> float:
+def _dot(a: Point, b: Point) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled(XYZ, XYZ, XYZ)
-def _from_axis(x: Xyz, start: Xyz, end: Xyz) -> tuple[float, Xyz]:
+def _from_axis(x: Point, start: Point, end: Point) -> tuple[float, Point]:
     """Return the distance of a point from a segment, and the normal."""
     away = (x[0] - start[0], x[1] - start[1], x[2] - start[2])
     way = (end[0] - start[0], end[1] - start[1], end[2] - start[2])
@@ -65,7 +64,7 @@ def _from_axis(x: Xyz, start: Xyz, end: Xyz) -> tuple[float, Xyz]:
 
 
 @compiled(XYZ, XYZ)
-def _from_box(x: Xyz, half: Xyz) -> tuple[float, Xyz]:
+def _from_box(x: Point, half: Point) -> tuple[float, Point]:
     """Return the distance of a point from a box, and the normal, in the axes of the box."""
     beyond = (abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2])
     out = (max(beyond[0], 0.0), max(beyond[1], 0.0), max(beyond[2], 0.0))

@@ -33,9 +33,8 @@ import numpy as np
 from ..compiled import ARRAY3, COUNT, FLAG, FLAGS, INDEX, MATRIX, NUMBER, VECTOR, XYZ, compiled
 from ..frames import Array
 from ..scene import Flags
-from .shape import Index
+from .shape import Index, Xyz
 
-Xyz = tuple[float, float, float]
 Effect = tuple[Xyz, Xyz, float]
 """What one obstacle of strength 1 does to a link along u: the force, the t of which u × t is the
 moment about the link's first end, and the potential."""
