@@ -6,6 +6,7 @@ that is stable when it is set stays so whatever its schedules do.
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +40,9 @@ class Gains:
         self.part = 1.0 - math.exp(-period_s / GAIN_TIME_S)
         """Share of the way to a new gain that is gone in one period [1]."""
 
-    def scheduled(self, gains: dict[str, Array], now: Quantities) -> dict[str, Array]:
+    def scheduled(
+        self, gains: dict[str, Array], quantities: Callable[[], Quantities]
+    ) -> dict[str, Array]:
         """Return each source's gain (6,) times the factors of its schedules.
 
         A force that is not known counts as the worst of its table; without a target, the distance
@@ -47,6 +50,7 @@ class Gains:
         """
         if not self._schedules:
             return gains
+        now = quantities()
         found = dict(gains)
         for source, by, at, factor, axes in self._schedules:
             value: float | None = getattr(now, by)

@@ -14,6 +14,7 @@ from .frames import Array, Pose, rotate_twist
 from .gains import GAIN_TIME_S
 from .mechanism import Kinematics
 from .parameters import Parameters
+from .payload import Payload
 from .sources.following import Following, FollowingState
 from .sources.force import GRAVITY, Force, load_of
 from .sources.frames import Frames, FramesState
@@ -32,6 +33,8 @@ class Summing:
     def __init__(self, p: Parameters) -> None:
         self._p = p
         T = p.period_s
+        # Scratch: payload, bias and both as a load, of the tick before.
+        self._hung: tuple[Payload | None, Array | None, Array] = (None, None, np.zeros(10))
         self._part = 1.0 - math.exp(-T / GAIN_TIME_S)
         self.joystick = Joystick(p.shaping_acceleration, p.shaping_jerk, T)
         self.position = Position(p.path_speed, p.shaping_acceleration, p.shaping_jerk, T)
@@ -200,8 +203,10 @@ class Summing:
         return memory.load + self._part * (target - memory.load)
 
     def _load(self, settings: Settings) -> Array:
-        payload = settings.payload or self._p.payload
-        return load_of(payload.mass, payload.com, settings.wrench_bias)
+        payload, bias = settings.payload or self._p.payload, settings.wrench_bias
+        if payload is not self._hung[0] or bias is not self._hung[1]:
+            self._hung = payload, bias, load_of(payload.mass, payload.com, bias)
+        return self._hung[2]
 
 
 def _on_path(T_world_mrf: Pose, off_path: Array | None) -> Pose:

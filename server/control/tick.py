@@ -195,15 +195,9 @@ class Control:
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
         pulls = settings.pulls or self.redundancy.pulls
         since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
-        wrench = memory.force.wrench
-        target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
-        way = None if target is None else target.p - k.T_world_mrf.p
-        now = Quantities(
-            contact_force=None if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3])),
-            distance=None if way is None else math.sqrt(float(way @ way)),
-            time=inputs.time_s - since_s,
+        gains = self.gains.scheduled(
+            settings.gains, lambda: _quantities(memory, inputs, k, inputs.time_s - since_s)
         )
-        gains = self.gains.scheduled(settings.gains, now)
         if moving and memory.gains.keys() == gains.keys():
             gains = self.gains.ramped(memory.gains, gains)
             pulls = self.redundancy.ramped(memory.pulls, pulls, self.gains.part)
@@ -323,6 +317,18 @@ class Control:
         if inputs.posture is not None:
             return bool(np.abs(inputs.posture - memory.motion.q).max() < POSTURE_REACHED)
         return memory.position.at_goal and on_path(memory.off_path)
+
+
+def _quantities(memory: Memory, inputs: Inputs, k: Kinematics, time_s: float) -> Quantities:
+    """Return what gains may depend on."""
+    wrench = memory.force.wrench
+    target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
+    way = None if target is None else target.p - k.T_world_mrf.p
+    return Quantities(
+        contact_force=None if wrench is None else sizes(wrench)[0],
+        distance=None if way is None else math.sqrt(float(way @ way)),
+        time=time_s,
+    )
 
 
 def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:

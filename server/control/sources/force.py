@@ -12,11 +12,11 @@ bound counts.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import ARRAY3, MATRIX, NUMBER, VECTOR, compiled
 from ..frames import Array, Pose, rotate_twist, wrench_to
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -45,8 +45,8 @@ class ForceState:
     """Filtered contact wrench (6,) at and in the Sensor frame."""
     contact: Array | None = None
     """The newest wrench (6,) without weight, not filtered."""
-    places: tuple[Pose, ...] = ()
-    """T_world_sensor at the newest SYNCs, newest first."""
+    places: Array = field(default_factory=lambda: np.empty((0, 3, 4)))
+    """T_world_sensor at the newest SYNCs, newest first (0 to 4, 3, 4): R and p side by side."""
     time_s: float = 0.0
 
 
@@ -104,29 +104,18 @@ class Force:
             state = ForceState(state.wrench)  # ticks were missed: differences would be wrong
         place = T_world_wrist @ self.T_wrist_sensor
         older = min(max(age_s / self._period_s, 0.0), _OLDEST)
-        before = (state.places or (place,))[0].R
-        contact = _unladen(self._calibration, sample, load, place.R, before, free_fall, older)
-        places, last = (place, *state.places[:3]), state.contact
-        newest = contact
+        places, last = _followed(place.R, place.p, state.places), state.contact
+        newest = contact = _unladen(self._calibration, sample, load, places, free_fall, older)
         if self.inertia and last is not None:
             contact = 0.5 * (contact + last)
             if len(places) == 4 and load[0] > 0.0:
-                contact = contact - self._inertial(load, places, older)
+                ahead = 1.0 - INERTIA_PERIODS - older
+                contact = contact - _inertial(
+                    load, places, ahead, self._period_s, self._max_acceleration
+                )
         if state.wrench is not None:
             contact = state.wrench + self._smoothing * (contact - state.wrench)
         return ForceState(contact, newest, places, time_s)
-
-    def _inertial(self, load: Array, places: tuple[Pose, ...], older: float) -> Array:
-        """Return the wrench (6,) that accelerates the payload, `INERTIA_PERIODS` before the sample.
-
-        The second difference of the centre of mass itself holds all of
-        `a + α × r + ω × (ω × r)`.
-        """
-        com = load[1:4] / load[0]
-        x0, x1, x2, x3 = (R @ com + p for R, p in places)
-        ahead = 1.0 - INERTIA_PERIODS - older
-        bound = self._max_acceleration
-        return _accelerated(load, x0, x1, x2, x3, places[1].R, ahead, self._period_s, bound)
 
     def wrench_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
         """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
@@ -159,16 +148,26 @@ def _held(load: Array, acceleration: Array) -> Array:
     return out
 
 
-@compiled(MATRIX, VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, NUMBER)
+@compiled(MATRIX, VECTOR, ARRAY3)
+def _followed(R: Array, p: Array, places: Array) -> Array:
+    """Return placements (k, 3, 4) with a newer one before them, the newest four."""
+    out = np.empty((min(len(places) + 1, 4), 3, 4))
+    out[0, :, :3] = R
+    out[0, :, 3] = p
+    out[1:] = places[: len(out) - 1]
+    return out
+
+
+@compiled(MATRIX, VECTOR, VECTOR, ARRAY3, VECTOR, NUMBER)
 def _unladen(
-    calibration: Array, sample: Array, load: Array, R: Array, R_before: Array, free_fall: Array,
-    older: float,
-) -> Array:  # fmt: skip
-    """Return a sample (6,) without bias and weight, `older` periods before the Sensor was at R."""
+    calibration: Array, sample: Array, load: Array, places: Array, free_fall: Array, older: float
+) -> Array:
+    """Return a sample (6,) without bias and weight, `older` periods before the newest place."""
+    before = places[min(1, len(places) - 1)]
     up = np.zeros(3)
     for i in range(3):
         for k in range(3):
-            up[i] -= ((1.0 - older) * R[k, i] + older * R_before[k, i]) * free_fall[k]
+            up[i] -= ((1.0 - older) * places[0, k, i] + older * before[k, i]) * free_fall[k]
     out = -_held(load, up)
     for i in range(6):
         for k in range(6):
@@ -176,17 +175,20 @@ def _unladen(
     return out
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER, NUMBER)
-def _accelerated(
-    load: Array, x0: Array, x1: Array, x2: Array, x3: Array, R: Array, ahead: float,
-    period_s: float, bound: float,
-) -> Array:  # fmt: skip
-    """Return the inertial wrench (6,) of a centre of mass that was at x0 (newest) to x3 (3,) [m].
+@compiled(VECTOR, ARRAY3, NUMBER, NUMBER, NUMBER)
+def _inertial(load: Array, places: Array, ahead: float, period_s: float, bound: float) -> Array:
+    """Return the wrench (6,) that accelerates the payload, the trend carried `ahead` periods on.
 
-    R (3, 3) is the Sensor's attitude, `ahead` how far the trend is carried on [periods], `bound`
-    the greatest acceleration that is believed [m/s²].
+    From the Sensor at the last four SYNCs (4, 3, 4). The second difference of the centre of mass
+    itself holds all of `a + α × r + ω × (ω × r)`. `bound` is the greatest acceleration that is
+    believed [m/s²].
     """
-    newer, before = x0 - 2.0 * x1 + x2, x1 - 2.0 * x2 + x3  # one and two periods ago
+    x = places[:, :, 3].copy()
+    for s in range(4):
+        for i in range(3):
+            for k in range(3):
+                x[s, i] += places[s, i, k] * load[1 + k] / load[0]
+    newer, before = x[0] - 2.0 * x[1] + x[2], x[1] - 2.0 * x[2] + x[3]  # one, two periods ago
     a = (newer + ahead * (newer - before)) / period_s**2
     size = math.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
     if size > bound:
@@ -194,5 +196,5 @@ def _accelerated(
     turned = np.zeros(3)
     for i in range(3):
         for k in range(3):
-            turned[i] += R[k, i] * a[k]
+            turned[i] += places[1, k, i] * a[k]
     return _held(load, turned)

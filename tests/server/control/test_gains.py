@@ -19,7 +19,7 @@ def schedule(source="joystick", by="contact_force", at=(10.0, 30.0), factor=(1.0
 
 
 def factor(one, **now):
-    gains = Gains((one,), 0.01).scheduled(GAIN, NOTHING._replace(**now))
+    gains = Gains((one,), 0.01).scheduled(GAIN, lambda: NOTHING._replace(**now))
     return gains[one.source] / GAIN[one.source]
 
 
@@ -51,13 +51,13 @@ def test_each_axis_heeds_the_factor_as_much_as_it_is_told():
 
 
 def test_other_sources_keep_their_gains():
-    gains = Gains((schedule(),), 0.01).scheduled(GAIN, NOTHING._replace(contact_force=30.0))
+    gains = Gains((schedule(),), 0.01).scheduled(GAIN, lambda: NOTHING._replace(contact_force=30.0))
     assert gains["position"] is GAIN["position"]
 
 
 def test_several_schedules_of_one_source_multiply():
     both = (schedule(), schedule(by="time", at=(0.0, 2.0), factor=(0.0, 1.0)))
-    gains = Gains(both, 0.01).scheduled(GAIN, Quantities(20.0, None, 1.0))
+    gains = Gains(both, 0.01).scheduled(GAIN, lambda: Quantities(20.0, None, 1.0))
     np.testing.assert_allclose(gains["joystick"], 0.6 * 0.5)
 
 
