@@ -231,7 +231,8 @@ class World:
             velocity=velocity,
             speed=speed,
             acceleration=np.array(
-                [UNBOUNDED if k.max_acceleration is None else k.max_acceleration for k in every]
+                [UNBOUNDED if k.max_acceleration is None else k.max_acceleration for k in every],
+                dtype=float,
             ),
             age=age,
             still_after=still,

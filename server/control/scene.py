@@ -7,16 +7,19 @@ What may move is known to be, `ahead` seconds from now, within `reach(ahead)` of
 velocity takes it.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled
 from .evolve import evolve
 from .frames import Array, Pose
 
 Flags = NDArray[np.bool_]
+Index = NDArray[np.int64]
 
 UNBOUNDED = 1e9
 """Acceleration of what may have any [m/s²]: finite, so that no time at all leads nowhere."""
@@ -79,13 +82,18 @@ class Scene:
         """True if anything may move."""
         return bool(self.speed.any())
 
-    def reach(self, ahead: float | Array) -> Array:
-        """Return how far each may be from where it is predicted, `ahead` seconds from now.
+    def reach(self, ahead: float) -> Array:
+        """Return how far each may be from where it is predicted (k,) [m], `ahead` [s] from now."""
+        return _reach(self.speed, self.acceleration, self.age, self.still_after, ahead)
 
-        `ahead` is one time, or (s, 1) for (s, k) distances [m].
+    def growth(self, which: Index, ahead: Array) -> Array:
+        """Return how much nearer obstacles `which` (p,) may be (s, p) [m], `ahead` (s,) from now.
+
+        Nearer than where they are now, that is; zero for a negative index.
         """
-        since = np.minimum(self.age + ahead, self.still_after)
-        return np.minimum(self.speed, 0.5 * self.acceleration * since) * since
+        return _growth(
+            self.speed, self.acceleration, self.age, self.still_after, self.velocity, which, ahead
+        )
 
     def placed(self, T_world_wrist: Pose) -> Self:
         """Return the scene with every sight line in World that starts at a carried camera."""
@@ -112,3 +120,32 @@ def empty() -> Scene:
         age=none,
         still_after=none,
     )
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, NUMBER)
+def _reach(
+    speed: Array, acceleration: Array, age: Array, still_after: Array, ahead: float
+) -> Array:
+    found = np.empty(len(speed))
+    for k in range(len(speed)):
+        since = min(age[k] + ahead, still_after[k])
+        found[k] = min(speed[k], 0.5 * acceleration[k] * since) * since
+    return found
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, INDEX, VECTOR)
+def _growth(
+    speed: Array, acceleration: Array, age: Array, still_after: Array, velocity: Array,
+    which: Index, ahead: Array,
+) -> Array:  # fmt: skip
+    found = np.zeros((len(ahead), len(which)))
+    for s in range(len(ahead)):
+        reach = _reach(speed, acceleration, age, still_after, ahead[s])
+        for i in range(len(which)):
+            k = which[i]
+            if k >= 0:
+                predicted2 = 0.0
+                for axis in range(3):
+                    predicted2 += velocity[k, axis] * velocity[k, axis]
+                found[s, i] = reach[k] + math.sqrt(predicted2) * ahead[s]
+    return found

@@ -112,7 +112,8 @@ class Clearance:
         near = sight.near
         room = near.gap - near.promise - self._margin - sight.tube
         if sight.scene is not None and sight.scene.moves:
-            room = room - self._growth(near, sight.scene, LATENCY * self._period_s)
+            ahead = np.array([LATENCY * self._period_s])
+            room = room - sight.scene.growth(near.obstacle, ahead)[0]
         if sight.base is not None:
             room = room - near.carried * LATENCY * self._period_s
         return room
@@ -132,7 +133,7 @@ class Clearance:
         end_s = duration_s + (1.0 + LATENCY) * self._period_s
         most = needed
         if scene is not None and scene.moves:
-            most = most + self._growth(near, scene, end_s)
+            most = most + scene.growth(near.obstacle, np.array([end_s]))[0]
         if sight.base is not None:
             most = most + near.carried * end_s
         doubtful, closer = _doubtful(way, near.first, near.second, near.gap, most)
@@ -167,12 +168,11 @@ class Clearance:
         round_off = chord * chord / (8.0 * np.maximum(radii + near.promise[doubtful], 0.02))
         bound = np.empty((count + 1, len(doubtful)))
         bound[:] = needed + round_off
+        ahead = times + (1.0 + LATENCY) * self._period_s
         if scene is not None and scene.moves:
-            ahead = times[:, None] + (1.0 + LATENCY) * self._period_s
-            bound += self._growth_at(near.obstacle[doubtful], scene, ahead)
+            bound += scene.growth(near.obstacle[doubtful], ahead)
         if sight.base is not None:
-            ahead = times[:, None] + (1.0 + LATENCY) * self._period_s
-            bound += near.carried[doubtful] * ahead
+            bound += near.carried[doubtful] * ahead[:, None]
         wanted = np.minimum(bound, sight.floor[doubtful]) + radii
         base = None if sight.base is None else sight.base.T
         ends = self.links.place(postures(times), base).ends
@@ -180,15 +180,6 @@ class Clearance:
             ends, near.first[doubtful], near.second[doubtful], wanted, scene
         )
         return max(0.0, float((wanted - found.distance).max()))
-
-    def _growth(self, near: Neighbours, scene: Scene, ahead_s: float) -> Array:
-        """Return how much nearer each second may be `ahead_s` from now (k,) [m]."""
-        return np.asarray(self._growth_at(near.obstacle, scene, np.array([[ahead_s]]))[0])
-
-    def _growth_at(self, obstacle: Index, scene: Scene, ahead: Array) -> Array:
-        speed = np.sqrt((scene.velocity * scene.velocity).sum(axis=1))
-        grown = scene.reach(ahead) + speed * ahead
-        return np.asarray(np.where(obstacle >= 0, grown[:, obstacle], 0.0))
 
     def _floors(
         self, near: Neighbours, tube: Array, scene: Scene | None, levels: Levels

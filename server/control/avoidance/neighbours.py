@@ -72,8 +72,8 @@ class Around:
         links, rounds, boxes = self.links, scene.rounds, scene.boxes
         further = scene.clearance
         if scene.moves:
-            speed = np.sqrt((scene.velocity * scene.velocity).sum(axis=1))
-            further = further + scene.reach(ahead_s) + speed * ahead_s
+            every = np.arange(len(scene.names))
+            further = further + scene.growth(every, np.array([ahead_s]))[0]
         first, second = _within(
             placed.ends[0], self._size + room, self._own, self._own_clearance,
             rounds.start, rounds.end, rounds.radius, boxes.R, boxes.centre, boxes.half,
