@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from . import messages as m
-from . import motion, moving
+from . import motion, moving, requests
 from .obstacles import AvoidanceRequest, ObstacleNews
 from .reflection import Reflection, ReflectionRequest
+from .rig import RigFault, RigTruth
 from .sightings import Sighting, StoreView
 
 PREFIX = "telerobot"
@@ -95,18 +96,18 @@ OBSTACLE = Topic(
 )
 FRAME_NEWS = Topic("sensor/frame", moving.FrameNews, Flow.SENSOR, Life.STREAM, 50)
 
-LEASE = _request("lease", m.LeaseRequest)
-RELEASE = _request("release", m.LeaseRelease)
-MODE = _request("mode", m.ModeRequest)
-PROTECTIVE_STOP = _request("protective_stop", m.ProtectiveStop)
-PROTECTIVE_CLEAR = _request("protective_clear", m.ProtectiveClear)
-GAIN = _request("gain", m.GainRequest)
-SWITCH = _request("switch", m.SwitchRequest)
+LEASE = _request("lease", requests.LeaseRequest)
+RELEASE = _request("release", requests.LeaseRelease)
+MODE = _request("mode", requests.ModeRequest)
+PROTECTIVE_STOP = _request("protective_stop", requests.ProtectiveStop)
+PROTECTIVE_CLEAR = _request("protective_clear", requests.ProtectiveClear)
+GAIN = _request("gain", requests.GainRequest)
+SWITCH = _request("switch", requests.SwitchRequest)
 FRAME = _request("frame", moving.FrameRequest)
-SPEED = _request("speed", m.SpeedRequest)
-TARE = _request("tare", m.TareRequest)
-PAYLOAD = _request("payload", m.PayloadRequest)
-GRIPPER = _request("gripper", m.GripperRequest)
+SPEED = _request("speed", requests.SpeedRequest)
+TARE = _request("tare", requests.TareRequest)
+PAYLOAD = _request("payload", requests.PayloadRequest)
+GRIPPER = _request("gripper", requests.GripperRequest)
 REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
 CLUTCH = _request("clutch", motion.ClutchRequest)
@@ -122,9 +123,9 @@ DESCRIPTION = Topic(
 REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)
 """Only of cells that reflect forces."""
 
-RIG_FAULT = Topic("rig/fault", m.RigFault, Flow.RIG_COMMAND, reliable=True)
+RIG_FAULT = Topic("rig/fault", RigFault, Flow.RIG_COMMAND, reliable=True)
 RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)
-RIG_TRUTH = Topic("rig/truth", m.RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536)
+RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536)
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..protocols import messages as m
-from ..protocols import motion
+from ..protocols import motion, requests
 from ..protocols.codec import encode
 from ..protocols.moving import FrameRequest
 from ..protocols.obstacles import AvoidanceRequest
@@ -101,7 +101,7 @@ class Desk:
                 topic=asked.topic.key,
                 reason=refused.reason,
             )
-            reply = m.Reply(
+            reply = requests.Reply(
                 ok=False,
                 reason=str(refused.reason)[:64],
                 detail=refused.detail[:500],
@@ -135,34 +135,34 @@ class Desk:
         if pending is None:
             return
         if refused is None:
-            reply = m.Reply(ok=True, tick=now.tick)
+            reply = requests.Reply(ok=True, tick=now.tick)
         else:
             self._events.warning(f"{wish}_failed", refused.detail, reason=refused.reason)
-            reply = m.Reply(
+            reply = requests.Reply(
                 ok=False, reason=refused.reason, detail=refused.detail[:500], tick=now.tick
             )
         pending.asked.answer(encode(reply))
 
     # --- one method per request --------------------------------------------------------------
 
-    def _act(self, message: m.Message, asked: Asked, view: View) -> m.Reply | None:
-        ok = m.Reply(ok=True, tick=view.now.tick)
+    def _act(self, message: m.Message, asked: Asked, view: View) -> requests.Reply | None:
+        ok = requests.Reply(ok=True, tick=view.now.tick)
         match message:
-            case m.LeaseRequest():
+            case requests.LeaseRequest():
                 lease = self._admission.grant(message.operator, self._new_token(), view.now)
                 self._events.info("lease_granted", message.operator, epoch=lease.epoch)
                 return ok.model_copy(update={"token": lease.token, "epoch": lease.epoch})
-            case m.LeaseRelease():
+            case requests.LeaseRelease():
                 self._events.info("lease_released", self._admission.lease.holder or "")
                 self._admission.end()
-            case m.ModeRequest():
+            case requests.ModeRequest():
                 return self._mode(message, asked, view)
-            case m.ProtectiveStop():
+            case requests.ProtectiveStop():
                 self.protective_stop = message.operator
                 self._events.warning("protective_stop", f"asked by {message.operator}")
-            case m.ProtectiveClear():
+            case requests.ProtectiveClear():
                 self._clear(message, view)
-            case m.GainRequest():
+            case requests.GainRequest():
                 reason = view.gain_bound(message.source, message.gain)
                 if reason is not None:
                     if not message.forced:
@@ -170,7 +170,7 @@ class Desk:
                     self._events.warning("gain_forced", reason, source=message.source)
                 self._orders.tuning.gains[message.source] = np.array(message.gain)
                 self._events.info("gain_set", message.source, gain=str(list(message.gain)))
-            case m.SwitchRequest():
+            case requests.SwitchRequest():
                 if message.on and message.source is m.SourceName.VISION:
                     view.vision.require_view()
                 self._orders.tuning.on[message.source] = message.on
@@ -182,13 +182,13 @@ class Desk:
                     raise Refused(Why.NOT_NOW, "where the arm is was not heard yet")
                 self._orders.set_frame(message, view.T_world_mrf)
                 self._tell_frame(message)
-            case m.SpeedRequest():
+            case requests.SpeedRequest():
                 self._orders.tuning.speed_factor = message.factor
                 self._events.info("speed_set", "", factor=message.factor)
-            case m.PayloadRequest():
+            case requests.PayloadRequest():
                 self._orders.tuning.set_payload(message)
                 self._tell_payload(message.name)
-            case m.GripperRequest():
+            case requests.GripperRequest():
                 self._orders.tuning.set_gripper(message.closed)
                 self._events.info("gripper_closed" if message.closed else "gripper_opened")
             case motion.RedundancyRequest():
@@ -216,7 +216,7 @@ class Desk:
                     raise Refused(Why.NOT_NOW, "the cell says nothing of avoidance")
                 self._orders.tuning.avoid = message.on
                 self._events.info("avoidance_switched", "", on=message.on)
-            case m.TareRequest():
+            case requests.TareRequest():
                 self._tare(view)
             case StoreView():
                 stored = view.vision.store(message.camera)
@@ -225,7 +225,9 @@ class Desk:
                 raise Refused(Why.NOT_NOW, f"no service for {asked.topic.key}")
         return ok
 
-    def _mode(self, message: m.ModeRequest, asked: Asked, view: View) -> m.Reply | None:
+    def _mode(
+        self, message: requests.ModeRequest, asked: Asked, view: View
+    ) -> requests.Reply | None:
         mode = view.mode
         allowed: dict[str, tuple[Mode, ...]] = {
             "enable": (Mode.READY, Mode.HOLD),
@@ -249,7 +251,7 @@ class Desk:
             self.wish = Wish(message.action)
             self._pending = _Pending(asked, view.now.time_s)
             return None
-        return m.Reply(ok=True, tick=view.now.tick)
+        return requests.Reply(ok=True, tick=view.now.tick)
 
     def _ready_to_move(self, view: View) -> None:
         if self.protective_stop is not None:
@@ -263,7 +265,7 @@ class Desk:
         if view.touched:
             raise Refused(Why.TOUCHED, "what pushes the arm is still there")
 
-    def _clear(self, message: m.ProtectiveClear, view: View) -> None:
+    def _clear(self, message: requests.ProtectiveClear, view: View) -> None:
         lease = self._admission.lease
         holder = (
             message.token is not None

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..config.load import Cell
-from ..protocols import messages as m
+from ..protocols import requests
 from ..protocols.motion import RedundancyRequest
 from .admission import Refused, Why
 from .control.frames import Array, Pose
@@ -76,7 +76,7 @@ class Tuning:
         q = self.pulls.posture if request.posture is None else self.posture(request.posture)
         self.pulls = Pulls({**self.pulls.gains, str(request.objective): request.gain}, q)
 
-    def set_payload(self, request: m.PayloadRequest) -> None:
+    def set_payload(self, request: requests.PayloadRequest) -> None:
         """Redefine what hangs on the sensor. Raises `Refused` for a name that the cell lacks."""
         if self.payload is None:
             raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")

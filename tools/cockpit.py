@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..protocols import messages as m
+from ..protocols import requests
 from ..protocols import topics as t
 from .keyboard import HeldKeys
 from .operator import Operator
@@ -92,7 +93,7 @@ class Cockpit:
             self._say("you hold the lease already")
             return
 
-        def answered(reply: m.Reply) -> None:
+        def answered(reply: requests.Reply) -> None:
             if reply.ok:
                 self._say(f"lease granted to {self._pilot.name}: m enables the arm, ? helps")
             else:
@@ -190,7 +191,7 @@ class Cockpit:
         self._request(f"force {'on' if on else 'off'}", t.SWITCH, source=m.SourceName.FORCE, on=on)
 
     def _request(self, what: str, topic: t.Topic, **fields: Any) -> None:
-        def answered(reply: m.Reply) -> None:
+        def answered(reply: requests.Reply) -> None:
             if reply.ok:
                 self._say(f"{what}: done")
             else:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..protocols import messages as m
+from ..protocols import requests
 from ..protocols import topics as t
 from ..protocols.motion import ObjectiveName
 
@@ -17,7 +18,7 @@ class Motions(ABC):
         """Send any command."""
 
     @abstractmethod
-    def request(self, topic: t.Topic, **fields: Any) -> m.Reply:
+    def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
         """Send any request and return its reply."""
 
     def follow(

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Callable
 
-from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import encode
 from ..protocols.obstacles import ObstacleNews
+from ..protocols.rig import RigFault
 from .script import TargetStep
 
 NEWS_EVERY_S = 0.05
@@ -29,14 +29,14 @@ class MovingTarget:
         now_s: float,
         tick: int,
         put: Callable[[t.Topic, bytes], None],
-        inject: Callable[[m.RigFault], None],
+        inject: Callable[[RigFault], None],
     ) -> None:
         """Move the tag and tell the daemon, when that is due; news is of telemetry tick `tick`."""
         if self.arrived or now_s < self._due_s - 1e-9:
             return
         self._due_s = now_s + NEWS_EVERY_S
         place, self.arrived = self.place(now_s)
-        inject(m.RigFault(kind="move", target=self._step.tag, vector=place))
+        inject(RigFault(kind="move", target=self._step.tag, vector=place))
         if self._step.sight_line is not None:
             news = ObstacleNews(name=self._step.sight_line, tick=tick, to=place)
             put(t.OBSTACLE, encode(news))

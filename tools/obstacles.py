@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..protocols.messages import RigFault
 from ..protocols.obstacles import ObstacleNews
+from ..protocols.rig import RigFault
 from .script import ObstacleStep
 
 NEWS_EVERY_S = 0.05

@@ -13,10 +13,12 @@ from typing import Any, Self
 
 from ..config.load import Cell, load_cell
 from ..protocols import messages as m
+from ..protocols import requests
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, decode_as, encode
 from ..protocols.moving import RigMotion
 from ..protocols.reflection import Reflection
+from ..protocols.rig import RigFault
 from .motions import Motions
 from .pilot import OnReply, Pilot, PilotError
 from .round_trip import RoundTrip
@@ -179,7 +181,7 @@ class Operator(Motions):
         """Clear a protective stop that this operator asked for, or any with the lease."""
         self.request(t.PROTECTIVE_CLEAR, operator=self.pilot.name, token=self.pilot.token)
 
-    def request(self, topic: t.Topic, **fields: Any) -> m.Reply:
+    def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
         """Send any request and return its reply. Raises `OperatorError` when refused."""
         return self._wait(lambda on_reply: self.pilot.request(topic, on_reply, **fields))
 
@@ -255,7 +257,7 @@ class Operator(Motions):
         self._need_lease()
         self.pilot.command(topic, **fields)
 
-    def inject(self, fault: m.RigFault | RigMotion) -> None:
+    def inject(self, fault: RigFault | RigMotion) -> None:
         """Inject a fault into the virtual hardware, or move what stands there."""
         topic = t.RIG_MOTION if isinstance(fault, RigMotion) else t.RIG_FAULT
         self.session.put(topic, encode(fault))
@@ -305,8 +307,8 @@ class Operator(Motions):
         if not self.holds_lease:
             raise OperatorError("no_lease", f"{self.pilot.name} does not hold the lease")
 
-    def _wait(self, send: Callable[[OnReply], None]) -> m.Reply:
-        replies: list[m.Reply] = []
+    def _wait(self, send: Callable[[OnReply], None]) -> requests.Reply:
+        replies: list[requests.Reply] = []
         try:
             send(replies.append)
         except PilotError as error:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..protocols import messages as m
+from ..protocols import requests
 from ..server.control.frames import Pose, rotation_log
 from .cockpit import event_line
 from .operator import POLL_S, Operator, ignore
@@ -84,7 +85,7 @@ class Performance:
         return ""
 
     def _release(self) -> None:
-        answered: list[m.Reply] = []
+        answered: list[requests.Reply] = []
         if self.player.pilot.token is not None:
             self.player.pilot.mute = False
             self.player.pilot.release(answered.append)

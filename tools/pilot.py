@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..protocols import messages as m
+from ..protocols import requests
 from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
 
@@ -19,7 +20,7 @@ Ask = Callable[[t.Topic, bytes, Callable[[bytes], None]], None]
 """Sends a request; its reply comes through the callback."""
 Fields = Callable[[float], Mapping[str, Any] | None]
 """Makes a stream's fields anew for every message, from the time [s]; None: nothing to send."""
-OnReply = Callable[[m.Reply], None]
+OnReply = Callable[[requests.Reply], None]
 
 ANYBODY: Mapping[str, Any] = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
 """An envelope to judge fields with."""
@@ -110,12 +111,12 @@ class Pilot:
             return
         envelope = self._envelope() if issubclass(topic.message, m.Command) else {}
         payload = encode(topic.message(**envelope, **fields))
-        self.ask(topic, payload, lambda reply: on_reply(decode_as(m.Reply, reply)))
+        self.ask(topic, payload, lambda reply: on_reply(decode_as(requests.Reply, reply)))
 
     def acquire(self, on_reply: OnReply) -> None:
         """Ask for the lease; once granted, it is kept alive by `run`."""
 
-        def granted(reply: m.Reply) -> None:
+        def granted(reply: requests.Reply) -> None:
             if reply.ok and reply.token is not None and reply.epoch is not None:
                 self.token, self.epoch = reply.token, reply.epoch
                 self._keepalive_due_s = 0.0

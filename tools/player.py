@@ -7,11 +7,13 @@ from functools import partial
 
 from ..config.reflection import Reflection as ReflectionConfig
 from ..protocols import messages as m
+from ..protocols import requests
 from ..protocols import topics as t
 from ..protocols.codec import encode
 from ..protocols.moving import RigMotion
 from ..protocols.obstacles import ObstacleNews
 from ..protocols.reflection import Reflection
+from ..protocols.rig import RigFault
 from .delay_line import Conditions, DelayLine
 from .master import MovingMaster
 from .moving_target import MovingTarget
@@ -21,7 +23,7 @@ from .reflect.client import ReflectingClient
 from .reflect.handles import Handles
 from .script import MasterStep, Script, Step, WrenchStep
 
-Inject = Callable[[m.RigFault | RigMotion], None]
+Inject = Callable[[RigFault | RigMotion], None]
 """Injects a fault into the virtual hardware, or moves what stands there."""
 
 
@@ -134,14 +136,14 @@ class Player:
         elif self._mode == "fault":
             self._fail("the daemon is in FAULT: reset it first")
 
-    def _on_lease(self, reply: m.Reply) -> None:
+    def _on_lease(self, reply: requests.Reply) -> None:
         if not reply.ok:
             self._fail(f"no lease: {reply.reason}: {reply.detail}")
             return
         self.phase = Phase.ENABLING
         self.pilot.request(t.MODE, self._on_enabled, action="enable")
 
-    def _on_enabled(self, reply: m.Reply) -> None:
+    def _on_enabled(self, reply: requests.Reply) -> None:
         if not reply.ok:
             self._fail(f"not enabled: {reply.reason}: {reply.detail}")
 
@@ -238,7 +240,7 @@ class Player:
             self._obstacles.take(step.obstacle, self._now_s)
         try:
             if step.fault is not None:
-                self._inject(m.RigFault(**dict(step.fault)))
+                self._inject(RigFault(**dict(step.fault)))
             if step.platform is not None:
                 self._inject(RigMotion(target="platform", **dict(step.platform)))
             if step.carrier is not None:
@@ -288,8 +290,8 @@ class Player:
     def _tell(self, news: ObstacleNews) -> None:
         self._put(t.OBSTACLE, encode(news))
 
-    def _note(self, step: Step, topic: t.Topic) -> Callable[[m.Reply], None]:
-        def note(reply: m.Reply) -> None:
+    def _note(self, step: Step, topic: t.Topic) -> Callable[[requests.Reply], None]:
+        def note(reply: requests.Reply) -> None:
             if not reply.ok:
                 self.refused.append(f"{step.at_s:g} s: {topic.key}: {reply.reason}: {reply.detail}")
 

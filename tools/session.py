@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import zenoh
 
-from ..protocols import messages as m
+from ..protocols import requests
 from ..protocols import topics as t
 from ..protocols.codec import encode
 
@@ -122,5 +122,7 @@ def _reply(waiting: _Waiting) -> bytes | None:
     if reply is not None and reply.ok is not None:
         return reply.ok.payload.to_bytes()
     if closed or reply is not None or time.monotonic() > waiting.deadline_s:
-        return encode(m.Reply(ok=False, reason="no_answer", detail="the daemon did not answer"))
+        return encode(
+            requests.Reply(ok=False, reason="no_answer", detail="the daemon did not answer")
+        )
     return None

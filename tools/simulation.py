@@ -26,6 +26,7 @@ from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
 from ..protocols.reflection import Reflection
+from ..protocols.rig import RigTruth
 from ..server.clock import VirtualClock
 from ..server.control.frames import Pose, rotation_log
 from ..server.daemon import build
@@ -56,7 +57,7 @@ class Result:
 
     summary: dict[str, object]
     states: tuple[m.State, ...]
-    truths: tuple[m.RigTruth, ...]
+    truths: tuple[RigTruth, ...]
     """The physics' truth after every tick."""
 
     @property
@@ -117,7 +118,7 @@ class Simulation:
         )
         self.events: list[m.Event] = []
         self.states: list[m.State] = []
-        self.truths: list[m.RigTruth] = []
+        self.truths: list[RigTruth] = []
         self.on_tick: Callable[[Simulation], None] | None = None
         """Called after every tick, for a judge that looks deeper."""
         self.on_physics: Callable[[Simulation], None] | None = None

@@ -5,6 +5,7 @@ import math
 from ..config.cameras import Camera, RigTag
 from ..config.load import Cell
 from ..protocols import messages as m
+from ..protocols.rig import RigTruth
 from ..server.control.frames import Pose, rotation_log
 
 
@@ -21,7 +22,7 @@ class ViewJudge:
         self._camera = cell.config.sources.vision.camera or next(iter(self._cameras), "")
         self._stored: Pose | None = None
 
-    def view(self, truth: m.RigTruth, camera: str | None = None) -> Pose | None:
+    def view(self, truth: RigTruth, camera: str | None = None) -> Pose | None:
         """Return the true pose of a camera's tag in its Lens, None where there is no such tag."""
         seen_by = self._cameras.get(camera or self._camera)
         tag = None if seen_by is None else self._tags.get(seen_by.tag)
@@ -35,13 +36,13 @@ class ViewJudge:
             tag, T_world_wrist, truth
         )
 
-    def on_event(self, event: m.Event, truth: m.RigTruth) -> None:
+    def on_event(self, event: m.Event, truth: RigTruth) -> None:
         """Take in an event, with the truth at its time."""
         if event.name == "view_stored":
             self._camera = event.detail or self._camera
             self._stored = self.view(truth)
 
-    def error(self, truth: m.RigTruth) -> tuple[float, float] | None:
+    def error(self, truth: RigTruth) -> tuple[float, float] | None:
         """Return how far the Lens is from the stored view [m, rad], None before one is stored.
 
         Of a camera beside the arm: how far the target is.
@@ -61,7 +62,7 @@ def _lens(camera: Camera, T_world_wrist: Pose, T_world_base: Pose) -> Pose:
     return stands[camera.on] @ Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)
 
 
-def _tag(tag: RigTag, T_world_wrist: Pose, truth: m.RigTruth) -> Pose:
+def _tag(tag: RigTag, T_world_wrist: Pose, truth: RigTruth) -> Pose:
     if tag.T_wrist_tag is not None:
         return T_world_wrist @ Pose.from_xyz_rpy(tag.T_wrist_tag.xyz, tag.T_wrist_tag.rpy)
     pose = truth.tags[tag.name]

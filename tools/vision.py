@@ -22,6 +22,7 @@ from ..drivers.vision.opencv import save
 from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, MessageT, decode_as, encode
+from ..protocols.rig import RigTruth
 from .address import add_cell_arguments, cell_from, duration
 from .pictures import told
 from .session import Inbox, Session
@@ -62,7 +63,7 @@ class _World:
         from ..drivers.rig.camera import RigCameras  # not needed, nor MuJoCo, for real cameras
 
         self._cameras = RigCameras(cell)
-        self.truth: m.RigTruth | None = None
+        self.truth: RigTruth | None = None
 
     def picture(self, camera: str) -> Picture | None:
         """Return what a camera would see, None before the rig has told anything."""
@@ -170,7 +171,7 @@ class _Work:
         state = _newest(self._states, m.State, t.STATE.max_bytes)
         if state is not None:
             self._tick = state.tick
-        truth = _newest(self._truths, m.RigTruth, t.RIG_TRUTH.max_bytes)
+        truth = _newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)
         if truth is not None and self._world is not None:
             self._world.truth = truth
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...config.schema import Drive
 from ...protocols.can301 import EmcyCode
-from ...protocols.messages import RigFault
+from ...protocols.rig import RigFault
 from .force_torque_node import SimulatedForceTorque
 from .link import NodeLink
 from .servo_node import SimulatedDrive

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ...protocols.can301 import SYNC_ID
-from ...protocols.messages import RigFault, RigTruth
 from ...protocols.moving import RigMotion
+from ...protocols.rig import RigFault, RigTruth
 from .rig import Rig
 
 TRUTH_PERIOD_S = 0.01

@@ -12,8 +12,9 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols import can301
-from ...protocols.messages import RigFault, RigTruth, Vector6
+from ...protocols.messages import Vector6
 from ...protocols.moving import RigMotion
+from ...protocols.rig import RigFault, RigTruth
 from .can_node import CanNode
 from .drive_loops import DriveLoops
 from .faults import Faults

@@ -12,8 +12,9 @@ from typing import TypeVar
 import zenoh
 
 from ...protocols import codec, topics
-from ...protocols.messages import RigFault, RigTruth, State
+from ...protocols.messages import State
 from ...protocols.moving import FrameNews, RigMotion
+from ...protocols.rig import RigFault, RigTruth
 from ..device import DeviceError
 
 _Kind = TypeVar("_Kind", RigFault, RigMotion, State)

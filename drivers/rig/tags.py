@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from ...config.cameras import RigTag
-from ...protocols.messages import RigFault, Vector6
+from ...protocols.messages import Vector6
+from ...protocols.rig import RigFault
 
 KINDS = ("cover", "move")
 """Kinds of faults whose target is a tag."""

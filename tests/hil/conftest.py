@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 import zenoh
 from telerobot.config.load import load_cell
-from telerobot.protocols import messages as m
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
+from telerobot.protocols.rig import RigFault, RigTruth
 from telerobot.tools.local import LocalPlant, end, free_port
 from telerobot.tools.operator import Operator
 
@@ -110,7 +110,7 @@ class Plant(LocalPlant):
 
     def inject(self, kind, target, **more):
         """Inject a fault into the virtual hardware, or take it back with `on=False`."""
-        self._faults.put(encode(m.RigFault(kind=kind, target=target, **more)))
+        self._faults.put(encode(RigFault(kind=kind, target=target, **more)))
 
     # --- the daemon's process ------------------------------------------------------------------
 
@@ -165,7 +165,7 @@ class Plant(LocalPlant):
 
     def _read_truth(self):
         while (sample := self._truths.try_recv()) is not None:
-            self.truth = decode_as(m.RigTruth, sample.payload.to_bytes(), t.RIG_TRUTH.max_bytes)
+            self.truth = decode_as(RigTruth, sample.payload.to_bytes(), t.RIG_TRUTH.max_bytes)
             self.truths.append(self.truth)
         return self.truth is not None
 

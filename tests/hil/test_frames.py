@@ -23,6 +23,7 @@ import sys, time
 from telerobot.protocols import messages as m, topics as t
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.moving import FrameNews
+from telerobot.protocols.rig import RigTruth
 from telerobot.tools.session import Session
 
 session = Session("pa10_platform", sys.argv[1])
@@ -32,7 +33,7 @@ while True:
     for payload in states.take():
         tick = decode_as(m.State, payload, t.STATE.max_bytes).tick
     for payload in truths.take():
-        x, y, z, *rpy = decode_as(m.RigTruth, payload, t.RIG_TRUTH.max_bytes).frames["carrier"]
+        x, y, z, *rpy = decode_as(RigTruth, payload, t.RIG_TRUTH.max_bytes).frames["carrier"]
         if tick is not None:
             news = FrameNews(name="carrier", tick=tick, xyz=(x, y, z), rpy=tuple(rpy))
             session.put(t.FRAME_NEWS, encode(news))

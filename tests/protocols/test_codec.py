@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from telerobot.protocols import messages as m
-from telerobot.protocols import topics
+from telerobot.protocols import requests, topics
 from telerobot.protocols.codec import CodecError, Reason, decode, decode_as, encode
 from telerobot.protocols.topics import Topic
 
@@ -96,8 +96,8 @@ def test_a_message_from_any_msgpack_writer_is_understood() -> None:
 
 
 def test_a_reply_is_read_without_a_topic() -> None:
-    reply = m.Reply(ok=False, reason="lease_held", detail="by ada", tick=7)
-    assert decode_as(m.Reply, encode(reply)) == reply
+    reply = requests.Reply(ok=False, reason="lease_held", detail="by ada", tick=7)
+    assert decode_as(requests.Reply, encode(reply)) == reply
 
 
 def test_an_unvalidated_message_is_encoded_as_it_stands() -> None:

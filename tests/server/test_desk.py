@@ -3,6 +3,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from telerobot.protocols import messages as m
+from telerobot.protocols import requests
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.server.admission import Admission, Now, Why
@@ -26,7 +27,7 @@ class Counter:
     orders: Orders
     events: Events
     view: View
-    replies: list[m.Reply] = field(default_factory=list)
+    replies: list[requests.Reply] = field(default_factory=list)
     seq: int = 0
     token: str = ""
 
@@ -40,7 +41,7 @@ class Counter:
 
     def put(self, topic, payload):
         before = len(self.replies)
-        answer = lambda reply: self.replies.append(decode_as(m.Reply, reply))  # noqa: E731
+        answer = lambda reply: self.replies.append(decode_as(requests.Reply, reply))  # noqa: E731
         self.desk.serve(Asked(topic, payload, answer), self.view)
         return self.replies[-1] if len(self.replies) > before else None
 

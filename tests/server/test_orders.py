@@ -5,6 +5,7 @@ import pytest
 from telerobot.config import schema
 from telerobot.config.load import load_cell
 from telerobot.protocols import messages as m
+from telerobot.protocols import requests
 from telerobot.protocols.motion import PathMotion
 from telerobot.protocols.moving import FrameRequest
 from telerobot.server.admission import Refused, Why
@@ -327,7 +328,7 @@ def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
     orders = Orders(cell)
     assert orders.settings().payload.mass == 0.0
     envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
-    orders.tuning.set_payload(m.PayloadRequest(**envelope, name="empty"))
+    orders.tuning.set_payload(requests.PayloadRequest(**envelope, name="empty"))
     assert orders.settings().payload.mass == 0.4
 
 
@@ -336,7 +337,7 @@ def test_a_cell_without_a_sensor_takes_no_payload(small):
     orders = Orders(load_cell(bare))
     envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
     with pytest.raises(Refused) as refused:
-        orders.tuning.set_payload(m.PayloadRequest(**envelope, mass=1.0))
+        orders.tuning.set_payload(requests.PayloadRequest(**envelope, mass=1.0))
     assert refused.value.reason == Why.NOT_NOW
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.protocols.messages import Event, RigTruth, State
+from telerobot.protocols.messages import Event, State
+from telerobot.protocols.rig import RigTruth
 from telerobot.tools.script import Script
 from telerobot.tools.simulation import Result, Simulation
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import pytest
 from telerobot.protocols import messages as m
+from telerobot.protocols import requests
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode, encode
 
@@ -45,12 +46,12 @@ class FakeDaemon:
         message = decode(topic, payload)
         self.heard.append((topic, message))
         if topic.key in self.refusals:
-            reply = m.Reply(ok=False, reason=self.refusals[topic.key], detail="by the test")
+            reply = requests.Reply(ok=False, reason=self.refusals[topic.key], detail="by the test")
         elif topic is t.LEASE:
             self.epoch += 1
-            reply = m.Reply(ok=True, token=f"token of {message.operator}", epoch=self.epoch)
+            reply = requests.Reply(ok=True, token=f"token of {message.operator}", epoch=self.epoch)
         else:
-            reply = m.Reply(ok=True)
+            reply = requests.Reply(ok=True)
             if topic is t.MODE and message.action == "enable":
                 self.mode = "enabled"
         answer(encode(reply))

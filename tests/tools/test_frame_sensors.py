@@ -7,8 +7,8 @@ from telerobot.config.load import load_cell
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols import can301
-from telerobot.protocols.messages import RigFault
 from telerobot.protocols.moving import RigMotion
+from telerobot.protocols.rig import RigFault
 from telerobot.tools.frame_sensors import FrameSensors, SyncTicks
 
 PERIOD_S = 0.01

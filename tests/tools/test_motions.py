@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.protocols import messages as m
+from telerobot.protocols import requests
 from telerobot.protocols import topics as t
 from telerobot.protocols.motion import MasterPose
 from telerobot.server.control.frames import rotation_exp, rotation_rpy
@@ -21,7 +22,7 @@ class Said(Motions):
 
     def request(self, topic, **fields):
         self.command(topic, **fields)
-        return m.Reply(ok=True)
+        return requests.Reply(ok=True)
 
 
 def test_every_word_is_a_sound_message_on_its_topic():

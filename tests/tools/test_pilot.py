@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from telerobot.protocols import messages as m
+from telerobot.protocols import requests
 from telerobot.protocols import topics as t
 from telerobot.tools.pilot import Pilot, PilotError
 from telerobot.tools.round_trip import RoundTrip
@@ -94,7 +94,7 @@ def test_anyone_may_ask_for_a_protective_stop(pilot, daemon):
     replies = []
     pilot.request(t.PROTECTIVE_STOP, replies.append, operator="ann")
     assert replies[0].ok
-    assert daemon.of(t.PROTECTIVE_STOP) == [m.ProtectiveStop(operator="ann")]
+    assert daemon.of(t.PROTECTIVE_STOP) == [requests.ProtectiveStop(operator="ann")]
 
 
 def test_giving_the_lease_back_ends_every_stream(holder, daemon):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...config.load import load_cell
 from ...config.schema import Pose
-from ...protocols.messages import RigTruth
+from ...protocols.rig import RigTruth
 from ..simulation import JUDGED_S, Simulation
 from .arm import Arm
 from .generator import Goal, Plan, generate

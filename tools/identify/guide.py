@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...protocols import messages as m
+from ...protocols import requests
 from ...protocols import topics as t
 from ...server.control.frames import Array
 from ..pilot import Pilot, PilotError
@@ -78,7 +79,7 @@ class Guide:
         elif state.time_s >= self._arrived_s + SETTLE_S:
             self._listen(state)
 
-    def _on_switched(self, reply: m.Reply) -> None:
+    def _on_switched(self, reply: requests.Reply) -> None:
         self._allowed = reply.ok
         if not reply.ok:
             self._fail(f"{reply.reason}: {reply.detail}")

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from telerobot.config.load import load_cell
 from telerobot.protocols import robotous
-from telerobot.protocols.messages import RigFault
+from telerobot.protocols.rig import RigFault
 
 from .conftest import Master
 

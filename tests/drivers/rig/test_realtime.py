@@ -6,7 +6,7 @@ from itertools import pairwise
 import can
 from telerobot.drivers.rig.realtime import Pace, run_realtime
 from telerobot.protocols import can301
-from telerobot.protocols.messages import RigFault, RigTruth
+from telerobot.protocols.rig import RigFault, RigTruth
 
 from .conftest import Master
 

@@ -11,7 +11,7 @@ from telerobot.drivers.rig.rig import Rig, RigError
 from telerobot.protocols import can301
 from telerobot.protocols.can301 import EmcyCode
 from telerobot.protocols.cia402 import DriveState
-from telerobot.protocols.messages import RigFault
+from telerobot.protocols.rig import RigFault
 
 from .conftest import PERIOD_S, Master
 

@@ -8,7 +8,7 @@ import pytest
 from telerobot.protocols import can301, cia402
 from telerobot.protocols.can301 import EmcyCode, NmtCommand, NmtState
 from telerobot.protocols.cia402 import Control, DriveState, Object, Status
-from telerobot.protocols.messages import RigFault
+from telerobot.protocols.rig import RigFault
 
 from .conftest import PERIOD_S, Master
 

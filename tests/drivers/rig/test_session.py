@@ -7,7 +7,7 @@ import pytest
 import zenoh
 from telerobot.drivers.rig.session import RigSession
 from telerobot.protocols import codec, topics
-from telerobot.protocols.messages import RigFault, RigTruth
+from telerobot.protocols.rig import RigFault, RigTruth
 from telerobot.server.link import router_config
 
 TRIES = 100_000

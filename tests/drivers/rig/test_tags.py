@@ -1,7 +1,7 @@
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.tags import Tags
-from telerobot.protocols.messages import RigFault
+from telerobot.protocols.rig import RigFault
 
 
 @pytest.fixture

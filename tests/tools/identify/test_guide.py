@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 from telerobot.protocols import messages as m
+from telerobot.protocols import requests
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.tools.cli import main
@@ -16,7 +17,7 @@ class Arm:
 
     def __init__(self, stops, **state):
         self.sent = []
-        self.reply = m.Reply(ok=True)
+        self.reply = requests.Reply(ok=True)
         put = lambda topic, payload: self.sent.append(topic)  # noqa: E731
         ask = lambda topic, payload, answer: answer(encode(self.reply))  # noqa: E731
         self.pilot = Pilot("ann", put, ask, token="token", epoch=1)
@@ -66,7 +67,7 @@ def test_what_stops_it_is_named(state, words):
 
 def test_it_does_not_start_while_force_control_cannot_be_switched_off():
     arm = Arm([True])
-    arm.reply = m.Reply(ok=False, reason="no_lease")
+    arm.reply = requests.Reply(ok=False, reason="no_lease")
     arm.go(1.0)
     assert arm.guide.failure.startswith("no_lease")
     assert arm.sent == []

@@ -1,0 +1,103 @@
+"""What an operator asks for over Zenoh: queries that always answer.
+
+The envelope, units and conventions are those of `messages.py`.
+"""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from .messages import Command, Count, Gains, Message, OperatorName, Place, SourceName, Token, Wrench
+
+
+class LeaseRequest(Message):
+    """Asks for the right to command. The reply carries token and epoch."""
+
+    operator: OperatorName
+
+
+class LeaseRelease(Command):
+    """Gives the right to command back."""
+
+
+class ModeRequest(Command):
+    """Asks for a mode change: enable, hold, resume, disable, or reset after a fault."""
+
+    action: Literal["enable", "hold", "resume", "disable", "reset"]
+
+
+class ProtectiveStop(Message):
+    """Stops the arm; anyone may ask, lease or not. Latched until cleared."""
+
+    operator: OperatorName
+
+
+class ProtectiveClear(Message):
+    """Clears the protective stop: by the one who asked, or by the lease holder with its token."""
+
+    operator: OperatorName
+    token: Token | None = None
+
+
+class GainRequest(Command):
+    """Sets the gain vector of one source; the change is ramped.
+
+    Gains beyond the bound of sampled stability are refused, unless they are `forced`.
+    """
+
+    source: SourceName
+    gain: Gains
+    forced: bool = False
+
+
+class SwitchRequest(Command):
+    """Switches one source on or off; the change is ramped."""
+
+    source: SourceName
+    on: bool
+
+
+class SpeedRequest(Command):
+    """Sets the reduced-speed factor, one factor on all limits [1]."""
+
+    factor: float = Field(ge=0.01, le=1.0)
+
+
+class PayloadRequest(Command):
+    """Says what hangs on the force/torque sensor now; the change is ramped.
+
+    Either a name from the cell, or mass [kg] and centre of mass in the Sensor frame [m]. `bias` is
+    the sensor's reading without load [N, N·m], as in the cell; absent, the one in force stays.
+    """
+
+    name: str | None = Field(None, max_length=32)
+    mass: float | None = Field(None, ge=0, le=500)
+    com: Place = (0.0, 0.0, 0.0)
+    bias: Wrench | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> "PayloadRequest":
+        if (self.name is None) == (self.mass is None):
+            raise ValueError("give either name or mass")
+        return self
+
+
+class GripperRequest(Command):
+    """Closes or opens the gripper; the payload that the cell has for either follows, ramped."""
+
+    closed: bool
+
+
+class TareRequest(Command):
+    """Takes the present force/torque reading as that of no contact; refused while moving."""
+
+
+class Reply(Message):
+    """The answer to every request: accepted, or refused with the reason by name."""
+
+    ok: bool
+    reason: str = Field("", max_length=64)
+    detail: str = Field("", max_length=500)
+    tick: Count = 0
+    token: str | None = None
+    epoch: Count | None = None
