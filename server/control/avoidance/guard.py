@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....config.load import Cell
+from ..compiled import FLAGS, INDEX, VECTOR, compiled
 from ..frames import Array, Pose
 from ..scene import Scene
 from .approach import Rows
 from .chain import Flags
 from .clearance import Base, Clearance, Gap, Levels, Postures, Sight
+from .distance import Index
 from .workspace import Walls
 
 NAMED = 3
@@ -88,10 +90,9 @@ class Guard:
         if self._near_speed is None:
             return 1.0
         near = watch.sight.near
-        beside = (near.obstacle >= 0) & self._tool[near.first]
-        if not beside.any():
+        gap = _least_beside(near.gap, near.obstacle, self._tool[near.first])
+        if gap == math.inf:
             return 1.0
-        gap = float(near.gap[beside].min())
         far = (gap - self._clearance) / (self._near_distance - self._clearance)
         bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
         v = watch.at.J[:3] @ asked
@@ -125,3 +126,13 @@ class Guard:
             out = self.walls.shortfall(at.p, at.T_wrist_mrf, postures(times), base)
             short = max(short, out)
         return short
+
+
+@compiled(VECTOR, INDEX, FLAGS)
+def _least_beside(gap: Array, obstacle: Index, tool: Flags) -> float:
+    """Return the least gap (k,) between the tool and an obstacle [m]; infinite without any."""
+    least = np.inf
+    for i in range(len(gap)):
+        if tool[i] and obstacle[i] >= 0:
+            least = min(least, gap[i])
+    return least

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell
+from ..compiled import ARRAY4, VECTOR, compiled
 from ..frames import Array, Pose
 from .links import Links
 
@@ -55,11 +56,10 @@ class Walls:
 
         From where it is at p (3,), outside, it may only come nearer.
         """
-        frames = self._links.chain.frames(q, T_world_base)[:, -1]
-        places = frames[:, :, :3] @ self._tip_at(T_wrist_mrf).p + frames[:, :, 3]
+        frames = self._links.chain.frames(q, T_world_base)
         low = np.minimum(self._low + BETWEEN, p - 1e-4)
         high = np.maximum(self._high - BETWEEN, p + 1e-4)
-        return max(0.0, float(np.maximum(low - places, places - high).max()))
+        return _beyond(frames, self._tip_at(T_wrist_mrf).p, low, high)
 
     def _tip_at(self, T_wrist_mrf: Pose) -> _Tip:
         """Return where the MRF is on the chain; it stays there from tick to tick."""
@@ -68,3 +68,20 @@ class Walls:
             reach = self._links.reach(chain.n, math.sqrt(float(p @ p)))
             self._tip = _Tip(T_wrist_mrf, p, reach)
         return self._tip
+
+
+@compiled(ARRAY4, VECTOR, VECTOR, VECTOR)
+def _beyond(frames: Array, tip: Array, low: Array, high: Array) -> float:
+    """Return how far a point of the last body leaves a box at most [m]; 0 inside.
+
+    `frames` (s, n, 3, 4) are the joints' at s postures; `tip` (3,) is the point in the last one.
+    """
+    worst = 0.0
+    last = frames.shape[1] - 1
+    for s in range(len(frames)):
+        for i in range(3):
+            x = frames[s, last, i, 3]
+            for k in range(3):
+                x += frames[s, last, i, k] * tip[k]
+            worst = max(worst, low[i] - x, x - high[i])
+    return worst
