@@ -27,7 +27,7 @@ from .link import Link, ZenohLink
 from .loop import LoopStatistics, run
 from .mode import Mode
 from .plant import Plant
-from .realtime import prepare
+from .realtime import prepare, release
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""
@@ -132,6 +132,7 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
         return run(cycle, clock, cell.config.timing.period_s, ending.go_on)
     finally:
         cycle.close()
+        release()
 
 
 def _boot(cycle: Cycle, clock: MonotonicClock, ending: Ending) -> bool:

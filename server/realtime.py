@@ -33,3 +33,9 @@ def prepare() -> list[str]:
     gc.freeze()
     gc.disable()
     return notices
+
+
+def release() -> None:
+    """Let the garbage collector have what `prepare` kept from it: the process is about to end."""
+    gc.unfreeze()
+    gc.enable()

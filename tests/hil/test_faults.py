@@ -126,6 +126,7 @@ def test_a_daemon_told_to_end_in_motion_stops_the_arm_and_switches_it_off(plant)
     plant.daemon.terminate()
     plant.until(lambda: plant.daemon.poll() is not None, 10.0, "the daemon does not end")
     assert plant.daemon.returncode == 0
+    assert "leaked" not in plant.complaints()
     plant.run_for(0.2)
     assert speed(plant.truth) < 2e-3
     assert all(d != "operation_enabled" for d in plant.truth.drives)
