@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import INDEX, MATRIX, VECTOR, compiled
+from ..compiled import VECTOR, compiled
 from ..frames import Array
 from ..scene import Scene
 from ..tree import Body
@@ -20,6 +20,7 @@ from .chain import Flags
 from .distance import Index
 from .links import Links
 from .neighbours import Around, Neighbours
+from .ways import carried, doubtful, travel
 
 SAMPLE_S = 0.025
 """A stop is looked at this often at least [s] …"""
@@ -136,10 +137,10 @@ class Clearance:
             most = most + scene.growth(near.obstacle, np.array([end_s]))[0]
         if sight.base is not None:
             most = most + near.carried * end_s
-        doubtful, closer = _doubtful(way, near.first, near.second, near.gap, most)
-        if not len(doubtful):
+        pairs, closer = doubtful(way, near.first, near.second, near.gap, most)
+        if not len(pairs):
             return 0.0
-        return self._sampled(sight, doubtful, needed[doubtful], duration_s, closer, postures)
+        return self._sampled(sight, pairs, needed[pairs], duration_s, closer, postures)
 
     def _farther(self, sight: Sight, way: Array) -> Sight:
         """Return a sight that reaches as far as a stop may lead: the first one did not."""
@@ -153,10 +154,10 @@ class Clearance:
         return sight._replace(room=way, near=near, tube=tube, floor=floor)
 
     def _sampled(
-        self, sight: Sight, doubtful: Index, needed: Array, duration_s: float, closer: Array,
+        self, sight: Sight, pairs: Index, needed: Array, duration_s: float, closer: Array,
         postures: Postures,
     ) -> float:  # fmt: skip
-        """Return how short doubtful pairs (k,) fall of `needed` (k,) [m] where a stop is looked at.
+        """Return how short pairs (k,) of a sight fall of `needed` (k,) [m], looked at along a stop.
 
         Each may come `closer` (k,) [m] at most.
         """
@@ -164,21 +165,19 @@ class Clearance:
         count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(float(closer.max()) / SAMPLE_M), 1)
         count = min(count, SAMPLES)
         times = (duration_s / count) * np.arange(count + 1.0)
-        radii, chord = near.radii[doubtful], closer / count
-        round_off = chord * chord / (8.0 * np.maximum(radii + near.promise[doubtful], 0.02))
-        bound = np.empty((count + 1, len(doubtful)))
+        radii, chord = near.radii[pairs], closer / count
+        round_off = chord * chord / (8.0 * np.maximum(radii + near.promise[pairs], 0.02))
+        bound = np.empty((count + 1, len(pairs)))
         bound[:] = needed + round_off
         ahead = times + (1.0 + LATENCY) * self._period_s
         if scene is not None and scene.moves:
-            bound += scene.growth(near.obstacle[doubtful], ahead)
+            bound += scene.growth(near.obstacle[pairs], ahead)
         if sight.base is not None:
-            bound += near.carried[doubtful] * ahead[:, None]
-        wanted = np.minimum(bound, sight.floor[doubtful]) + radii
+            bound += near.carried[pairs] * ahead[:, None]
+        wanted = np.minimum(bound, sight.floor[pairs]) + radii
         base = None if sight.base is None else sight.base.T
         ends = self.links.place(postures(times), base).ends
-        found = self.around.between(
-            ends, near.first[doubtful], near.second[doubtful], wanted, scene
-        )
+        found = self.around.between(ends, near.first[pairs], near.second[pairs], wanted, scene)
         return max(0.0, float((wanted - found.distance).max()))
 
     def _floors(
@@ -229,72 +228,10 @@ class Clearance:
 
 def _on_moving_base(near: Neighbours, base: Body) -> Neighbours:
     """Return neighbours with the speed at which a Base that moves brings links to obstacles."""
-    speed, carried = _carried(
+    speed, fastest = carried(
         near.near.normal, near.near.place - base.T.p, near.obstacle, near.speed, base.twist
     )
-    return near._replace(speed=speed, carried=carried)
-
-
-@compiled(MATRIX, VECTOR)
-def travel(lever: Array, way: Array) -> Array:
-    """Return how far capsules move at most (c,) [m] when joints move by no more than `way` (n,).
-
-    The levers (c, n) themselves grow with the motion: D' ≤ Σ way (lever + D), so that
-    D ≤ lever·way (exp(σ) − 1)/σ with σ the sum of all ways.
-    """
-    total = 0.0
-    for j in range(len(way)):
-        total += way[j]
-    growth = math.expm1(total) / total if total > 1e-9 else 1.0
-    found = np.zeros(len(lever))
-    for c in range(len(lever)):
-        for j in range(len(way)):
-            found[c] += lever[c, j] * way[j]
-        found[c] *= growth
-    return found
-
-
-@compiled(MATRIX, MATRIX, INDEX, VECTOR, VECTOR)
-def _carried(
-    normal: Array, lever: Array, obstacle: Index, speed: Array, twist: Array
-) -> tuple[Array, Array]:
-    """Return `speed` and `carried` (k,), as in `Neighbours`, where Base moves with a twist (6,).
-
-    `lever` (k, 3) leads from Base to the places [m].
-    """
-    nearer, fastest = speed.copy(), np.zeros(len(speed))
-    wx, wy, wz = twist[3:]
-    for i in range(len(speed)):
-        if obstacle[i] < 0:
-            continue
-        x, y, z = lever[i]
-        vx = twist[0] + wy * z - wz * y
-        vy = twist[1] + wz * x - wx * z
-        vz = twist[2] + wx * y - wy * x
-        closing = -(normal[i, 0] * vx + normal[i, 1] * vy + normal[i, 2] * vz)
-        nearer[i] = max(speed[i] + closing, 0.0)
-        fastest[i] = math.sqrt(vx * vx + vy * vy + vz * vz)
-    return nearer, fastest
-
-
-@compiled(VECTOR, INDEX, INDEX, VECTOR, VECTOR)
-def _doubtful(
-    way: Array, first: Index, second: Index, gap: Array, most: Array
-) -> tuple[Index, Array]:
-    """Return the pairs that may come below `most` (k,), and how much closer each may come [m].
-
-    `way` (c,) is how far capsules move at most.
-    """
-    doubtful, closer = np.empty(len(gap), dtype=np.int64), np.empty(len(gap))
-    found = 0
-    for i in range(len(gap)):
-        together = way[first[i]]
-        if second[i] < len(way):
-            together += way[second[i]]
-        if gap[i] - together < most[i]:
-            doubtful[found], closer[found] = i, together
-            found += 1
-    return doubtful[:found].copy(), closer[:found].copy()
+    return near._replace(speed=speed, carried=fastest)
 
 
 @compiled(VECTOR, VECTOR, VECTOR, VECTOR)

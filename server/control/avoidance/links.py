@@ -53,11 +53,6 @@ class Links:
         steps = [float(_length(b - a)) for a, b in itertools.pairwise(origins)]
         self._steps = np.array(steps) + self.chain.stroke[1:]
         """From each joint's origin to the next one's, at most (n − 1,) [m]."""
-        far = [max(float(_length(c.start)), float(_length(c.end))) for c in self.capsules]
-        self.lever = np.array(
-            [self.reach(c.body, x) for c, x in zip(self.capsules, far, strict=True)]
-        )
-        """As `levers`, but no posture has greater ones (c, n) [m]."""
 
     def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
         """Return where the capsules are at postures q (s, n) [rad]."""

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.config.obstacles import Avoidance, Obstacle
-from telerobot.server.control.avoidance.clearance import Clearance, travel
+from telerobot.server.control.avoidance.clearance import Clearance
+from telerobot.server.control.avoidance.ways import doubtful, travel
 from telerobot.server.control.frames import Pose, rotation_exp
 from telerobot.server.control.tree import Body
 from telerobot.server.events import Events
@@ -67,3 +68,16 @@ def test_a_base_that_moves_closes_gaps_to_obstacles_as_fast_as_it_is_told(pa10, 
     places = seen.near.place[others] - base.T.p
     carried = twist[:3] + np.cross(twist[3:], places)
     assert seen.carried[others] == pytest.approx(np.linalg.norm(carried, axis=1))
+
+
+def test_pairs_that_may_come_below_a_bound_are_doubtful(rng):
+    capsules, k = 6, 40
+    way, gap, most = rng.uniform(0, 0.3, capsules), rng.uniform(0, 0.5, k), rng.uniform(0, 0.1, k)
+    first, second = rng.integers(0, capsules, k), rng.integers(0, capsules + 5, k)
+    both = np.r_[way, np.zeros(5)]
+    closer = both[first] + both[second]
+    expected = np.flatnonzero(gap - closer < most)
+    pairs, told = doubtful(way, first, second, gap, most)
+    assert 0 < len(expected) < k
+    np.testing.assert_array_equal(pairs, expected)
+    np.testing.assert_array_equal(told, closer[expected])
