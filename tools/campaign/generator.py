@@ -2,7 +2,8 @@
 
 A run is a hostile part (`hostile.py`), then order is restored and the arm is sent to a posture,
 or from a known posture to a target pose, sometimes with a stick that nudges it on the way.
-Some arms have a gripper, some cells cameras (`equipment.py`).
+Some arms have a gripper, some cells cameras (`equipment.py`); some stand on a platform that sways,
+or work beside a conveyor (`grounds.py`).
 Most scenes are open: nothing but the arm. Some are the cell's own, with its wall and table, which
 the arm mostly hits: this server does not avoid obstacles.
 """
@@ -15,7 +16,8 @@ import numpy as np
 
 from ...config.load import Cell
 from ..script import Script, Step
-from .equipment import OPENING_S, opening, order, segments, with_gripper
+from . import equipment, grounds
+from .equipment import OPENING_S, opening, segments, with_gripper
 from .feasible import Judge
 from .hostile import SEGMENTS, disturbance, schedules
 from .poses import Array, difference, rotation
@@ -36,6 +38,10 @@ SCHEDULED = 0.25
 """Part of the cells whose gains follow schedules [1]."""
 GRIPPING = 0.3
 """Part of the cells that have a gripper, and something to pick up [1]."""
+MOVING = 0.25
+"""Part of the cells whose Base or Carrier moves [1]."""
+SLOWED = 0.4
+"""Part of the segments that begin with a reduced speed, until the next one that does [1]."""
 INFEASIBLE = 0.2
 """Part of the target poses that are drawn without regard to feasibility [1]."""
 FRUITLESS_S = 3.0
@@ -81,6 +87,8 @@ def generate(cell: Cell, seed: int) -> Plan:
         cell = replace(cell, config=config)
     if draw.random() < GRIPPING:
         cell = with_gripper(draw, cell)
+    if draw.random() < MOVING:
+        cell = grounds.with_moving(draw, cell)
     judge = Judge.of(cell)
     end_s = float(draw.uniform(*HOSTILE_S)) + (OPENING_S if cell.config.cameras else 0.0)
     steps = _hostile(draw, cell, end_s) + _restored(cell, end_s)
@@ -115,6 +123,8 @@ def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
     known = (*SEGMENTS, *segments(cell))
     while at_s < end_s - 0.4:
         until_s = min(end_s, at_s + float(draw.uniform(0.5, 1.1)))
+        if draw.random() < SLOWED:
+            steps.append(step(at_s=at_s, speed=float(draw.choice([0.1, 0.25, 0.5, 1.0]))))
         segment = known[int(draw.integers(len(known)))]
         steps += segment(draw, cell, at_s, until_s)
         if draw.random() < 0.35:
@@ -126,7 +136,7 @@ def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
 def _restored(cell: Cell, at_s: float) -> list[Step]:
     """Return what brings order back, whatever state the hostile part has left behind."""
     sources, mrf = cell.config.sources, cell.config.mechanism.T_wrist_mrf
-    besides = order(cell)
+    besides = grounds.order(cell) + equipment.order(cell)
     wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 21 + len(besides)).tolist())
     steps = [
         step(at_s=at_s, link={}, fault={"silence": "force_torque", "on": False}),

@@ -13,7 +13,7 @@ from ...config.load import Cell
 from ...config.schema import OBJECTIVES, Schedule
 from ...protocols.messages import Frame
 from ..script import Step
-from . import equipment
+from . import equipment, grounds
 from .steps import Draw, step
 
 FRAMES = tuple(Frame)
@@ -60,11 +60,12 @@ def aimed(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # n
 
 
 def jog_to_limit(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
-    """One of the last joints at full speed towards a limit, at reduced speed half of the time."""
+    """Some joints, the last among them, full speed towards a limit; half of the time slowed."""
     drives = cell.config.mechanism.drives
-    rates = [0.0] * len(drives)
-    joint = int(draw.choice([len(drives) - 1, len(drives) - 1, len(drives) - 2, 0]))
-    rates[joint] = float(draw.choice([-1.0, 1.0])) * drives[joint].max_velocity
+    n = len(drives)
+    rates = [0.0] * n
+    for joint in (n - 1, int(draw.choice([n - 1, n - 2, n - 3, 0]))):
+        rates[joint] = float(draw.choice([-1.0, 1.0])) * drives[joint].max_velocity
     factor = float(draw.choice([0.3, 1.0]))
     return [
         step(at_s=at_s, joystick={}, speed=factor, jog={"rates": rates}),
@@ -77,8 +78,8 @@ def goals(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # n
     steps = []
     while at_s < end_s:
         position = {
-            "xyz": draw.uniform(-0.2, 0.2, 3).tolist(),
-            "rpy": draw.uniform(-0.8, 0.8, 3).tolist(),
+            "xyz": draw.uniform(-0.6, 0.6, 3).tolist(),
+            "rpy": draw.uniform(-1.5, 1.5, 3).tolist(),
             "relative_to": Frame.MRF,
             "expressed_in": _frame(draw),
         }
@@ -107,7 +108,7 @@ def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # n
     while at_s < end_s:
         count = int(draw.integers(1, 6))
         if draw.random() < 0.5:
-            reach, turn = draw.uniform(-0.12, 0.12, (count, 3)), draw.uniform(-0.5, 0.5, (count, 3))
+            reach, turn = draw.uniform(-0.3, 0.3, (count, 3)), draw.uniform(-0.9, 0.9, (count, 3))
             path: dict[str, Any] = {
                 "waypoints": np.hstack([reach, turn]).tolist(),
                 "blend": float(draw.choice([0.0, 0.02, 0.2])),
@@ -117,7 +118,7 @@ def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # n
                 path["speeds"] = draw.uniform(0.02, 3.0, count).tolist()
         else:
             path = {
-                "twists": [[0.3 * x for x in _twist(draw)] for _ in range(count)],
+                "twists": [[0.6 * x for x in _twist(draw)] for _ in range(count)],
                 "durations_s": draw.uniform(0.03, 0.4, count).tolist(),
             }
         steps.append(step(at_s=at_s, path={**path, "expressed_in": _frame(draw)}))
@@ -137,7 +138,7 @@ def master(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # 
     steps = [step(at_s=at_s, joystick={}, clutch={"engaged": True})]
     axes = _frame(draw)
     while at_s < end_s:
-        twist = [float(draw.choice([0.2, 1.0])) * x for x in _twist(draw)]
+        twist = [float(draw.choice([0.5, 2.0])) * x for x in _twist(draw)]
         steps.append(step(at_s=at_s, master={"twist": twist, "expressed_in": axes}))
         changes: tuple[dict[str, Any], ...] = (
             {"clutch": {"engaged": False}},
@@ -194,7 +195,7 @@ def disturbance(draw: Draw, cell: Cell, at_s: float) -> list[Step]:
             {"fault": {"silence": "force_torque", "on": False}},
         ),
     )
-    choices += equipment.disturbances(draw, cell)
+    choices += equipment.disturbances(draw, cell) + grounds.disturbances(draw, cell)
     first, second = choices[int(draw.integers(len(choices)))]
     steps = [step(at_s=at_s, **first)]
     if second:
