@@ -189,7 +189,7 @@ class Cycle:
             now=Now(now_s, self.tick, self._enabled_since),
             mode=self.mode,
             unloaded=watches.sensor.unloaded,
-            at_rest=self.output is None or self.output.at_rest,
+            still=watches.sensor.still,
             essential_stale=watches.sensor.missed,
             gain_bound=self._gain_bound,
             vision=watches.vision,

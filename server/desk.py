@@ -40,7 +40,8 @@ class View:
     mode: Mode
     unloaded: Array | None
     """Sensor reading less the payload's weight, averaged (6,) [N, N·m]; None when stale."""
-    at_rest: bool
+    still: bool
+    """The arm stood while that was averaged, and nothing else was asked of it."""
     essential_stale: tuple[str, ...]
     gain_bound: Callable[[str, tuple[float, ...]], str | None]
     """Why a source's gains would be unstable, or None."""
@@ -291,9 +292,9 @@ class Desk:
             self._events.info("payload_set", name or "", mass=payload.mass, com=com)
 
     def _tare(self, view: View) -> None:
-        if not view.at_rest:
-            raise Refused(Why.NOT_NOW, "the arm moves")
         if view.unloaded is None:
             raise Refused(Why.SENSOR_STALE, "force_torque is stale or missing")
+        if not view.still:
+            raise Refused(Why.NOT_NOW, "the arm moves, or is told to")
         self._orders.tuning.wrench_bias = view.unloaded
         self._events.info("tared", "", bias=str(np.round(view.unloaded, 3).tolist()))

@@ -39,12 +39,13 @@ class Watches:
         """Take in what the devices said, and what the last tick made of it."""
         orders = self._orders
         if has_sensor:
-            weight = None
+            weight, twists = None, {}
             if output is not None:
+                twists = output.twists
                 weight = self._control.summing.weight(
                     output.T_world_mrf_measured, orders.settings()
                 )
-            self.sensor.look(reading, weight)
+            self.sensor.look(reading, weight, twists)
         places = orders.places
         self.touch.look(now_s, reading, memory, output, places.T_wrist_mrf, places.moved, moving)
 

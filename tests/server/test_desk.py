@@ -73,7 +73,7 @@ def counter(pa10):
         now=Now(10.0, 1000, None),
         mode=Mode.READY,
         unloaded=np.arange(6.0),
-        at_rest=True,
+        still=True,
         essential_stale=(),
         gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
         vision=VisionWatch(pa10.cell, events),
@@ -381,7 +381,7 @@ def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
 
 @pytest.mark.parametrize(
     ("changes", "reason"),
-    [({"at_rest": False}, Why.NOT_NOW), ({"unloaded": None}, Why.SENSOR_STALE)],
+    [({"still": False}, Why.NOT_NOW), ({"unloaded": None}, Why.SENSOR_STALE)],
 )
 def test_a_tare_is_refused_while_the_arm_moves_or_the_sensor_is_silent(ann, changes, reason):
     before = ann.orders.settings().wrench_bias
