@@ -7,11 +7,7 @@ from .schema import CellConfig
 
 def mode_disagreements(config: CellConfig) -> Iterator[str]:
     """Yield what does not fit, each in one line with its key."""
-    mechanism, n = config.mechanism, len(config.mechanism.drives)
-    for key in ("rotor_inertia", "friction"):
-        count = len(getattr(config.torque, key))
-        if count not in (1, n):
-            yield f"torque.{key}: {count} values: must be 1, or {n}: one per joint"
+    mechanism = config.mechanism
     if mechanism.operation_mode == "cst":
         if config.frames.base is not None:
             yield (

@@ -6,7 +6,6 @@ from pydantic import Field
 
 from .section import Section
 
-NonNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -20,14 +19,11 @@ class Torque(Section):
     damping: float = Field(20.0, gt=0, le=500, description="K_d of the tool's pose [1/s]")
     null_stiffness: float = Field(100.0, ge=0, le=1e4, description="K_p of self-motion [1/s²]")
     null_damping: float = Field(20.0, gt=0, le=500, description="K_v of self-motion [1/s]")
-    rotor_inertia: tuple[NonNegative, ...] = Field(
-        (0.0,), description="of motor and gear, at the joint [kg·m²]"
-    )
-    friction: tuple[NonNegative, ...] = Field(
-        (0.0,), description="Coulomb friction that is fed forward where motion is commanded [N·m]"
-    )
     friction_speed: float = Field(
-        0.01, gt=0, le=1, description="commanded speed at which most of it is fed forward [rad/s]"
+        0.01,
+        gt=0,
+        le=1,
+        description="commanded speed at which most of the joints' friction is fed forward [rad/s]",
     )
     friction_lead: float = Field(
         2.0, ge=0, le=50, description="joint error to speed, where friction may hold a joint [1/s]"

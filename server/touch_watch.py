@@ -3,11 +3,10 @@
 import numpy as np
 
 from ..config.load import Cell
-from .control.frames import Array, Pose
-from .control.inverse_dynamics import InverseDynamics
+from .control.dynamics import Dynamics
+from .control.frames import GRAVITY, Array, Pose
 from .control.mechanism import Mechanism
 from .control.parameters import Parameters
-from .control.sources.force import GRAVITY
 from .control.state import Memory, Output
 from .control.touch import Touch, TouchState
 from .control.tree import Moved
@@ -77,18 +76,11 @@ def _touch(cell: Cell, p: Parameters, mechanism: Mechanism) -> Touch | None:
     section = cell.config.touch
     if section is None:
         return None
-    drives = {d.joint: d for d in cell.config.mechanism.drives}
-    ordered = [drives[j] for j in p.joints]
-    dynamics = InverseDynamics(
-        mechanism,
-        cell.config.mechanism.tip_link,
-        np.array([d.rotor_inertia for d in ordered]),
-        p.T_wrist_sensor or Pose.identity(),
-    )
+    dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
     bound = section.torque if len(section.torque) == p.n else section.torque * p.n
     return Touch(
         dynamics,
-        np.array([d.friction for d in ordered]),
+        p.friction,
         np.array(bound),
         section.doubt,
         section.filter_hz,

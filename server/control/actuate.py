@@ -85,9 +85,8 @@ class ByTorque:
     """CST: the torques of the law, inside the bounds of torque and of its rate."""
 
     def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
-        dynamics = Dynamics(mechanism, np.resize(np.array(p.torque.rotor_inertia), p.n))
-        length = p.resolve.characteristic_length
-        self._law = TorqueLaw(dynamics, p.torque, p.max_torque, length, p.period_s)
+        dynamics, length = Dynamics(mechanism, p.rotor_inertia), p.resolve.characteristic_length
+        self._law = TorqueLaw(dynamics, p.torque, p.friction, p.max_torque, length, p.period_s)
         self._joints, self._most = p.joints, p.max_torque
         self._step = (1.0 + TOLERANCE) * p.max_torque_rate * p.period_s
 

@@ -1,15 +1,15 @@
-"""The arm's dynamics: inertia, gravity, and what speed does to the tool, by Pinocchio."""
+"""The arm's dynamics: inertia, gravity, what a motion needs and what speed does to the tool.
+
+By Pinocchio: the URDF's inertias, plus the drives' rotors at the joints.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from .frames import Array, Pose, cross, rotate_twist
+from .frames import GRAVITY, Array, Pose, cross, rotate_twist
 from .mechanism import Kinematics, Mechanism
-
-GRAVITY = np.array([0.0, 0.0, -9.81])
-"""In World [m/s²]."""
 
 
 class Terms(NamedTuple):
@@ -24,10 +24,14 @@ class Terms(NamedTuple):
 class Dynamics:
     """The dynamics of one mechanism with rotors of `rotor_inertia` (n,) [kg·m²].
 
-    A calculator as the mechanism is: its answers depend on the arguments of the call alone.
+    A calculator as the mechanism is: its answers depend on the arguments of the call, and on what
+    it was last told to `carry`, and how things `fall`. Until then links that the URDF fixes to the
+    tip link are the tool, and Base stands where the cell has it.
     """
 
-    def __init__(self, mechanism: Mechanism, rotor_inertia: Array) -> None:
+    def __init__(
+        self, mechanism: Mechanism, rotor_inertia: Array, T_wrist_sensor: Pose | None = None
+    ) -> None:
         self._mechanism = mechanism
         R = mechanism.T_world_base.R
         self._R_world_base = R
@@ -38,6 +42,29 @@ class Dynamics:
         self._tip = mechanism.tip
         self._zero = np.zeros(mechanism.n)
         self._align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        tip = self._model.frames[self._tip]
+        self._joint = tip.parentJoint
+        T_joint_wrist = Pose(tip.placement.rotation.copy(), tip.placement.translation.copy())
+        self._T_joint_sensor = T_joint_wrist @ (T_wrist_sensor or Pose.identity())
+        tool = _tool(self._model, self._tip)
+        self._bare = self._model.inertias[self._joint].toDynamicParameters() - tool
+
+    def carry(self, mass: float, com: Array) -> None:
+        """Say what is outboard of the Sensor frame: a point mass [kg] at com (3,) [m] in it.
+
+        The tool's own mass makes way for it.
+        """
+        com = self._T_joint_sensor.R @ com + self._T_joint_sensor.p
+        inertia = self._bare + _point(mass, com)
+        self._model.inertias[self._joint] = pin.Inertia.FromDynamicParameters(inertia)
+
+    def fall(self, free_fall: Array) -> None:
+        """Say how things fall (3,) [m/s²], in Base axes: gravity, less how Base accelerates."""
+        self._model.gravity.linear = free_fall
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the joint torques (n,) [N·m] of a motion without contact and friction."""
+        return np.array(pin.rnea(self._model, self._data, q, dq, ddq))
 
     def terms(self, q: Array, dq: Array) -> Terms:
         """Return inertia and momentum drift at q (n,) [rad], dq (n,) [rad/s]."""
@@ -67,3 +94,18 @@ class Dynamics:
         lever = k.T_world_mrf.p - k.T_world_wrist.p
         a[:3] += cross(a[3:], lever) + cross(w, cross(w, lever))
         return k, a
+
+
+def _tool(model: "pin.Model", tip: int) -> Array:
+    """Return the dynamic parameters (10,) of the links fixed to frame `tip`, as point masses."""
+    outboard, found = {tip}, np.zeros(10)
+    for i, frame in enumerate(model.frames):
+        if i > tip and frame.parentFrame in outboard:
+            outboard.add(i)
+            found += _point(frame.inertia.mass, frame.placement.act(frame.inertia.lever))
+    return found
+
+
+def _point(mass: float, com: Array) -> Array:
+    """Return the dynamic parameters (10,) of a point mass [kg] at com (3,) [m]."""
+    return np.array(pin.Inertia(mass, com, np.zeros((3, 3))).toDynamicParameters())

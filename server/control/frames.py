@@ -14,6 +14,9 @@ from .compiled import MATRIX, VECTOR, compiled
 
 Array = NDArray[np.float64]
 
+GRAVITY = np.array([0.0, 0.0, -9.81])
+"""Free-fall acceleration in World (3,) [m/s²]."""
+
 _SMALL = 1e-7
 
 

@@ -82,6 +82,10 @@ class Parameters:
     operation_mode: str
     """What the drives are sent: "csp", "csv" or "cst"."""
     torque: Torque
+    rotor_inertia: Array
+    """What the drives' rotors add at the joints [kg·m²]."""
+    friction: Array
+    """Coulomb friction at the joints [N·m]."""
     max_torque: Array
     max_torque_rate: Array
     """Bound of what a torque changes by (n,) [N·m/s]; infinite where the cell says none."""
@@ -145,6 +149,8 @@ class Parameters:
             impedance=_impedance(c.sources.following),
             operation_mode=c.mechanism.operation_mode,
             torque=c.torque,
+            rotor_inertia=np.array([d.rotor_inertia for d in ordered]),
+            friction=np.array([d.friction for d in ordered]),
             max_torque=np.array([d.max_torque for d in ordered]),
             max_torque_rate=np.array([d.max_torque_rate or np.inf for d in ordered]),
         )

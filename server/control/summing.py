@@ -10,13 +10,13 @@ import numpy as np
 
 from .bleed import bleed
 from .evolve import evolve
-from .frames import Array, Pose, rotate_twist
+from .frames import GRAVITY, Array, Pose, rotate_twist
 from .gains import GAIN_TIME_S
 from .mechanism import Kinematics
 from .parameters import Parameters
 from .payload import Payload
 from .sources.following import Following, FollowingState
-from .sources.force import GRAVITY, Force, load_of
+from .sources.force import Force, load_of
 from .sources.frames import Frames, FramesState
 from .sources.joystick import Joystick, JoystickState
 from .sources.position import Position, PositionState

@@ -50,13 +50,21 @@ class TorqueLaw:
     """The law of one arm; all arrays (n,)."""
 
     def __init__(
-        self, dynamics: Dynamics, torque: Torque, max_torque: Array, length: float, period_s: float
+        self,
+        dynamics: Dynamics,
+        torque: Torque,
+        friction: Array,
+        max_torque: Array,
+        length: float,
+        period_s: float,
     ) -> None:
-        """Build; `length` weighs radians against metres where the tool's mobility is judged [m]."""
-        n = len(max_torque)
+        """Build; `length` weighs radians against metres where the tool's mobility is judged [m].
+
+        `friction` is Coulomb's at the joints, fed forward where motion is commanded [N·m].
+        """
         self._dynamics = dynamics
         self._gains = torque
-        self._friction = np.resize(np.array(torque.friction), n)
+        self._friction = friction
         self._authority = torque.observer_share * max_torque
         self._T = period_s
         self._trust = 1.0 - math.exp(-2.0 * math.pi * torque.velocity_filter_hz * period_s)

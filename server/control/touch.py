@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .dynamics import Dynamics
 from .evolve import evolve
 from .frames import Array
-from .inverse_dynamics import InverseDynamics
 
 SLOW = 0.02
 """Joint speed above which the sign of friction is certain [rad/s]."""
@@ -62,7 +62,7 @@ class Touch:
 
     def __init__(
         self,
-        dynamics: InverseDynamics,
+        dynamics: Dynamics,
         friction: Array,
         bound: Array,
         doubt: float,

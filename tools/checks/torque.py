@@ -34,9 +34,10 @@ def torque(cell: Cell) -> Iterator[Finding]:
         {"radius": worst, "lag_s": gains.lag_s},
     )
     mechanism = Mechanism.from_cell(cell)
-    dynamics = Dynamics(mechanism, np.resize(np.array(gains.rotor_inertia), mechanism.n))
     by_joint = {d.joint: d for d in cell.config.mechanism.drives}
-    most = np.array([by_joint[j].max_torque for j in mechanism.joints])
+    drives = [by_joint[j] for j in mechanism.joints]
+    dynamics = Dynamics(mechanism, np.array([d.rotor_inertia for d in drives]))
+    most = np.array([d.max_torque for d in drives])
     for name in REQUIRED_POSTURES:
         q = np.array(cell.config.mechanism.postures[name])
         share = np.abs(dynamics.bias(q, np.zeros(mechanism.n))) / most

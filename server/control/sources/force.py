@@ -17,10 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..compiled import ARRAY3, MATRIX, NUMBER, VECTOR, compiled
-from ..frames import Array, Pose, rotate_twist, wrench_to
-
-GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Free-fall acceleration in World (3,) [m/s²]."""
+from ..frames import GRAVITY, Array, Pose, rotate_twist, wrench_to
 
 INERTIA_PERIODS = 0.5
 """Delay of the wrench where inertial forces are taken off [periods]."""

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.scene import build_model
+from telerobot.server.control.dynamics import Dynamics
 from telerobot.server.control.frames import Pose
-from telerobot.server.control.inverse_dynamics import InverseDynamics
 from telerobot.server.control.mechanism import Mechanism
 from telerobot.server.control.sources.force import load_of
 from telerobot.server.control.touch import Touch, TouchState
@@ -22,8 +22,7 @@ def cell():
 @pytest.fixture
 def dynamics(cell):
     rotors = np.array([d.rotor_inertia for d in cell.config.mechanism.drives])
-    mechanism = Mechanism.from_cell(cell)
-    return InverseDynamics(mechanism, cell.config.mechanism.tip_link, rotors, Pose.identity())
+    return Dynamics(Mechanism.from_cell(cell), rotors, Pose.identity())
 
 
 def physics_torque(cell, q, dq, ddq):
