@@ -9,7 +9,8 @@ from .agree_modes import mode_disagreements
 from .agree_obstacles import obstacle_disagreements
 from .agree_priority import priority_disagreements
 from .errors import ConfigError, nearest
-from .schema import CellConfig, Drive
+from .mechanism import Drive
+from .schema import CellConfig
 from .urdf import Robot, UrdfJoint
 
 REQUIRED_POSTURES: Final = ("start", "ready")

@@ -9,6 +9,9 @@ Vector6 = Annotated[
     tuple[float, float, float, float, float, float],
     Field(description="linear x, y, z, then angular x, y, z"),
 ]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 
 

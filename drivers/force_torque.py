@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config.schema import ForceTorque
+from ..config.mechanism import ForceTorque
 from ..protocols import robotous
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus

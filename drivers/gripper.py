@@ -9,7 +9,8 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ..config.schema import Gripper, Timing
+from ..config.mechanism import Gripper
+from ..config.schema import Timing
 from ..protocols import can301, cia401
 from ..protocols.can301 import CommunicationObject as Com
 from ..protocols.can301 import NmtState

@@ -10,7 +10,8 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
 
-from ..config.schema import Drive, Timing
+from ..config.mechanism import Drive
+from ..config.schema import Timing
 from ..protocols import can301, cia402
 from ..protocols.can301 import EmcyCode, FrameError, NmtState
 from ..protocols.cia402 import Control, DriveState, Object, OperationMode, Status

@@ -11,7 +11,8 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ..config.schema import Drive, Timing
+from ..config.mechanism import Drive
+from ..config.schema import Timing
 from ..protocols import can301, cia402
 from ..protocols.can301 import CommunicationObject as Com
 from ..protocols.cia402 import AbortConnectionOption, Object, OperationMode, QuickStopOption

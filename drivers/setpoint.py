@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from ..config.schema import Drive
+from ..config.mechanism import Drive
 from ..protocols import cia402
 from ..protocols.cia402 import OperationMode
 

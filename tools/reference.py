@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic.fields import FieldInfo
 
 from ..config import schema
+from ..config.section import Pose, Section
 
 BEGIN: Final = "<!-- begin: made by `python -m telerobot.tools.reference` -->"
 END: Final = "<!-- end -->"
@@ -39,14 +40,14 @@ def main() -> None:
     README.write_text(updated(README.read_text(encoding="utf-8")), encoding="utf-8")
 
 
-def _section(section: type[schema.Section], path: str, is_list: bool) -> Iterator[str]:
+def _section(section: type[Section], path: str, is_list: bool) -> Iterator[str]:
     name = f"[[{path}]]" if is_list else f"[{path}]"
     heading = f"`{name}`" if path else "At the top of the file"
     yield f"### {heading}\n"
     summary = (section.__doc__ or "").strip().splitlines()[0]
     yield f"{summary}\n"
     yield "| key | value | default | meaning |\n|---|---|---|---|"
-    below: list[tuple[type[schema.Section], str, bool]] = []
+    below: list[tuple[type[Section], str, bool]] = []
     for key, field in section.model_fields.items():
         inner = _inner(field.annotation)
         if inner is not None:
@@ -61,14 +62,14 @@ def _section(section: type[schema.Section], path: str, is_list: bool) -> Iterato
         yield from _section(inner, full, many)
 
 
-def _inner(annotation: object) -> type[schema.Section] | None:
+def _inner(annotation: object) -> type[Section] | None:
     """Return the section that a key opens; poses are written in one line and open none."""
-    if isinstance(annotation, type) and issubclass(annotation, schema.Section):
-        return None if annotation is schema.Pose else annotation
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return None if annotation is Pose else annotation
     return next((s for s in map(_inner, get_args(annotation)) if s is not None), None)
 
 
-def _value(field: FieldInfo, inner: type[schema.Section] | None) -> str:
+def _value(field: FieldInfo, inner: type[Section] | None) -> str:
     if inner is not None:
         return "tables, below" if get_origin(field.annotation) is tuple else "table, below"
     bounds = [f"{_SIGNS[type(m)]} {_number(m)}" for m in field.metadata if type(m) in _SIGNS]
@@ -91,7 +92,7 @@ def _number(bound: object) -> str:
 
 def _type(annotation: object) -> str:
     origin, args = get_origin(annotation), get_args(annotation)
-    if annotation is schema.Pose:
+    if annotation is Pose:
         return "`{ xyz = […], rpy = […] }`"
     if isinstance(annotation, type) and annotation in _WORDS:
         return _WORDS[annotation]
@@ -106,7 +107,7 @@ def _type(annotation: object) -> str:
     return _type(args[0]) if args else "value"
 
 
-def _default(field: FieldInfo, inner: type[schema.Section] | None) -> str:
+def _default(field: FieldInfo, inner: type[Section] | None) -> str:
     if field.is_required():
         return "**required**"
     if field.default is None:

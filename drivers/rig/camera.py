@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...config.cameras import Camera, RigTag
 from ...config.load import Cell
-from ...config.schema import Pose
+from ...config.section import Pose
 from ..device import DeviceError
 from ..vision.opencv import cells, marker
 from .geoms import quaternion

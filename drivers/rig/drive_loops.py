@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema import Drive, RigDrive
+from ...config.mechanism import Drive
+from ...config.rig import RigDrive
 
 Vector = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ...config.schema import Drive
+from ...config.mechanism import Drive
 from ...protocols.can301 import EmcyCode
 from ...protocols.rig import RigFault
 from .force_torque_node import SimulatedForceTorque

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema import ForceTorque, RigForceTorque
+from ...config.mechanism import ForceTorque
+from ...config.rig import RigForceTorque
 from ...protocols import robotous
 from ...protocols.can301 import FrameError
 from ...protocols.robotous import Command

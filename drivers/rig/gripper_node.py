@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from ...config.schema import Gripper
+from ...config.mechanism import Gripper
 from ...protocols.cia401 import KEEP, Object
 from .can_node import CanNode
 from .link import NodeLink

@@ -5,7 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...config.load import Cell
-from ...config.schema import Mechanism, Pose, Rig, Wall
+from ...config.mechanism import Mechanism
+from ...config.rig import Rig, Wall
+from ...config.section import Pose
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion
 from .peg import add_hole, add_peg
 from .sight import add_probe

@@ -9,7 +9,7 @@ device's EDS); a fault is reset only when its cause has gone.
 
 from collections.abc import Callable
 
-from ...config.schema import Drive
+from ...config.mechanism import Drive
 from ...protocols import cia402
 from ...protocols.can301 import EmcyCode, NmtState
 from ...protocols.cia402 import AbortConnectionOption, DriveState, Object, OperationMode, Status

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...config.obstacles import Obstacle
-from ...config.schema import Pose
+from ...config.section import Pose
 
 Vector = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import can
 import pytest
-from telerobot.config.schema import Drive, ForceTorque, Timing
+from telerobot.config.mechanism import Drive, ForceTorque
+from telerobot.config.schema import Timing
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.force_torque import RobotousSensor

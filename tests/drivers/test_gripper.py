@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from telerobot.config.schema import Gripper, Timing
+from telerobot.config.mechanism import Gripper
+from telerobot.config.schema import Timing
 from telerobot.drivers import rig
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.device import Cause, DeviceError

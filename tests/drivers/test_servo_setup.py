@@ -8,7 +8,8 @@ import canopen
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from telerobot.config.schema import Drive, Timing
+from telerobot.config.mechanism import Drive
+from telerobot.config.schema import Timing
 from telerobot.drivers import servo_setup
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.device import DeviceError

@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema import Payload, Pose
+from telerobot.config.mechanism import Payload
+from telerobot.config.section import Pose
 from telerobot.server.control import frames
 from telerobot.server.control.mechanism import Mechanism
 from telerobot.tools.identify.attitudes import attitudes

@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema import Gripper, Payload, RigGripper
+from telerobot.config.mechanism import Gripper, Payload
+from telerobot.config.rig import RigGripper
 from telerobot.server.control.gains import GAIN_TIME_S
 from telerobot.tools.script import Script
 from telerobot.tools.simulation import Simulation

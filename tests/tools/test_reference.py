@@ -1,5 +1,6 @@
 import pytest
-from telerobot.config.schema import CellConfig, Drive
+from telerobot.config.mechanism import Drive
+from telerobot.config.schema import CellConfig
 from telerobot.tools.reference import BEGIN, END, README, reference, updated
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema import Gripper, Payload, RigGripper
+from ...config.mechanism import Gripper, Payload
+from ...config.rig import RigGripper
 from ...protocols.messages import Frame
 from ..script import Step
 from .steps import Draw, step

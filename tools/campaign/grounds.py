@@ -11,7 +11,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...config.moving import Frames, MovingFrame
-from ...config.schema import Pose
+from ...config.section import Pose
 from .steps import Draw
 
 Pair = tuple[dict[str, Any], dict[str, Any]]

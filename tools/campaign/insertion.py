@@ -16,7 +16,7 @@ import numpy as np
 
 from ...config.load import Cell, ConfigError, load_cell
 from ...config.peg import RigHole
-from ...config.schema import Pose
+from ...config.section import Pose
 from ..script import load_script
 from ..simulation import Simulation
 from .poses import matrix, rotation

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema import Pose
+from ...config.section import Pose
 
 Array = NDArray[np.float64]
 

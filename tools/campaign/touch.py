@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.schema import Payload
+from ...config.mechanism import Payload
 from ..script import Script
 from ..simulation import Simulation
 from .part import Part, Selection

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...config.load import load_cell
-from ...config.schema import Pose
+from ...config.section import Pose
 from ...protocols.rig import RigTruth
 from ..simulation import JUDGED_S, Simulation
 from .arm import Arm

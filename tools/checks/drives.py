@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...config.schema import Drive
+from ...config.mechanism import Drive
 from ...config.urdf import UrdfJoint
 from ..findings import Finding, Status, graded
 

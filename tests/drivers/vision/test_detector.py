@@ -5,14 +5,17 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.frames import Pose, rotation_log, rotation_rpy
 
-T_WORLD_LENS = Pose(np.column_stack(([0, -1, 0], [0, 0, -1], [1, 0, 0])), np.array([0.6, 0, 0.48]))
+T_WORLD_LENS = Pose(
+    np.column_stack(([0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0])),
+    np.array([0.6, 0.0, 0.48]),
+)
 """A Lens that looks along +x of the World, upright, with the tag straight ahead."""
 
 
 @pytest.fixture(scope="module")
 def bench(rendering):
     """A camera that stands before the tag of the shipped cell, and the way from pose to picture."""
-    from telerobot.config.schema import Pose as Place
+    from telerobot.config.section import Pose as Place
     from telerobot.drivers.rig.camera import RigCameras
     from telerobot.drivers.vision.detector import Detector
 

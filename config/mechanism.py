@@ -1,0 +1,148 @@
+"""What a cell file may say of the arm: its chain, drives, sensor, payloads and gripper."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .section import Name, Pose, Section, Vector3, Vector6
+
+NodeId = Annotated[int, Field(ge=1, le=127)]
+CanId = Annotated[int, Field(ge=0, le=0x7FF)]
+
+
+class Drive(Section):
+    """One CAN servo drive and the joint it moves; what differs from arm to arm stands here."""
+
+    joint: Name = Field(description="joint of the URDF that this drive moves")
+    node: NodeId = Field(description="CANopen node id [1]")
+    counts_per_radian: float = Field(
+        gt=100, le=1e9, description="encoder counts per radian of the joint [1/rad]"
+    )
+    direction: Literal[1, -1] = Field(1, description="+1 if counts grow with the joint angle")
+    zero_rad: float = Field(
+        0.0, ge=-100, le=100, description="joint angle at encoder count zero [rad]"
+    )
+    rated_torque: float = Field(
+        gt=0, le=1e5, description="torque at the joint that 6077h reports as 1000 [N·m]"
+    )
+    max_torque: float = Field(gt=0, le=1e5, description="torque limit of the drive [N·m]")
+    rotor_inertia: float = Field(
+        0.0, ge=0, le=1e4, description="what its rotor adds at the joint, for dynamics [kg·m²]"
+    )
+    friction: float = Field(
+        0.0, ge=0, le=1e5, description="Coulomb friction at the joint, for dynamics [N·m]"
+    )
+    max_velocity: float = Field(gt=0, le=50, description="joint speed bound V [rad/s]")
+    max_acceleration: float = Field(gt=0, le=500, description="joint acceleration bound A [rad/s²]")
+    max_jerk: float = Field(gt=0, le=50_000, description="joint jerk bound J [rad/s³]")
+    position_margin: float = Field(
+        0.01, ge=0, le=1, description="kept from the URDF's position limits on either side [rad]"
+    )
+    leash: float = Field(
+        0.03, gt=0, le=1, description="command may run ahead of the joint by at most [rad]"
+    )
+    following_window: float = Field(
+        0.06, gt=0, le=2, description="following error that means quick stop, also 6065h [rad]"
+    )
+    max_torque_rate: float | None = Field(
+        None, gt=0, le=1e7, description="what a commanded torque may change by in CST [N·m/s]"
+    )
+    quick_stop_deceleration: float = Field(
+        10.0, gt=0, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
+    )
+
+    @model_validator(mode="after")
+    def _leash_inside_window(self) -> "Drive":
+        if self.leash >= self.following_window:
+            raise ValueError(
+                f"leash {self.leash} must be below following_window {self.following_window}"
+            )
+        return self
+
+
+class Payload(Section):
+    """Everything outboard of the force/torque sensor: its weight is taken off the reading."""
+
+    mass: float = Field(0.0, ge=0, le=500, description="mass [kg]")
+    com: Vector3 = Field((0.0, 0.0, 0.0), description="centre of mass in the Sensor frame [m]")
+
+
+class ForceTorque(Section):
+    """A Robotous RFT force/torque sensor on the same CAN bus."""
+
+    device: Literal["robotous"] = Field("robotous", description="protocol of the sensor")
+    command_id: CanId = Field(0x64, description="CAN id that the sensor listens on")
+    reply_ids: tuple[CanId, CanId] = Field(
+        (0x01, 0x02), description="CAN ids of the two halves of a sample"
+    )
+    rate_hz: Literal[100, 200, 333, 500, 1000] = Field(200, description="output rate [Hz]")
+    pairing_window_s: float = Field(
+        0.002, gt=0, le=0.02, description="the two halves of a sample arrive within [s]"
+    )
+    timeout_s: float = Field(0.05, gt=0, le=1, description="a sample is stale after [s]")
+    essential: bool = Field(
+        False, description="true: a stale sensor stops the arm; false: the force source fades"
+    )
+    T_wrist_sensor: Pose = Field(
+        default_factory=Pose, description="Sensor frame in the Wrist (tip_link) frame"
+    )
+    payload: Payload = Field(default_factory=Payload, description="outboard of the sensor")
+    bias: Vector6 = Field(
+        (0.0,) * 6, description="reading without load, in the Sensor frame [N, N·m]"
+    )
+    calibration: tuple[Vector6, Vector6, Vector6, Vector6, Vector6, Vector6] | None = Field(
+        None,
+        description="reading less bias to wrench, row by row, against cross-talk; none: as it is",
+    )
+    inertia: bool = Field(
+        True, description="take off the payload's inertial forces: one period of delay"
+    )
+    filter_hz: float = Field(
+        40.0, gt=0, le=500, description="first-order low-pass of the wrench [Hz]"
+    )
+    stiffest_environment: float = Field(
+        20_000.0,
+        gt=0,
+        le=1e8,
+        description="k_e: stiffest contact expected, in series with the arm's own [N/m]",
+    )
+    stiffest_environment_rotation: float = Field(
+        500.0, gt=0, le=1e6, description="the same about an axis through the MRF [N·m/rad]"
+    )
+
+
+class Gripper(Section):
+    """A gripper on a digital output of a CiA 401 module, on the same CAN bus."""
+
+    node: NodeId = Field(description="CANopen node id of the module [1]")
+    output: int = Field(0, ge=0, le=7, description="its bit in 6200h:01 [1]")
+    closed: Literal[0, 1] = Field(1, description="the bit's value when the gripper is closed")
+    open_payload: Name | None = Field(
+        None, description="payload to switch to when it opens; none: as it is"
+    )
+    closed_payload: Name | None = Field(None, description="the same when it closes")
+
+
+class Mechanism(Section):
+    """One kinematic chain: a URDF, its place in the World, its drives and its tool."""
+
+    name: Name = Field(description="name of the mechanism")
+    urdf: str = Field(description="path, or the name of a URDF that is shipped")
+    T_world_base: Pose = Field(default_factory=Pose, description="Base frame in World")
+    operation_mode: Literal["csp", "csv", "cst"] = Field(
+        "csp",
+        description="what the drives are sent: positions, speeds, or the torques of [torque]",
+    )
+    tip_link: str = Field(description="last link of the chain: the Wrist frame")
+    T_wrist_mrf: Pose = Field(
+        default_factory=Pose, description="moving reference frame in the Wrist frame"
+    )
+    drives: tuple[Drive, ...] = Field(min_length=1, max_length=64, description="one per joint")
+    force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
+    gripper: Gripper | None = Field(None, description="gripper at the tool, if any")
+    payloads: dict[Name, Payload] = Field(
+        default_factory=dict, description="named payloads to switch to, as a whole"
+    )
+    postures: dict[Name, tuple[float, ...]] = Field(
+        description="named joint postures [rad]; 'start' and 'ready' are required"
+    )
