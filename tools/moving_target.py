@@ -7,7 +7,7 @@ from ..protocols import topics as t
 from ..protocols.codec import encode
 from ..protocols.obstacles import ObstacleNews
 from ..protocols.rig import RigFault
-from .script import TargetStep
+from .incidents import TargetStep
 
 NEWS_EVERY_S = 0.05
 """The daemon hears of the target, and the world sees it move, so often [s]."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..protocols.obstacles import ObstacleNews
 from ..protocols.rig import RigFault
-from .script import ObstacleStep
+from .incidents import ObstacleStep
 
 NEWS_EVERY_S = 0.05
 """Time between two news of an obstacle that moves [s]."""

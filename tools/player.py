@@ -21,7 +21,8 @@ from .obstacles import MovingObstacles
 from .pilot import Ask, Pilot, PilotError, Put
 from .reflect.client import ReflectingClient
 from .reflect.handles import Handles
-from .script import MasterStep, Script, Step, WrenchStep
+from .script import Script, Step
+from .steps import MasterStep, WrenchStep
 
 Inject = Callable[[RigFault | RigMotion], None]
 """Injects a fault into the virtual hardware, or moves what stands there."""

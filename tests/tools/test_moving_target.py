@@ -4,8 +4,8 @@ import pytest
 from telerobot.protocols.codec import decode_as
 from telerobot.protocols.obstacles import ObstacleNews
 from telerobot.protocols.topics import OBSTACLE
+from telerobot.tools.incidents import TargetStep
 from telerobot.tools.moving_target import NEWS_EVERY_S, MovingTarget
-from telerobot.tools.script import TargetStep
 
 STEP = TargetStep(tag="duck", sight_line="view", start=(0, 0, 0), to=(0.3, 0.4, 0), speed=0.25)
 

@@ -6,7 +6,7 @@ from ...config.reflection import Reflection as Config
 from ...protocols import messages as m
 from ...protocols import topics as t
 from ..pilot import Pilot
-from ..script import DeviceStep
+from ..steps import DeviceStep
 from .client import ReflectingClient
 
 
