@@ -21,6 +21,7 @@ from .field import Felt, Field, further, on_path, shifted
 from .frames import Array, Pose, sizes
 from .gains import Gains, Quantities
 from .gate import Gate
+from .joint_motion import JointMotion, at_posture
 from .limit import Limited, Limiter
 from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
@@ -34,12 +35,6 @@ from .sources.vision import VisionState
 from .state import Inputs, Intent, Memory, Output
 from .summing import Summing
 from .trajectory import Motion, Stop
-
-POSTURE_GAIN = 4.0
-"""Approach to a joint posture close to it [1/s]."""
-
-POSTURE_REACHED = 2e-4
-"""A posture is reached within this angle of every joint [rad]."""
 
 SLID = 0.99
 """A tool that does less than this part of what its path does has been turned off it [1]."""
@@ -79,6 +74,7 @@ class Control:
         self.redundancy = Redundancy(p, mechanism)
         self.field = Field(p)
         self.allow = Allow(p, guard)
+        self.joint_motion = JointMotion(p, self.allow.room)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.actuate = actuation(p, mechanism)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
@@ -215,7 +211,7 @@ class Control:
         twist = np.zeros(6)
         for part in twists.values():
             twist = twist + part
-        joint_rates = self._joint_rates(memory, inputs)
+        joint_rates = self.joint_motion.rates(memory.motion.q, inputs)
         if joint_rates is not None:
             twists = {name: np.zeros(6) for name in twists}
             twist = k.J @ joint_rates
@@ -249,21 +245,6 @@ class Control:
         return memory, _Asked(
             dq, twists, twist, s_tool, limits, task.sigma_min, self_motion, felt, give_way
         )
-
-    def _joint_rates(self, memory: Memory, inputs: Inputs) -> Array | None:
-        """Return joint rates (n,) where joints are commanded directly: jog, then posture."""
-        if inputs.intent is not Intent.MOVE:
-            return None
-        if inputs.jog is not None:
-            return inputs.jog
-        if inputs.posture is None:
-            return None
-        error = inputs.posture - memory.motion.q
-        size = np.maximum(np.abs(error), 1e-9)
-        fastest = np.minimum(
-            self.allow.room.approach(size), inputs.settings.speed_factor * self.p.velocity
-        )
-        return error * min(POSTURE_GAIN, float((fastest / size).min()))
 
     def _tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
@@ -315,7 +296,7 @@ class Control:
         if inputs.intent is not Intent.MOVE:
             return False
         if inputs.posture is not None:
-            return bool(np.abs(inputs.posture - memory.motion.q).max() < POSTURE_REACHED)
+            return at_posture(memory.motion.q, inputs.posture)
         return memory.position.at_goal and on_path(memory.off_path)
 
 
