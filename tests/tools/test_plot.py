@@ -67,10 +67,27 @@ def test_two_runs_are_drawn_side_by_side(recorded, tmp_path):
     assert out.read_bytes().startswith(PNG)
 
 
+def test_the_priority_of_avoiding_is_drawn_as_the_run_had_it(tmp_path):
+    from matplotlib.figure import Figure
+    from telerobot.config.load import load_cell
+
+    path = tmp_path / "pole.mcap"
+    script = Script.model_validate({"duration_s": 0.3, "step": []})
+    result = Simulation(load_cell("pa10_hand_pole"), script, path).run()
+    ax = Figure().add_subplot()
+    assert PANELS["priority"](load_recording(path), ax)
+    alpha, *spheres = ax.lines
+    np.testing.assert_array_equal(alpha.get_ydata(), [s.priority for s in result.states])
+    names = {line.get_label(): line.get_ydata()[-1] for line in spheres}
+    told = result.states[-1].spheres
+    assert names == {f"{name}: distance [m]": told[name] for name in told}
+
+
 def test_panels_without_anything_to_show_are_left_out(recorded):
     from matplotlib.figure import Figure
 
     run = load_recording(recorded[0])
+    assert not PANELS["priority"](run, Figure().add_subplot())
     assert not PANELS["potentials"](run, Figure().add_subplot())
     assert not PANELS["off_path"](run, Figure().add_subplot())
 

@@ -20,7 +20,7 @@ Bench = Callable[[Cell, bool], Figures]
 BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
     "tick": (
         lambda cell, quick: tick.bench(cell, 1000 if quick else tick.TICKS),
-        ("pa10", "ur5e", "pa10_scene"),
+        ("pa10", "ur5e", "pa10_hand_torque"),
     ),
     "load": (
         lambda cell, quick: tick.bench(among(cell, OBSTACLES), 1000 if quick else tick.TICKS),

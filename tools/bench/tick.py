@@ -122,6 +122,8 @@ def settings_of(cell: Cell) -> Settings:
         "vision": np.array(sources.vision.gain),
         "force": np.array(sources.force.gain),
     }
+    if sources.following.enabled:
+        gains["following"] = np.array(sources.following.gain)
     return Settings(
         gains=gains,
         T_wrist_mrf=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),

@@ -8,8 +8,8 @@ from ...drivers.device import DeviceError
 from ..record import RecordError
 
 PANELS = (
-    "distances", "potentials", "slope", "rates", "self_motion", "granted", "off_path", "tool_path",
-    "stills",
+    "distances", "potentials", "slope", "priority", "rates", "self_motion", "granted", "off_path",
+    "tool_path", "stills",
 )  # fmt: skip
 
 

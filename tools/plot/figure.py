@@ -84,7 +84,14 @@ def seen(
     cameras = RigCameras(run.cell)
     try:
         return np.array(
-            cameras.picture(camera, truth["q"], truth["covered"], truth["tags"]), dtype=np.uint8
+            cameras.picture(
+                camera,
+                truth["q"],
+                truth["covered"],
+                truth["tags"],
+                truth.get("frames", {}).get("base"),
+            ),
+            dtype=np.uint8,
         )
     finally:
         cameras.close()

@@ -54,6 +54,20 @@ def slope(run: Recording, ax: Axes) -> bool:
     return _named(ax, "slope |Pτ| [N·m]", drawn, legend=False)
 
 
+def priority(run: Recording, ax: Axes) -> bool:
+    """α, the part of a hand's force that avoiding takes away; and how far each sphere is."""
+    values = run.of_states(lambda s: _or_nan(s.get("priority")))
+    drawn = bool(np.isfinite(values).any())
+    if drawn:
+        ax.plot(run.time, values, "k", label="priority α")
+        away = [state.get("spheres") or {} for state in run.states]
+        for name in sorted({name for spheres in away for name in spheres}):
+            distance = [spheres.get(name, np.nan) for spheres in away]
+            ax.plot(run.time, distance, lw=0.8, label=f"{name}: distance [m]")
+        ax.set_ylim(-0.05, 1.05)
+    return _named(ax, "priority of avoiding [1]", drawn)
+
+
 def rates(run: Recording, ax: Axes) -> bool:
     """Commanded joint rates."""
     values = run.of_states(lambda s: s["dq_command"])
@@ -102,6 +116,7 @@ PANELS: dict[str, Callable[[Recording, Axes], bool]] = {
     "distances": distances,
     "potentials": potentials,
     "slope": slope,
+    "priority": priority,
     "rates": rates,
     "self_motion": self_motion,
     "granted": granted,
@@ -109,6 +124,10 @@ PANELS: dict[str, Callable[[Recording, Axes], bool]] = {
     "tool_path": tool_path,
 }
 """What can be drawn; each draws itself, and returns whether there was anything to draw."""
+
+
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
 
 
 def _named(ax: Axes, what: str, drawn: bool, legend: bool = True) -> bool:
