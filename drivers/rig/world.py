@@ -192,6 +192,15 @@ class World:
             total += on_second if second in self._fixed else -on_second
         return total
 
+    def own_contact_force(self) -> float:
+        """Return the greatest force between two parts of the arm that touch [N], 0 for none."""
+        most, wrench = 0.0, np.zeros(6)
+        for i in range(self.data.ncon):
+            if not self._fixed.intersection(self.data.contact[i].geom.tolist()):
+                mujoco.mj_contactForce(self.model, self.data, i, wrench)
+                most = max(most, float(np.linalg.norm(wrench[:3])))
+        return most
+
     def clearance(self) -> float | None:
         """Return the least distance of arm or tool from wall, boxes and obstacles [m].
 

@@ -30,6 +30,13 @@ def test_no_run_of_the_sample_violates_a_limit_or_faults_by_itself(verdicts):
         assert v.failure == "", (v.cell, v.seed)
 
 
+def test_an_arm_that_hit_itself_is_excused_by_the_physics_and_not_by_a_model_of_it():
+    """Forearm on shoulder, a kilonewton, where the model's balls still see a centimetre."""
+    v = verdict("ur5e", 44)
+    assert v.touched
+    assert v.unexpected == ()
+
+
 def test_feasible_goals_of_the_sample_are_reached(verdicts):
     counted = [v for v in verdicts if v.counts]
     assert counted

@@ -21,7 +21,8 @@ REACHED = (1e-3, 2e-3)
 POSTURE_REACHED = 1e-3
 """A posture is reached when every true joint is within this of it [rad]."""
 TOUCHING = (0.5, 0.01)
-"""Evidence of a touch: contact force on a fixed thing [N], distance between own links [m]."""
+"""Evidence of a touch: contact force on a fixed thing or an own link [N]; distance between own
+links by the campaign's own model [m]."""
 LOOK_EVERY = 2
 """Ticks between two looks at the distance between own links [1]."""
 
@@ -87,12 +88,13 @@ class Verdict:
 def play(plan: Plan) -> Verdict:
     """Run a plan in virtual time and judge it."""
     simulation = Simulation(plan.cell, plan.script, cameras=lambda s: ComputedSights(s, plan.seed))
+    against_itself = _watch_itself(simulation)
     settled_s = JUDGED_S if plan.goal.kind == "posture" else math.inf
     result = simulation.run(
         lambda: simulation.clock.time_s >= _posture_s(plan.goal, simulation) + settled_s
     )
     summary = result.summary
-    touched = _touched(Arm.of(plan.cell), result.truths)
+    touched = _touched(Arm.of(plan.cell), result.truths) or max(against_itself) > TOUCHING[0]
     error = _error(plan.goal, simulation, result.truths)
     bound = REACHED if plan.goal.kind == "target" else (math.inf, POSTURE_REACHED)
     names = Counter(name.partition(":")[0] for s in result.states for name in set(s.limits))
@@ -123,6 +125,13 @@ def play(plan: Plan) -> Verdict:
         tick_us_max=tick_us["max"],
         command_hash=str(summary["command_hash"]),
     )
+
+
+def _watch_itself(simulation: Simulation) -> list[float]:
+    """Return the forces between the arm's own parts [N], one for every tick that is yet to come."""
+    forces = [0.0]
+    simulation.on_tick = lambda s: forces.append(s.rig.world.own_contact_force())
+    return forces
 
 
 def _touched(arm: Arm, truths: tuple[RigTruth, ...]) -> bool:

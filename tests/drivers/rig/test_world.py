@@ -57,6 +57,15 @@ def test_pa10_masses_are_the_published_ones(cell: Cell) -> None:
     np.testing.assert_allclose([i.mass for i in model.inertias][1:], masses, atol=1e-12)
 
 
+def test_only_parts_of_the_arm_that_press_on_each_other_count_as_its_own_contact() -> None:
+    world = World(load_cell("ur5e"))
+    assert world.own_contact_force() == 0.0
+    world.q[:] = [2.3, -1.76, 2.91, -2.78, 0.95, 0.0]  # wrist in shoulder
+    mujoco.mj_forward(world.model, world.data)
+    assert world.own_contact_force() > 10.0
+    assert world.contact_force().tolist() == [0.0, 0.0, 0.0]
+
+
 def test_a_closed_brake_holds_the_arm_against_its_weight(cell: Cell) -> None:
     world = World(cell)
     start = world.q.copy()
