@@ -15,6 +15,7 @@ from ..protocols.obstacles import ObstacleNews
 from ..protocols.reflection import Reflection
 from ..protocols.rig import RigFault
 from .delay_line import Conditions, DelayLine
+from .incidents import ObstacleStep
 from .master import MovingMaster
 from .moving_target import MovingTarget
 from .obstacles import MovingObstacles
@@ -117,6 +118,10 @@ class Player:
             pilot.run(now_s)
         for target in self._targets:
             target.run(now_s, self._tick, self._put, self._inject)
+
+    def move(self, step: ObstacleStep) -> None:
+        """Move an obstacle beside the script: for a judge that plays its part."""
+        self._obstacles.take(step, self._now_s)
 
     @property
     def _tick(self) -> int:

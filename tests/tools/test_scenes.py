@@ -2,15 +2,18 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.tools.campaign.crowd import KINDS, PROMISE, crowd
 from telerobot.tools.campaign.crowd_runs import Findings, play
+from telerobot.tools.campaign.movers import Chase
+from telerobot.tools.simulation import Simulation
 
 
 @pytest.fixture(scope="module")
 def scenes():
-    return [play(seed) for seed in (1, 2, 3, 8)]
+    return [play(seed) for seed in (1, 2, 3, 8, 307, 337)]
 
 
 def test_a_sample_of_scenes_keeps_every_promise(scenes):
@@ -27,7 +30,39 @@ def test_the_label_is_of_the_scene_alone():
         again = crowd(cell, seed)
         assert (scene.cell.config, scene.script) == (again.cell.config, again.script)
         assert scene.keepable == (scene.kind in ("free", "near"))
-        assert (scene.start_m >= PROMISE) == (scene.kind != "inside")
+        assert scene.kind == "moving" or (scene.start_m >= PROMISE) == (scene.kind != "inside")
+        assert scene.movers == again.movers
+        assert bool(scene.movers) == (scene.kind == "moving")
+
+
+def test_movers_keep_the_bounds_that_are_stated_of_them():
+    """Judged by where the physics has them, tick by tick, until they hit something."""
+    cell = load_cell("pa10")
+    for seed in (3, 7, 11):
+        scene = crowd(cell, seed)
+        simulation = Simulation(scene.cell, scene.script)
+        chase = Chase(scene.cell, scene.movers, simulation)
+        bodies = {
+            m.obstacle.name: simulation.rig.world.model.body(f"obstacle_{m.obstacle.name}").id
+            for m in scene.movers
+        }
+        places = {name: [] for name in bodies}
+
+        def on_tick(s, chase=chase, places=places, bodies=bodies):
+            if s.player.phase.name == "PLAYING":
+                chase.run(s.clock.time_s - s.player.start_s)
+                for name, body in bodies.items():
+                    places[name].append(s.rig.world.data.xpos[body].copy())
+
+        simulation.on_tick = on_tick
+        simulation.run(lambda places=places: len(next(iter(places.values()))) > 120)
+        for m in scene.movers:
+            ways = np.diff(np.array(places[m.obstacle.name]), axis=0)
+            speeds = np.linalg.norm(ways, axis=1) / 0.01
+            assert 0.5 * m.obstacle.max_speed < speeds.max() <= m.obstacle.max_speed
+            if m.obstacle.max_acceleration is not None:
+                gained = np.linalg.norm(np.diff(ways, axis=0), axis=1) / 0.01**2
+                assert gained.max() <= m.obstacle.max_acceleration * (1 + 1e-6)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 Written beforehand in the label: a scene is *keepable* when the arm starts clear of everything, by
 the physics' own geometry, and nothing moves. There the promised clearance must hold to the
 millimetre. Where the arm starts inside, it must not get deeper (as
-the daemon sees it, with capsules around the links); where something moves, it is the
+the daemon sees it, with capsules around the links); where something moves (`movers.py`), it is the
 arm's own motion that must not close what is below the promise.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...config.load import Cell
-from ...config.obstacles import Avoidance, LinkCapsule, Obstacle
+from ...config.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
 from ...drivers.rig.world import World
 from ...server.control.avoidance.links import Links
 from ...server.control.avoidance.neighbours import Around
@@ -22,6 +22,7 @@ from ...server.events import Events
 from ...server.world import World as Known
 from ..script import Script, Step
 from .arm import Arm
+from .movers import Mover, mover
 from .steps import step
 
 PROMISE = 0.02
@@ -30,10 +31,12 @@ COUNT = (4, 16)
 """Fewest and most obstacles [1]."""
 HOSTILE_S = 3.5
 """The stick is hostile for so long [s]."""
-RETREAT_S = 1.5
-"""Then it retreats for so long [s]."""
+WITHIN_S = 7.0
+"""So long it may last then until the retreat is over [s]."""
 KINDS = ("free", "near", "inside", "moving")
 """What a scene is about, by its seed."""
+MOVERS = (1, 3)
+"""Fewest and most things that move, where any do [1]."""
 UNFOLDED = 0.03
 """At the start links are so far apart at least [m]."""
 TRIES = 400
@@ -50,6 +53,7 @@ class Crowd:
     kind: str
     cell: Cell
     script: Script
+    movers: tuple[Mover, ...]
     start_m: float
     """Clearance at the start, of the physics [m]."""
     modelled_m: float
@@ -69,12 +73,17 @@ def crowd(base: Cell, seed: int) -> Crowd:
         "free": (0.06, 1.0), "near": (PROMISE, 0.05), "inside": (0.002, PROMISE - 0.002),
         "moving": (0.05, 1.0),
     }[kind]  # fmt: skip
+    if kind == "moving" and seed // len(KINDS) % 2:
+        lowest, highest = 0.002, 0.05
     while True:
         cell = _furnished(base, draw, kind)
         found = _start(cell, draw, lowest, highest)
         if found is not None:
             cell, start, modelled = found
-            return Crowd(seed, kind, cell, _script(draw, cell, kind), start, modelled)
+            movers = tuple(
+                mover(draw, o, HOSTILE_S) for o in cell.config.obstacles if o.max_speed > 0.0
+            )
+            return Crowd(seed, kind, cell, _script(draw), movers, start, modelled)
 
 
 def _furnished(base: Cell, draw: Draw, kind: str) -> Cell:
@@ -83,12 +92,8 @@ def _furnished(base: Cell, draw: Draw, kind: str) -> Cell:
         raise ValueError(f"cell {base.config.name} has no [rig]: nothing to simulate")
     obstacles = [_obstacle(draw, i) for i in range(int(draw.integers(*COUNT, endpoint=True)))]
     if kind == "moving":
-        for i in range(min(2, len(obstacles))):
-            speed = float(draw.uniform(0.05, 0.3))
-            obstacles[i] = Obstacle(
-                name=f"mover{i}", shape="sphere", xyz=_place(draw), radius=0.08,
-                max_speed=speed, timeout_s=0.3,
-            )  # fmt: skip
+        for i in range(min(int(draw.integers(*MOVERS, endpoint=True)), len(obstacles))):
+            obstacles[i] = _mover(draw, i)
     mrf = base.config.mechanism.T_wrist_mrf.xyz
     tip = LinkCapsule(
         link=base.config.mechanism.tip_link, start=mrf, end=mrf, radius=max(rig.tool_radius, 0.005)
@@ -127,6 +132,17 @@ def _obstacle(draw: Draw, i: int) -> Obstacle:
             return Obstacle(name=name, shape="box", xyz=xyz, half_size=(a, b, c), rpy=(r, p, y))
 
 
+def _mover(draw: Draw, i: int) -> Obstacle:
+    """Return one that moves: its velocity may jump, or its acceleration is bounded and told."""
+    bounded = float(draw.uniform(0.5, 5.0)) if draw.random() < 0.5 else None
+    stale: Stale = "stop" if draw.random() < 0.5 else "grow"
+    return Obstacle(
+        name=f"mover{i}", shape="sphere", xyz=_place(draw), radius=float(draw.uniform(0.04, 0.12)),
+        max_speed=float(draw.uniform(0.05, 0.5)), max_acceleration=bounded, stale=stale,
+        timeout_s=0.3,
+    )  # fmt: skip
+
+
 def _start(
     cell: Cell, draw: Draw, lowest: float, highest: float
 ) -> tuple[Cell, float, float] | None:
@@ -158,13 +174,9 @@ def _modelled(around: Around, cell: Cell, q: NDArray[np.float64]) -> float:
     return float(near.gap[near.obstacle >= 0].min(initial=1.0))
 
 
-def _script(draw: Draw, cell: Cell, kind: str) -> Script:
-    """Return the hostile part; the retreat depends on what happened, and is played by the judge."""
+def _script(draw: Draw) -> Script:
+    """Return the hostile stick; movers and retreat depend on what happens: the judge plays them."""
     steps: list[Step] = []
-    if kind == "moving":
-        for obstacle in cell.config.obstacles:
-            if obstacle.max_speed:
-                steps += _walk(draw, obstacle)
     style = int(draw.integers(3))
     at_s = 0.05
     twist = _twist(draw)
@@ -179,24 +191,7 @@ def _script(draw: Draw, cell: Cell, kind: str) -> Script:
         else:
             twist, at_s = _twist(draw), at_s + float(draw.uniform(0.03, 0.2))
     steps.append(step(at_s=HOSTILE_S, joystick={"twist": (0.0,) * 6}))
-    return Script(duration_s=HOSTILE_S + 0.3 + RETREAT_S, step=tuple(steps))
-
-
-def _walk(draw: Draw, obstacle: Obstacle) -> list[Step]:
-    """Return steps that let an obstacle move to and fro inside its bound."""
-    steps, at_s = [], 0.0
-    first: dict[str, object] = {"xyz": obstacle.xyz}
-    while at_s < HOSTILE_S:
-        way = draw.normal(size=3)
-        velocity = 0.95 * obstacle.max_speed * way / np.linalg.norm(way)
-        told = {"name": obstacle.name, "velocity": velocity.tolist(), **first}
-        steps.append(step(at_s=at_s, obstacle=told))
-        first = {}
-        at_s += float(draw.uniform(0.5, 1.2))
-    steps.append(
-        step(at_s=HOSTILE_S, obstacle={"name": obstacle.name, "velocity": (1e-6, 0.0, 0.0)})
-    )
-    return steps
+    return Script(duration_s=HOSTILE_S + WITHIN_S, step=tuple(steps))
 
 
 def _twist(draw: Draw) -> list[float]:

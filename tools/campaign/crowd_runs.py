@@ -1,14 +1,17 @@
 """The part `scenes`: clearances among random obstacles, judged by the physics every millisecond."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from ...config.load import load_cell
+from ...drivers.rig.world import Nearest
 from ...protocols import topics as t
 from ..simulation import Simulation
 from .crowd import HOSTILE_S, PROMISE, Crowd, crowd
+from .movers import Chase
 from .part import Part, Selection
 
 CELL = "pa10"
@@ -20,8 +23,14 @@ PAUSE_S = 0.3
 """Between the hostile part and the retreat [s]."""
 RETREAT = 0.15
 """Speed of the retreat [m/s]."""
-NEAR = 0.06
-"""From farther than this there is nothing to retreat from [m]."""
+RETREAT_S = 4.0
+"""And for how long at most: between two things the way out is slow [s]."""
+ONWARD_S = 0.3
+"""It goes on for so long when it has left [s]."""
+RESUME_S = 0.2
+"""An operator whose arm holds asks so often to resume [s]."""
+FREE = 0.002
+"""What touches the arm backs off so far before it is asked to leave [m]."""
 LEFT = (0.03, 0.01)
 """An arm has left when its tool has gone so far, or the gap is wider by so much [m]."""
 STOPPED_SHARE = 0.01
@@ -46,6 +55,7 @@ class Scene:
     left: bool
     ticks: int
     stopped_ticks: int
+    """The stored stop took over, unasked: the arm was not told to stop or hold [1]."""
     limited_ticks: int
     limit_violations: int
     failure: str
@@ -80,12 +90,14 @@ class _Judge:
     def __init__(self, scene: Crowd, simulation: Simulation) -> None:
         self.simulation = simulation
         self.first = self.least = self.closed = 0.0
-        self.left = True
-        self._scene = scene
-        self._movers = {f"obstacle_{o.name}" for o in scene.cell.config.obstacles if o.max_speed}
+        self.left = False
+        self._movers = {f"obstacle_{m.obstacle.name}" for m in scene.movers}
         self._before = simulation.rig.world.q.copy()
         self._closing = 0.0
+        self._chase = Chase(scene.cell, scene.movers, simulation)
         self._retreat: tuple[np.ndarray, np.ndarray, float] | None = None
+        self._until_s = math.inf
+        self._asked_s = 0.0
         self._judging = False
         simulation.on_physics = self._on_physics
         simulation.on_tick = self._on_tick
@@ -101,7 +113,8 @@ class _Judge:
         if not self._judging:
             self._judging, self.first, self.least = True, near.distance, near.distance
         self.least = min(self.least, near.distance)
-        if near.distance < PROMISE and near.other in self._movers:
+        # Two things cannot be in one place: what would be so after contact is not judged.
+        if 0.0 < near.distance < PROMISE and near.other in self._movers:
             now = world.q.copy()
             world.q[:] = self._before
             before = world.nearest()
@@ -113,24 +126,56 @@ class _Judge:
             self._closing = 0.0
         self._before[:] = world.q
 
+    @property
+    def over(self) -> bool:
+        """True when the retreat is."""
+        return self._at_s >= self._until_s
+
+    @property
+    def _at_s(self) -> float:
+        """Time of the script [s]."""
+        return self.simulation.clock.time_s - self.simulation.player.start_s
+
     def _on_tick(self, simulation: Simulation) -> None:
-        at_s = simulation.clock.time_s - simulation.player.start_s
-        if simulation.player.phase.name != "PLAYING" or at_s < HOSTILE_S + PAUSE_S:
+        if simulation.player.phase.name != "PLAYING":
             return
-        world = simulation.rig.world
-        near = world.nearest()
-        if near is None or (self._retreat is None and near.distance > NEAR):
+        holds = bool(simulation.states) and simulation.states[-1].mode == "hold"
+        if holds and self._at_s > self._asked_s + RESUME_S:
+            self._asked_s = self._at_s
+            simulation.player.pilot.request(t.MODE, lambda _: None, action="resume")
+        near = simulation.rig.world.nearest()
+        if near is None:
+            raise ValueError("a scene has something in it")
+        touches = near.distance < FREE and near.other in self._movers
+        touching = near.other.removeprefix("obstacle_") if touches else ""
+        if self._at_s < HOSTILE_S:
+            self._chase.run(self._at_s, touching)
             return
-        tool = world.mrf_pose()[0]
-        if self._retreat is None:
-            way = near.on_arm - near.on_other
-            way = way * np.sign(near.distance) / max(float(np.linalg.norm(way)), 1e-9)
-            self._retreat, self.left = (tool, way, near.distance), False
+        if self._retreat is not None:
+            self._watch(near)
+            return
+        way = _away(near)
+        self._chase.end(touching, -way)
+        moves = simulation.states[-1].mode == "enabled"
+        if self._at_s > HOSTILE_S + PAUSE_S and moves and not touches:
+            self._retreat = (simulation.rig.world.mrf_pose()[0], way, near.distance)
+            self._until_s = self._at_s + RETREAT_S
             twist = (*(RETREAT * way).tolist(), 0.0, 0.0, 0.0)
             simulation.player.pilot.stream(t.JOYSTICK, twist=twist, expressed_in="world")
-        start, way, gap = self._retreat
-        gone = float(way @ (tool - start))
-        self.left = self.left or gone > LEFT[0] or near.distance > gap + LEFT[1]
+
+    def _watch(self, near: Nearest) -> None:
+        """Look whether the arm has left what it was nearest to."""
+        if self._retreat is not None:
+            start, way, gap = self._retreat
+            gone = float(way @ (self.simulation.rig.world.mrf_pose()[0] - start))
+            if not self.left and (gone > LEFT[0] or near.distance > gap + LEFT[1]):
+                self.left, self._until_s = True, self._at_s + ONWARD_S
+
+
+def _away(near: Nearest) -> np.ndarray:
+    """Return the direction (3,) that leads away from what is nearest."""
+    way = near.on_arm - near.on_other
+    return np.asarray(way * np.sign(near.distance) / max(float(np.linalg.norm(way)), 1e-9))
 
 
 def play(seed: int) -> Scene:
@@ -138,7 +183,7 @@ def play(seed: int) -> Scene:
     scene = crowd(load_cell(CELL), seed)
     simulation = Simulation(scene.cell, scene.script)
     judge = _Judge(scene, simulation)
-    result = simulation.run()
+    result = simulation.run(lambda: judge.over)
     errors = [e for e in simulation.events if e.severity == "error"]
     failure = str(result.summary["failure"] or "")
     if errors and not failure:
@@ -153,7 +198,9 @@ def play(seed: int) -> Scene:
         closed_m=judge.closed,
         left=judge.left,
         ticks=len(result.states),
-        stopped_ticks=sum("verified_stop" in s.limits for s in result.states),
+        stopped_ticks=sum(
+            "verified_stop" in s.limits and s.mode == "enabled" for s in result.states
+        ),
         limited_ticks=sum(any("clearance" in name for name in s.limits) for s in result.states),
         limit_violations=len(simulation.observer.violations),
         failure=failure,

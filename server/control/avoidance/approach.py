@@ -17,7 +17,8 @@ BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
 
 RETURN_RATE = 1.0
-"""Inside a bound the gap is widened at this rate [1/s], times how far inside it is."""
+"""Inside a bound the gap is widened at this rate [1/s], times how far inside it is, or will be
+before anything can be done about what comes."""
 
 RETURN_SPEED = 0.02
 """And at most so fast [m/s]."""
@@ -75,8 +76,8 @@ def _speeds(
             slowest = max(slowest, abs(slopes[i, j]) / acceleration[j])
         a = BRAKING * size2 / slowest
         b = a * lag + closing[i]
-        left = max(room[i] - closing[i] * lag, 0.0)
-        found[i] = math.sqrt(b * b + 2.0 * a * left) - b
-        if widen and closing[i] <= 0.0:
-            found[i] -= min(RETURN_RATE * max(-room[i], 0.0), RETURN_SPEED)
+        left = room[i] - closing[i] * lag
+        found[i] = math.sqrt(b * b + 2.0 * a * max(left, 0.0)) - b
+        if widen:
+            found[i] -= min(RETURN_RATE * max(-left, 0.0), RETURN_SPEED)
     return found

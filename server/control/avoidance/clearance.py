@@ -28,8 +28,9 @@ SAMPLE_M = 0.03
 """… and after so much motion of any link [m]."""
 SAMPLES = 16
 """Most looks at one stop [1]."""
-BETWEEN = 0.001
-"""Kept beyond the promise for what a curved path dips between two looks, beside the chord's [m]."""
+BETWEEN = 0.4
+"""Part of the margin that stops keep: for what a curved path dips between two looks, beside the
+chord's, and for what loaded joints give way by, which no encoder sees [1]."""
 SLACK = 1e-4
 """A gap that is below its bound may shrink by so much in all, not more [m]."""
 CREEP = 2e-5
@@ -87,6 +88,7 @@ class Clearance:
         self.around = Around(cell, self.links)
         self._period_s = cell.config.timing.period_s
         self._margin = cell.config.avoidance.margin
+        self._between = BETWEEN * self._margin
         self.braking = Braking(acceleration, jerk, self._period_s)
 
     def look(
@@ -130,7 +132,7 @@ class Clearance:
         if (way > sight.room).any():
             sight = self._farther(sight, way)
         near, scene = sight.near, sight.scene
-        needed = near.promise + sight.tube + BETWEEN
+        needed = near.promise + sight.tube + self._between
         end_s = duration_s + (1.0 + LATENCY) * self._period_s
         most = needed
         if scene is not None and scene.moves:
@@ -188,7 +190,7 @@ class Clearance:
         A gap that was below its bound to begin with can only get better: it keeps the best it has
         had. That of something that moves keeps what it is now.
         """
-        floor, held = _floor(near.gap, near.promise, tube, near.speed)
+        floor, held = _floor(near.gap, near.promise + tube + self._between, near.speed)
         kept: Levels = {}
         for i in held.tolist():
             key = self._key(near, i, scene)
@@ -234,9 +236,9 @@ def _on_moving_base(near: Neighbours, base: Body) -> Neighbours:
     return near._replace(speed=speed, carried=fastest)
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR)
-def _floor(gap: Array, promise: Array, tube: Array, speed: Array) -> tuple[Array, Index]:
-    """Return what gaps to things that move must keep (k,), and which others are below their bound.
+@compiled(VECTOR, VECTOR, VECTOR)
+def _floor(gap: Array, bound: Array, speed: Array) -> tuple[Array, Index]:
+    """Return what gaps to things that move must keep (k,), and which others are below `bound` (k,).
 
     Infinite for all others.
     """
@@ -245,7 +247,7 @@ def _floor(gap: Array, promise: Array, tube: Array, speed: Array) -> tuple[Array
     for i in range(len(gap)):
         if speed[i] > 0.0:
             floor[i] = gap[i] - CREEP
-        elif gap[i] < promise[i] + tube[i] + BETWEEN:
+        elif gap[i] < bound[i]:
             below[found] = i
             found += 1
     return floor, below[:found].copy()

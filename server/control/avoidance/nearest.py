@@ -7,8 +7,9 @@ An arm that only slowed would creep to a stop beside whatever stands across its 
 fall below `SLIDE`: what is still too much then is taken off sideways, and since the least of it
 is, it is what approaches that goes. The rest slides on, along the barrier; where nothing is left
 of the motion but what approaches, the arm stands.
-Bounds of joint rates are hard; other barriers are soft, at a price that only what cannot be had at
-all makes worth paying: an arm that is inside a bound is led back as well as it can be.
+Barriers are hard, where standing keeps them all; where a joint is to be led back into its limits,
+those of the joint rates are, and the others as well as can be. That a gap which is inside its bound
+is widened has a price: as well as it can be, and never by closing another.
 """
 
 import math
@@ -31,6 +32,9 @@ something is not to tilt for the little way that this gains it [1]."""
 SELF_MOTION = 0.01
 """Cost of joint rates other than asked, per part of V squared."""
 
+WIDEN = 1e4
+"""Cost of not widening a gap as told, per (m/s)²; it is never worth closing another."""
+UNBOUNDED = 1e30
 UNASKED = 1e-9
 """A tool motion below this is none [m/s]."""
 
@@ -66,13 +70,17 @@ def nearest(
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
     J (6, n) is the task's Jacobian and `velocity` (n,) the joint speed bounds; `rows` are A (m, n)
-    and b (m,) of further barriers A dq ≥ b.
+    and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened.
     """
     n = len(dq)
     weight = np.array([1.0, 1.0, 1.0] + [ATTITUDE * characteristic_length] * 3)
     Jw = J * weight[:, None]
     x = Jw @ dq
-    H = np.zeros((n + 1, n + 1))
+    slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
+    widened = least > 0.0
+    m, k = len(least), int(widened.sum())
+    size = n + 1 + k
+    H = np.zeros((size, size))
     # ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖², in the unknowns (dq', s).
     H[:n, :n] = LEAVE_PATH * (Jw.T @ Jw)
     cross = LEAVE_PATH * (Jw.T @ x)
@@ -84,22 +92,24 @@ def nearest(
     asked2 = float(x @ x)
     slow = SLOW_DOWN * asked2 + SELF_MOTION * float((dq / velocity) @ (dq / velocity)) + 1e-9
     H[n, n] = LEAVE_PATH * asked2 + float(inverse2 @ (dq * dq)) + slow
-    f = np.zeros(n + 1)
+    # What widening falls short by, one more unknown for each gap that is to be widened.
+    H[np.arange(n + 1, size), np.arange(n + 1, size)] = WIDEN
+    f = np.zeros(size)
     f[n] = -slow
-    upper = np.append(high, 1.0)
-    lower = np.append(low, SLIDE)
-    m = 0 if rows is None else len(rows[1])
-    A = np.zeros((m, n + 1))
-    sense = np.zeros(n + 1 + m, dtype=np.int32)
-    if rows is not None and m:
-        A[:, :n] = rows[0]
-        lower = np.concatenate([lower, rows[1]])
-        upper = np.concatenate([upper, np.full(m, 1e30)])
-        sense[n + 1 :] = _SOFT
+    A = np.zeros((m + k, size))
+    A[:m, :n] = slopes
+    A[m:, :n] = slopes[widened]
+    A[m:, n + 1 :] = np.eye(k)
+    lower = np.concatenate([low, [SLIDE], np.zeros(k), np.minimum(least, 0.0), least[widened]])
+    upper = np.full(len(lower), UNBOUNDED)
+    upper[:n], upper[n] = high, 1.0
+    sense = np.zeros(len(lower), dtype=np.int32)
+    if (low > 0.0).any() or (high < 0.0).any():
+        sense[size : size + m] = _SOFT
     solution, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     if flag not in (1, 2):
         raise BarrierError(f"solver flag {flag}, bounds {low} to {high}")
     found, pace = np.clip(solution[:n], low, high), float(solution[n])
-    left, size = Jw @ found, math.sqrt(asked2)
-    share = pace if size < UNASKED else min(pace, math.sqrt(float(left @ left)) / size)
+    left, asked = Jw @ found, math.sqrt(asked2)
+    share = pace if asked < UNASKED else min(pace, math.sqrt(float(left @ left)) / asked)
     return Nearest(found, share, pace)

@@ -34,8 +34,8 @@ def test_the_speed_is_that_of_the_law(gaps, factor, widen):
     b = a * lag + closing
     speed = np.sqrt(b * b + 2.0 * a * np.maximum(room - closing * lag, 0.0)) - b
     if widen:
-        back = np.minimum(RETURN_RATE * np.maximum(-room, 0.0), RETURN_SPEED)
-        speed -= np.where(closing > 0.0, 0.0, back)
+        beyond = np.maximum(closing * lag - room, 0.0)
+        speed -= np.minimum(RETURN_RATE * beyond, RETURN_SPEED)
     rows = BRAKES.rows(slopes, room, closing, factor, widen)
     assert rows.low == pytest.approx(-speed, abs=1e-12)
     assert rows.A is slopes

@@ -124,3 +124,17 @@ def test_the_answer_does_not_jump_where_sliding_begins(ur5e, rng):
     every = np.array([nearest(dq, J, -V, V, V, L, (n[None] @ J, b[None])).dq for b in allowed])
     steps = np.linalg.norm(np.diff(every, axis=0) @ J.T, axis=1)
     assert steps.max() < 0.05 * np.linalg.norm(x)
+
+
+def test_a_gap_is_widened_as_told_where_that_closes_no_other(pa10, rng):
+    V, J = pa10.p.velocity, jacobian(pa10, pa10.posture("ready"))
+    for _ in range(20):
+        slopes = rng.normal(size=(2, 7)) * 0.3
+        found = nearest(rates_for(J, rng.normal(size=6) * 0.02), J, -V, V, V, L,
+                        (slopes[:1], np.array([0.01])))  # fmt: skip
+        assert slopes[0] @ found.dq > 0.008
+        # One that opens only as the other closes, and one that nothing opens.
+        against = np.array([slopes[0], -slopes[0], np.zeros(7)])
+        found = nearest(rates_for(J, rng.normal(size=6) * 0.02), J, -V, V, V, L,
+                        (against, np.array([0.02, 0.0, 0.02])))  # fmt: skip
+        assert abs(slopes[0] @ found.dq) < 1e-6
