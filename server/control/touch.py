@@ -3,7 +3,9 @@
 A joint moves by what its drive gives and by what pushes the arm: τ_ext = M q̈ + C q̇ + g + τ_f − τ.
 Of that, what the force/torque sensor sees at the tool is known; the rest, low-passed, is unseen
 contact. It is the momentum observer (De Luca & Mattone 2003) with the momentum's rate written out
-as a second difference, which is one period late and centred.
+as a second difference, which is one period late and centred. The law of drives in CST has another
+(`momentum.py`): of what it sent and predicted, slower, and without what friction may hold, because
+it acts on what it finds; this one judges what drives report, and in every operation mode.
 
 What is not known counts as nobody's push: Coulomb friction near standstill, whose sign may be
 either, a part of the accelerating torque, and contact that the sensor is about to see. It passes
