@@ -2,7 +2,8 @@
 
 A step is accepted only if, from the state it leads to, the stop of all joints stays inside the
 joint limits all the way, or is no worse than the stop already held in every bound that is broken.
-If not, half the target is tried, then a fifth; then the stop verified one tick earlier goes on.
+If not, half the target is tried, a fifth, and among things a twentieth with a stop that keeps the
+joints' shares; then the stop verified one tick earlier goes on.
 So there is always a known way to rest.
 
 A judge may have more to say about a stop: by how much it falls short of what is to be kept. News
@@ -10,7 +11,7 @@ from outside may make even the stored stop fall short; then the least bad one is
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -20,8 +21,15 @@ from .trajectory import Motion, Stop, TrajectoryError, VelocityPlanner
 HEADROOM = 0.9999
 """Part of each bound that is planned with, so that rounding stays inside."""
 
-ATTEMPTS = ((1.0, True), (0.5, False), (0.2, False))
-"""Parts of the target rates that are tried, and whether the joints are synchronised."""
+Way = Literal["together", "apart", "straight"]
+"""How joints get to their rates: at the same time, each as soon as it can, or keeping their shares,
+then also to rest. Between things on all sides only a straight way, and a straight stop, may open
+every gap."""
+
+ATTEMPTS: tuple[tuple[float, Way], ...] = (
+    (1.0, "together"), (0.5, "apart"), (0.2, "apart"), (0.05, "straight"),
+)  # fmt: skip
+"""Parts of the target rates that are tried, and how; the last only where clearances are kept."""
 
 
 class Limited(NamedTuple):
@@ -82,10 +90,9 @@ class Limiter:
         low = np.minimum(self._lower, held.low)
         high = np.maximum(self._upper, held.high)
         least, least_bad = np.inf, None
-        for part, synchronised in ATTEMPTS:
+        for part, way in ATTEMPTS if judge is not None else ATTEMPTS[:3]:
             try:
-                candidate = self._planner.step(motion, part * target, self._period_s, synchronised)
-                stop = self._planner.stop(candidate)
+                candidate, stop = self._tried(motion, part * target, way)
             except TrajectoryError:
                 continue
             if (stop.low < low).any() or (stop.high > high).any():
@@ -102,6 +109,12 @@ class Limiter:
                     least_bad if least_bad is not None and least < short else self.go_on(held, True)
                 )
         return self.go_on(held)
+
+    def _tried(self, motion: Motion, target: Array, way: Way) -> tuple[Motion, Stop]:
+        if way == "straight":
+            return self._planner.straight(motion, target, self._period_s)
+        candidate = self._planner.step(motion, target, self._period_s, way == "together")
+        return candidate, self._planner.stop(candidate)
 
     def go_on(self, held: Stop, worsened: bool = False) -> Limited:
         """Return the motion one period further along a verified stop."""

@@ -133,23 +133,36 @@ class VelocityPlanner:
         self._input.max_acceleration = acceleration
         self._input.max_jerk = jerk
 
-    def _plan(self, motion: Motion, target: Array, synchronised: bool) -> "ruckig.Trajectory":
+    def _plan(
+        self, motion: Motion, target: Array, how: "ruckig.Synchronization"
+    ) -> "ruckig.Trajectory":
         i = self._input
-        i.synchronization = (
-            ruckig.Synchronization.Time if synchronised else ruckig.Synchronization.No
-        )
+        i.synchronization = how
         i.target_velocity = target
         return _calculated(self._ruckig, i, motion, "velocity", target)
 
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
         """Return the motion one period later on the way to velocities `target` (n,)."""
-        return _state(self._plan(motion, target, synchronised).at_time(period_s))
+        how = ruckig.Synchronization.Time if synchronised else ruckig.Synchronization.No
+        return _state(self._plan(motion, target, how).at_time(period_s))
+
+    def straight(self, motion: Motion, target: Array, period_s: float) -> tuple[Motion, Stop]:
+        """Return the motion one period later on the way to velocities `target` (n,), and its stop.
+
+        Both in a straight line, as far as the motion of now allows: all freedoms keep their shares.
+        """
+        phase = ruckig.Synchronization.Phase
+        moved = _state(self._plan(motion, target, phase).at_time(period_s))
+        return moved, self._stopped(moved, phase)
 
     def stop(self, motion: Motion) -> Stop:
         """Return the quickest stop of each degree of freedom on its own."""
+        return self._stopped(motion, ruckig.Synchronization.No)
+
+    def _stopped(self, motion: Motion, how: "ruckig.Synchronization") -> Stop:
         # Ruckig counts a target position of zero to the extrema: so let zero be where it starts.
         start = Motion(np.zeros(self._n), motion.dq, motion.ddq)
-        trajectory = self._plan(start, np.zeros(self._n), synchronised=False)
+        trajectory = self._plan(start, np.zeros(self._n), how)
         extrema = trajectory.position_extrema
         low = motion.q + [e.min for e in extrema]
         high = motion.q + [e.max for e in extrema]

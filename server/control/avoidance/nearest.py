@@ -29,7 +29,7 @@ SLIDE = 0.5
 ATTITUDE = 3.0
 """Rotations count so much more here than in the resolution of tool rates: a tool that is pushed at
 something is not to tilt for the little way that this gains it [1]."""
-SELF_MOTION = 0.01
+SELF_MOTION = 0.05
 """Cost of joint rates other than asked, per part of V squared."""
 
 WIDEN = 1e4

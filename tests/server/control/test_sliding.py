@@ -166,3 +166,13 @@ def test_a_tool_that_slides_is_led_home_to_the_path_behind_what_stood_on_it(pa10
     late = [o for o, y in zip(off, there, strict=True) if y > 0.6]
     assert late
     assert max(late) < 0.02
+
+
+def test_beside_a_singularity_and_at_a_joint_limit_no_joint_swings_to_and_fro(pa10):
+    """Stretched, the shoulder at its limit: self-motion would buy a little way at great speed."""
+    q = np.array([2.188, pa10.p.upper[1] - 1e-6, 0.009, 0.258, -0.537, 2.846, 3.46])
+    kept = Kept(pa10, (), q)
+    kept.go(4.0, (-0.12, 0.06, -0.065, 0, 0, 0))
+    assert "joint_limit:s2" in {name for o in kept.run.outputs for name in o.limits}
+    assert turns(glided(kept)) <= 10
+    kept.run.observe()
