@@ -31,7 +31,7 @@ COUNT = (4, 16)
 """Fewest and most obstacles [1]."""
 HOSTILE_S = 3.5
 """The stick is hostile for so long [s]."""
-WITHIN_S = 7.0
+WITHIN_S = 30.0
 """So long it may last then until the retreat is over [s]."""
 KINDS = ("free", "near", "inside", "moving")
 """What a scene is about, by its seed."""

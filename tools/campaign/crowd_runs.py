@@ -17,14 +17,17 @@ from .part import Part, Selection
 CELL = "pa10"
 DEEPER = 0.001
 """A start inside the promise gets no deeper than by this: what joints give way by [m]."""
-CLOSING = 0.003
-"""Below the promise, own motion closes a gap to what moves by no more than this [m]."""
+CLOSING = 0.006
+"""Below the promise, own motion closes a gap to what moves by no more than this [m]: what has come
+into the capsules around links, which are more than the links, is kept from these."""
 PAUSE_S = 0.3
 """Between the hostile part and the retreat [s]."""
 RETREAT = 0.15
 """Speed of the retreat [m/s]."""
 RETREAT_S = 4.0
 """And for how long at most: between two things the way out is slow [s]."""
+ASIDE = np.vstack([np.eye(3), -np.eye(3)])
+"""Straight ways that an operator tries next, where away from what is nearest is towards another."""
 ONWARD_S = 0.3
 """It goes on for so long when it has left [s]."""
 RESUME_S = 0.2
@@ -52,6 +55,8 @@ class Scene:
     """Least clearance of the physics, after the drives hold [m]."""
     closed_m: float
     """Most that own motion closed a gap below the promise to something that moves [m]."""
+    ways: int
+    """Straight retreats that were tried; 1: away from what was nearest was a way out."""
     left: bool
     ticks: int
     stopped_ticks: int
@@ -91,12 +96,15 @@ class _Judge:
         self.simulation = simulation
         self.first = self.least = self.closed = 0.0
         self.left = False
+        self.ways = 0
         self._movers = {f"obstacle_{m.obstacle.name}" for m in scene.movers}
         self._before = simulation.rig.world.q.copy()
         self._closing = 0.0
         self._chase = Chase(scene.cell, scene.movers, simulation)
         self._retreat: tuple[np.ndarray, np.ndarray, float] | None = None
         self._until_s = math.inf
+        self.over = False
+        """True when the retreat is."""
         self._asked_s = 0.0
         self._judging = False
         simulation.on_physics = self._on_physics
@@ -127,11 +135,6 @@ class _Judge:
         self._before[:] = world.q
 
     @property
-    def over(self) -> bool:
-        """True when the retreat is."""
-        return self._at_s >= self._until_s
-
-    @property
     def _at_s(self) -> float:
         """Time of the script [s]."""
         return self.simulation.clock.time_s - self.simulation.player.start_s
@@ -153,22 +156,36 @@ class _Judge:
             return
         if self._retreat is not None:
             self._watch(near)
-            return
+            if self.left or self._at_s < self._until_s:
+                return
         way = _away(near)
         self._chase.end(touching, -way)
         moves = simulation.states[-1].mode == "enabled"
         if self._at_s > HOSTILE_S + PAUSE_S and moves and not touches:
-            self._retreat = (simulation.rig.world.mrf_pose()[0], way, near.distance)
-            self._until_s = self._at_s + RETREAT_S
-            twist = (*(RETREAT * way).tolist(), 0.0, 0.0, 0.0)
-            simulation.player.pilot.stream(t.JOYSTICK, twist=twist, expressed_in="world")
+            self._try(way, near)
+
+    def _try(self, away: np.ndarray, near: Nearest) -> None:
+        """Ask for the next straight retreat, if there is one."""
+        # The rest by how much they lead away, too; straight into what is nearest is no retreat.
+        ways = [away, *sorted(ASIDE, key=lambda way: -float(way @ away))[:-1]]
+        if self.ways == len(ways):
+            self.over = True
+            return
+        way, simulation = ways[self.ways], self.simulation
+        self.ways += 1
+        self._retreat = (simulation.rig.world.mrf_pose()[0], way, near.distance)
+        self._until_s = self._at_s + RETREAT_S
+        twist = (*(RETREAT * way).tolist(), 0.0, 0.0, 0.0)
+        simulation.player.pilot.stream(t.JOYSTICK, twist=twist, expressed_in="world")
 
     def _watch(self, near: Nearest) -> None:
         """Look whether the arm has left what it was nearest to."""
-        if self._retreat is not None:
+        if self.left:
+            self.over = self._at_s >= self._until_s
+        elif self._retreat is not None:
             start, way, gap = self._retreat
             gone = float(way @ (self.simulation.rig.world.mrf_pose()[0] - start))
-            if not self.left and (gone > LEFT[0] or near.distance > gap + LEFT[1]):
+            if gone > LEFT[0] or near.distance > gap + LEFT[1]:
                 self.left, self._until_s = True, self._at_s + ONWARD_S
 
 
@@ -196,6 +213,7 @@ def play(seed: int) -> Scene:
         held_m=min(judge.first, scene.modelled_m),
         least_m=judge.least,
         closed_m=judge.closed,
+        ways=judge.ways,
         left=judge.left,
         ticks=len(result.states),
         stopped_ticks=sum(
@@ -230,6 +248,7 @@ class Findings:
             "least_clearance_m": min(keepable, default=None),
             "promise_m": PROMISE,
             "did_not_leave": sum(not s.left for s in self.scenes),
+            "left_aside": sum(s.left and s.ways > 1 for s in self.scenes),
             "most_closed_m": max((s.closed_m for s in self.scenes), default=0.0),
             "limit_violations": sum(s.limit_violations for s in self.scenes),
             "stopped_share": self.stopped_share,
@@ -249,7 +268,8 @@ class Findings:
             "keepable": f"{f['keepable']}, least clearance "
             + ("none" if least is None else f"{1e3 * float(str(least)):.2f} mm")
             + f", promised {1e3 * PROMISE:.0f} mm",
-            "left on a retreat": f"all but {f['did_not_leave']}, must be all",
+            "left on a retreat": f"all but {f['did_not_leave']}, must be all; "
+            f"{f['left_aside']} not straight away from what was nearest, but aside",
             "limit violations": f"{f['limit_violations']}, must be 0",
             "stored stop": f"{self.stopped_share:.3%} of ticks, below {STOPPED_SHARE:.0%}",
             "barriers active": f"{f['limited_share']:.1%} of ticks",

@@ -34,7 +34,9 @@ chord's, and for what loaded joints give way by, which no encoder sees [1]."""
 SLACK = 1e-4
 """A gap that is below its bound may shrink by so much in all, not more [m]."""
 CREEP = 2e-5
-"""The same in one period, of a gap to something that moves [m]."""
+"""The same of a gap to something that comes nearer, in one period [m]."""
+COMES = 1e-3
+"""What comes no quicker than this stands [m/s]."""
 LATENCY = 3.0
 """Periods until the arm is where the command is now [1]."""
 HORIZON_S = 0.4
@@ -188,17 +190,20 @@ class Clearance:
         """Return what each gap must keep at least, and the levels to remember.
 
         A gap that was below its bound to begin with can only get better: it keeps the best it has
-        had. That of something that moves keeps what it is now.
+        had. So does that of what may move and stands; while it comes nearer, the gap keeps what
+        it is now.
         """
-        floor, held = _floor(near.gap, near.promise + tube + self._between, near.speed)
+        floor = np.full(near.size, np.inf)
         kept: Levels = {}
-        for i in held.tolist():
-            key = self._key(near, i, scene)
-            gap = float(near.gap[i])
-            level = levels.get(key, gap)
-            level = gap if gap < level - 2.0 * SLACK else max(level, gap)
-            kept[key] = level
-            floor[i] = min(level - SLACK, gap)
+        for i in _held(near.gap, near.promise + tube + self._between, near.speed).tolist():
+            key, gap, speed = self._key(near, i, scene), float(near.gap[i]), float(near.speed[i])
+            level, movable, comes = levels.get(key), speed > 0.0, False
+            if movable and scene is not None:
+                comes = speed > float(scene.speed[near.obstacle[i]]) + COMES
+            if level is None or comes or gap < level - (SLACK if movable else 2.0 * SLACK):
+                level = gap + SLACK - CREEP if movable else gap
+            kept[key] = max(level, gap)
+            floor[i] = min(kept[key] - SLACK, gap)
         return floor, kept
 
     def _key(self, near: Neighbours, i: int, scene: Scene | None) -> tuple[int, int, str]:
@@ -237,17 +242,11 @@ def _on_moving_base(near: Neighbours, base: Body) -> Neighbours:
 
 
 @compiled(VECTOR, VECTOR, VECTOR)
-def _floor(gap: Array, bound: Array, speed: Array) -> tuple[Array, Index]:
-    """Return what gaps to things that move must keep (k,), and which others are below `bound` (k,).
-
-    Infinite for all others.
-    """
-    floor, below = np.full(len(gap), np.inf), np.empty(len(gap), dtype=np.int64)
-    found = 0
+def _held(gap: Array, bound: Array, speed: Array) -> Index:
+    """Return which gaps (k,) are below their bounds, or may be soon, since something moves."""
+    held, found = np.empty(len(gap), dtype=np.int64), 0
     for i in range(len(gap)):
-        if speed[i] > 0.0:
-            floor[i] = gap[i] - CREEP
-        elif gap[i] < bound[i]:
-            below[found] = i
+        if gap[i] < bound[i] + speed[i] * HORIZON_S:
+            held[found] = i
             found += 1
-    return floor, below[:found].copy()
+    return held[:found].copy()
