@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from .frames import GRAVITY, Array, Pose, cross, rotate_twist
+from .frames import GRAVITY, Array, Pose
+from .jacobian_rate import bent
 from .mechanism import Kinematics, Mechanism
 
 
@@ -34,14 +35,11 @@ class Dynamics:
     ) -> None:
         self._mechanism = mechanism
         R = mechanism.T_world_base.R
-        self._R_world_base = R
         self._model = pin.Model(mechanism.model)
         self._model.armature = rotor_inertia
         self._model.gravity.linear = R.T @ GRAVITY
         self._data = self._model.createData()
         self._tip = mechanism.tip
-        self._zero = np.zeros(mechanism.n)
-        self._align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         tip = self._model.frames[self._tip]
         self._joint = tip.parentJoint
         T_joint_wrist = Pose(tip.placement.rotation.copy(), tip.placement.translation.copy())
@@ -87,13 +85,7 @@ class Dynamics:
         In World axes [m/s², rad/s²].
         """
         k = self._mechanism.kinematics(q, T_wrist_mrf)
-        pin.forwardKinematics(self._model, self._data, q, dq, self._zero)
-        found = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, self._align)
-        a = rotate_twist(self._R_world_base, found.vector)
-        w = k.J[3:] @ dq
-        lever = k.T_world_mrf.p - k.T_world_wrist.p
-        a[:3] += cross(a[3:], lever) + cross(w, cross(w, lever))
-        return k, a
+        return k, bent(k.J, dq) @ dq
 
 
 def _tool(model: "pin.Model", tip: int) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...config.torque import Torque
+from .compiled import MATRIX, NUMBER, VECTOR, compiled
 from .dynamics import Dynamics
 from .frames import Array, Pose, pose_error
 from .momentum import MomentumState, begin, corrected, observe
@@ -154,25 +155,70 @@ class TorqueLaw:
         commanded, drift_c = self._dynamics.tool(before.q, before.dq, T_wrist_mrf)
         actual, drift = self._dynamics.tool(q, dq, T_wrist_mrf)
         ahead = (after.dq - before.dq) / self._T
-        J = actual.J
-        joints = ahead + g.null_damping * (before.dq - dq) + g.null_stiffness * (before.q - q)
-        tool = (
-            commanded.J @ ahead
-            + drift_c
-            + g.damping * (commanded.J @ before.dq - J @ dq)
-            + g.stiffness * pose_error(commanded.T_world_mrf, actual.T_world_mrf)
-            - drift
-        )
-        return joints + inverse @ (J.T @ self._inertia(J, inverse, tool - J @ joints))
+        own = ahead + g.null_damping * (before.dq - dq) + g.null_stiffness * (before.q - q)
+        error = pose_error(commanded.T_world_mrf, actual.T_world_mrf)
+        tool, mobility = _asked(
+            commanded.J, actual.J, ahead, before.dq, dq, own, drift_c - drift, error,
+            g.damping, g.stiffness, inverse, self._weight,
+        )  # fmt: skip
+        values, axes = np.linalg.eigh(mobility)
+        return _answered(
+            own, tool, actual.J, inverse, self._weight, values, axes,
+            g.singular_region, g.singular_damping,
+        )  # fmt: skip
 
-    def _inertia(self, J: Array, inverse: Array, acceleration: Array) -> Array:
-        """Return the wrench (6,) that accelerates the tool (6,), damped where it is stiff.
 
-        The tool's mobility `J M⁻¹ Jᵀ` is inverted along each of its own axes.
-        """
-        g, w = self._gains, self._weight
-        J = w[:, None] * J
-        mobility, axes = np.linalg.eigh(J @ inverse @ J.T)
-        short = np.maximum(0.0, 1.0 - np.maximum(mobility, 0.0) / g.singular_region)
-        damped = mobility / (mobility**2 + (g.singular_damping * short) ** 2)
-        return np.asarray(w * (axes @ (damped * (axes.T @ (w * acceleration)))))
+@compiled(
+    MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER, MATRIX, VECTOR
+)
+def _asked(
+    J_c: Array, J: Array, ahead: Array, dq_c: Array, dq: Array, own: Array, drift: Array,
+    error: Array, damping: float, stiffness: float, inverse: Array, weight: Array,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Return what the tool's acceleration (6,) lacks beside the joints', and its mobility (6, 6).
+
+    Both weighted. `_c` is the command's; `drift` (6,) and `error` (6,) are its differences to the
+    arm; the mobility is `J M⁻¹ Jᵀ`.
+    """
+    n = len(own)
+    tool, mobility, moved = np.empty(6), np.zeros((6, 6)), np.zeros((6, n))
+    for i in range(6):
+        a = drift[i] + stiffness * error[i]
+        for j in range(n):
+            a += J_c[i, j] * (ahead[j] + damping * dq_c[j])
+            a -= J[i, j] * (own[j] + damping * dq[j])
+            for k in range(n):
+                moved[i, j] += J[i, k] * inverse[k, j]
+        tool[i] = weight[i] * a
+    for i in range(6):
+        for k in range(6):
+            for j in range(n):
+                mobility[i, k] += weight[i] * moved[i, j] * J[k, j] * weight[k]
+    return tool, mobility
+
+
+@compiled(VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER)
+def _answered(
+    own: Array, tool: Array, J: Array, inverse: Array, weight: Array, mobility: Array, axes: Array,
+    region: float, damping: float,
+) -> Array:  # fmt: skip
+    """Return the joints' accelerations (n,): their own, and those that give the tool its own.
+
+    The tool's mobility is inverted along each of its `axes`, damped where it is below `region`.
+    """
+    n = len(own)
+    pushed = np.zeros(n)
+    for m in range(6):
+        short = max(0.0, 1.0 - max(mobility[m], 0.0) / region)
+        part = 0.0
+        for i in range(6):
+            part += axes[i, m] * tool[i]
+        part *= mobility[m] / (mobility[m] ** 2 + (damping * short) ** 2)
+        for j in range(n):
+            for i in range(6):
+                pushed[j] += J[i, j] * weight[i] * axes[i, m] * part
+    out = own.copy()
+    for j in range(n):
+        for k in range(n):
+            out[j] += inverse[j, k] * pushed[k]
+    return out
