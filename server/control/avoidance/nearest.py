@@ -18,6 +18,7 @@ from typing import NamedTuple
 import daqp
 import numpy as np
 
+from ..compiled import MATRIX, NUMBER, VECTOR, compiled
 from ..frames import Array
 
 LEAVE_PATH = 1000.0
@@ -73,43 +74,80 @@ def nearest(
     and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened.
     """
     n = len(dq)
-    weight = np.array([1.0, 1.0, 1.0] + [ATTITUDE * characteristic_length] * 3)
-    Jw = J * weight[:, None]
-    x = Jw @ dq
     slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
-    widened = least > 0.0
-    m, k = len(least), int(widened.sum())
-    size = n + 1 + k
-    H = np.zeros((size, size))
-    # ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖², in the unknowns (dq', s).
-    H[:n, :n] = LEAVE_PATH * (Jw.T @ Jw)
-    cross = LEAVE_PATH * (Jw.T @ x)
-    inverse2 = SELF_MOTION / velocity**2
-    H[np.arange(n), np.arange(n)] += inverse2
-    cross += inverse2 * dq
-    H[:n, n] = -cross
-    H[n, :n] = -cross
-    asked2 = float(x @ x)
-    slow = SLOW_DOWN * asked2 + SELF_MOTION * float((dq / velocity) @ (dq / velocity)) + 1e-9
-    H[n, n] = LEAVE_PATH * asked2 + float(inverse2 @ (dq * dq)) + slow
-    # What widening falls short by, one more unknown for each gap that is to be widened.
-    H[np.arange(n + 1, size), np.arange(n + 1, size)] = WIDEN
-    f = np.zeros(size)
-    f[n] = -slow
-    A = np.zeros((m + k, size))
-    A[:m, :n] = slopes
-    A[m:, :n] = slopes[widened]
-    A[m:, n + 1 :] = np.eye(k)
-    lower = np.concatenate([low, [SLIDE], np.zeros(k), np.minimum(least, 0.0), least[widened]])
-    upper = np.full(len(lower), UNBOUNDED)
-    upper[:n], upper[n] = high, 1.0
+    length = ATTITUDE * characteristic_length
+    H, f, A, upper, lower = _programme(dq, J, low, high, velocity, slopes, least, length)
     sense = np.zeros(len(lower), dtype=np.int32)
     if (low > 0.0).any() or (high < 0.0).any():
-        sense[size : size + m] = _SOFT
+        sense[len(f) : len(f) + len(least)] = _SOFT
     solution, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     if flag not in (1, 2):
         raise BarrierError(f"solver flag {flag}, bounds {low} to {high}")
     found, pace = np.clip(solution[:n], low, high), float(solution[n])
-    left, asked = Jw @ found, math.sqrt(asked2)
-    share = pace if asked < UNASKED else min(pace, math.sqrt(float(left @ left)) / asked)
+    asked, left = _weighed(J, dq, length), _weighed(J, found, length)
+    share = pace if asked < UNASKED else min(pace, left / asked)
     return Nearest(found, share, pace)
+
+
+@compiled(VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER)
+def _programme(
+    dq: Array, J: Array, low: Array, high: Array, velocity: Array, slopes: Array, least: Array,
+    length: float,
+) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
+    """Return H, f, A and the bounds above and below of the unknowns, then of the rows of A.
+
+    ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖², in the unknowns (dq', s), and one more for each gap that
+    is to be widened: what it falls short by. `length` weighs rotations [m/rad].
+    """
+    n, m = len(dq), len(least)
+    widened = np.flatnonzero(least > 0.0)
+    size, count = n + 1 + len(widened), m + len(widened)
+    H, f, A = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
+    x = np.zeros(6)
+    for r in range(6):
+        for j in range(n):
+            x[r] += J[r, j] * dq[j]
+    slow, asked = 1e-9, 0.0
+    for j in range(n):
+        own = SELF_MOTION / velocity[j] ** 2
+        H[j, j] = own
+        cross = own * dq[j]
+        slow += own * dq[j] ** 2
+        asked += own * dq[j] ** 2
+        for r in range(6):
+            weighed = LEAVE_PATH * J[r, j] * (1.0 if r < 3 else length**2)
+            cross += weighed * x[r]
+            for k in range(n):
+                H[j, k] += weighed * J[r, k]
+        H[j, n] = H[n, j] = -cross
+    for r in range(6):
+        x2 = x[r] ** 2 * (1.0 if r < 3 else length**2)
+        slow += SLOW_DOWN * x2
+        asked += LEAVE_PATH * x2
+    H[n, n] = asked + slow
+    f[n] = -slow
+    upper, lower = np.full(size + count, UNBOUNDED), np.zeros(size + count)
+    lower[:n], lower[n] = low, SLIDE
+    upper[:n], upper[n] = high, 1.0
+    A[:m, :n] = slopes
+    for i in range(m):
+        lower[size + i] = min(least[i], 0.0)
+    for i in range(len(widened)):
+        gap = widened[i]
+        H[n + 1 + i, n + 1 + i] = WIDEN
+        A[m + i, :n] = slopes[gap]
+        A[m + i, n + 1 + i] = 1.0
+        lower[size + m + i] = least[gap]
+    return H, f, A, upper, lower
+
+
+@compiled(MATRIX, VECTOR, NUMBER)
+def _weighed(J: Array, dq: Array, length: float) -> float:
+    """Return the size of a tool motion, rotations weighed by `length` [m/rad]."""
+    size2 = 0.0
+    for r in range(6):
+        rate = 0.0
+        for j in range(len(dq)):
+            rate += J[r, j] * dq[j]
+        size2 += rate**2 * (1.0 if r < 3 else length**2)
+    return math.sqrt(size2)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from telerobot.server.control.avoidance import nearest as nearest_module
 from telerobot.server.control.avoidance.nearest import ATTITUDE, SLIDE, nearest
 
 L = 0.3
@@ -138,3 +139,25 @@ def test_a_gap_is_widened_as_told_where_that_closes_no_other(pa10, rng):
         found = nearest(rates_for(J, rng.normal(size=6) * 0.02), J, -V, V, V, L,
                         (against, np.array([0.02, 0.0, 0.02])))  # fmt: skip
         assert abs(slopes[0] @ found.dq) < 1e-6
+
+
+def test_the_programme_has_the_costs_that_are_stated(rng):
+    n = 7
+    dq, J, V = rng.normal(size=n), rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n)
+    low, high, slopes = -V, V, rng.normal(size=(3, n))
+    least, length = np.array([-0.2, 0.01, -0.1]), 0.4
+    H, f, A, upper, lower = nearest_module._programme(dq, J, low, high, V, slopes, least, length)
+    weight = np.diag([1.0] * 3 + [length] * 3)
+    for _ in range(10):
+        z = rng.normal(size=len(f))
+        rates, s, short = z[:n], z[n], z[n + 1 :]
+        aside = weight @ J @ (rates - s * dq)
+        own = nearest_module.SELF_MOTION * np.sum(((rates - s * dq) / V) ** 2)
+        slow = nearest_module.SLOW_DOWN * np.sum((weight @ J @ dq) ** 2) + 1e-9
+        slow += nearest_module.SELF_MOTION * np.sum((dq / V) ** 2)
+        cost = nearest_module.LEAVE_PATH * aside @ aside + own
+        cost += slow * ((1.0 - s) ** 2 - 1.0) + nearest_module.WIDEN * short @ short
+        assert 0.5 * z @ H @ z + f @ z == pytest.approx(0.5 * cost, rel=1e-9)
+        np.testing.assert_allclose(A @ z, [*(slopes @ rates), slopes[1] @ rates + short[0]])
+    np.testing.assert_array_equal(lower, [*low, nearest_module.SLIDE, 0.0, -0.2, 0.0, -0.1, 0.01])
+    np.testing.assert_array_equal(upper[: n + 1], [*high, 1.0])
