@@ -27,6 +27,8 @@ from .steps import step
 
 PROMISE = 0.02
 """Clearance that the daemon promises in these scenes [m]."""
+SAG = 0.001
+"""Joints give way by so much when the drives begin to hold them [m]."""
 COUNT = (4, 16)
 """Fewest and most obstacles [1]."""
 HOSTILE_S = 3.5
@@ -62,7 +64,7 @@ class Crowd:
     @property
     def keepable(self) -> bool:
         """True where the promise holds throughout, whatever the stick does."""
-        return self.start_m >= PROMISE and self.kind != "moving"
+        return self.start_m >= PROMISE + SAG and self.kind != "moving"
 
 
 def crowd(base: Cell, seed: int) -> Crowd:
