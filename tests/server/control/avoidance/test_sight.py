@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.config.obstacles import Avoidance, Obstacle
-from telerobot.server.control.avoidance.clearance import Clearance
+from telerobot.server.control.avoidance.clearance import CREEP, SLACK, Clearance
 from telerobot.server.control.avoidance.ways import doubtful, travel
+from telerobot.server.control.evolve import evolve
 from telerobot.server.control.frames import Pose, rotation_exp
 from telerobot.server.control.tree import Body
 from telerobot.server.events import Events
@@ -81,3 +82,33 @@ def test_pairs_that_may_come_below_a_bound_are_doubtful(rng):
     assert 0 < len(expected) < k
     np.testing.assert_array_equal(pairs, expected)
     np.testing.assert_array_equal(told, closer[expected])
+
+
+def floors(clearance, near, scene, gap, speed, levels):
+    """Return the floor of one pair that may move at 0.3 m/s, 20 mm inside its bound, and levels."""
+    k = int(np.flatnonzero(near.obstacle >= 0)[0])
+    promise = np.full(near.size, -1.0)
+    promise[k] = gap + 0.02
+    gaps, speeds = near.gap.copy(), np.zeros(near.size)
+    gaps[k], speeds[k] = gap, speed
+    seen = near._replace(gap=gaps, promise=promise, speed=speeds)
+    bounded = evolve(scene, speed=np.full(len(scene.speed), 0.3))
+    found, levels = clearance._floors(seen, np.zeros(near.size), bounded, levels)
+    return float(found[k]), levels
+
+
+def test_what_may_move_and_stands_is_left_like_what_never_moves(pa10, clear):
+    clearance, scene = clear
+    none, far = np.zeros(7), np.full(7, 3.0)
+    near = clearance.look(pa10.posture("ready"), far, none, scene, 1.0, {}, None).near
+    # Standing, it takes no more than once what it takes in a period while it comes nearer.
+    first, levels = floors(clearance, near, scene, 0.010, 0.3, {})
+    assert first == pytest.approx(0.010 - CREEP)
+    lower, levels = floors(clearance, near, scene, first, 0.3, levels)
+    assert lower == pytest.approx(first)
+    # Widened, the gap may give back what any other may.
+    wide, levels = floors(clearance, near, scene, 0.012, 0.3, levels)
+    assert wide == pytest.approx(0.012 - SLACK)
+    # Coming nearer, it keeps what it is now.
+    coming, _ = floors(clearance, near, scene, 0.012, 0.4, levels)
+    assert coming == pytest.approx(0.012 - CREEP)
