@@ -23,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...config.schema import Resolve
-from .compiled import COUNT, MATRIX, NUMBER, VECTOR, compiled
+from .compiled import MATRIX, NUMBER, VECTOR, compiled
 from .frames import Array
 from .jacobian_rate import bent
+from .svd import svd
 
 _CURVED = 0.05
 """Curvature from which a singularity counts as a boundary of the workspace [m/rad²]."""
@@ -70,12 +71,11 @@ def resolve(J: Array, twist: Array, p: Resolve, travel: Travel | None = None) ->
     """
     length = p.characteristic_length
     Jw = _weighted(J, length)
-    U, s, Vt = np.linalg.svd(Jw)
-    rank_rows = len(s)
-    V, sigma_min = Vt[:rank_rows], float(s[-1])
-    along = _along(U, twist, length, rank_rows)
+    U, s, Vt = svd(Jw)
+    rank_rows, sigma_min = len(s), float(s[-1])
+    along, dq = _answered(U, s, Vt, twist, length)
     if sigma_min >= 2.0 * p.singular_region:
-        return Resolved(_regular(along, s, Vt), Vt[rank_rows:], sigma_min, False)
+        return Resolved(dq, Vt[rank_rows:], sigma_min, False)
     weight = np.array([1.0, 1.0, 1.0, length, length, length])
     gains = np.empty(rank_rows)
     way_home = np.zeros(J.shape[1])
@@ -99,7 +99,7 @@ def resolve(J: Array, twist: Array, p: Resolve, travel: Travel | None = None) ->
         else:
             gains[i] = _outward_gain(gains[i], sigma, abs(curvature), abs(d), p)
         singular = singular or gains[i] < 0.999 / sigma
-    dq = V.T @ (gains * along) + way_home
+    dq = Vt[:rank_rows].T @ (gains * along) + way_home
     # Rows of V belong to real task directions even where σ is small: motion in the null space
     # must not disturb them.
     return Resolved(dq, Vt[rank_rows:], sigma_min, singular)
@@ -157,22 +157,17 @@ def _weighted(J: Array, length: float) -> Array:
     return Jw
 
 
-@compiled(MATRIX, VECTOR, NUMBER, COUNT)
-def _along(U: Array, twist: Array, length: float, rows: int) -> Array:
-    """Return the weighted twist's parts along the first columns of U (6, 6)."""
-    out = np.zeros(rows)
-    for i in range(rows):
-        for k in range(6):
-            out[i] += U[k, i] * (twist[k] if k < 3 else length * twist[k])
-    return out
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, NUMBER)
+def _answered(U: Array, s: Array, Vt: Array, twist: Array, length: float) -> tuple[Array, Array]:
+    """Return the weighted twist's parts along U (r,), and joint rates (n,) that answer each in full.
 
-
-@compiled(VECTOR, VECTOR, MATRIX)
-def _regular(along: Array, s: Array, Vt: Array) -> Array:
-    """Return the joint rates (n,) of a twist's parts, each answered in full."""
-    dq = np.zeros(Vt.shape[1])
+    From U (6, 6), singular values (r,) and Vt (n, n) of the weighted Jacobian.
+    """
+    along, dq = np.zeros(len(s)), np.zeros(len(Vt))
     for i in range(len(s)):
+        for k in range(6):
+            along[i] += U[k, i] * (twist[k] if k < 3 else length * twist[k])
         rate = along[i] / s[i]
         for j in range(len(dq)):
             dq[j] += rate * Vt[i, j]
-    return dq
+    return along, dq
