@@ -159,7 +159,7 @@ def _weighted(J: Array, length: float) -> Array:
 
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR, NUMBER)
 def _answered(U: Array, s: Array, Vt: Array, twist: Array, length: float) -> tuple[Array, Array]:
-    """Return the weighted twist's parts along U (r,), and joint rates (n,) that answer each in full.
+    """Return the parts (r,) of the weighted twist along U, and rates (n,) that answer each in full.
 
     From U (6, 6), singular values (r,) and Vt (n, n) of the weighted Jacobian.
     """

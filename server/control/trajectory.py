@@ -13,6 +13,7 @@ import ruckig
 from .compiled import NUMBER, VECTOR, compiled
 from .evolve import evolve
 from .frames import Array
+from .velocity_profile import stepped
 
 
 class Motion(NamedTuple):
@@ -130,6 +131,7 @@ class VelocityPlanner:
 
     def set_bounds(self, acceleration: Array, jerk: Array) -> None:
         """Change the acceleration and jerk bounds (n,)."""
+        self._bounds = acceleration, jerk
         self._input.max_acceleration = acceleration
         self._input.max_jerk = jerk
 
@@ -143,8 +145,10 @@ class VelocityPlanner:
 
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
         """Return the motion one period later on the way to velocities `target` (n,)."""
-        how = ruckig.Synchronization.Time if synchronised else ruckig.Synchronization.No
-        return _state(self._plan(motion, target, how).at_time(period_s))
+        try:
+            return Motion(*stepped(*motion, target, *self._bounds, period_s, synchronised))
+        except ValueError as error:
+            raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
 
     def straight(self, motion: Motion, target: Array, period_s: float) -> tuple[Motion, Stop]:
         """Return the motion one period later on the way to velocities `target` (n,), and its stop.
