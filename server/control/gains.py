@@ -62,11 +62,17 @@ class Gains:
         return found
 
     def ramped(self, now: dict[str, Array], target: dict[str, Array]) -> dict[str, Array]:
-        """Return the gains one period later on their way to the target, so that nothing jumps."""
-        ramped = {}
+        """Return the gains one period later on their way to the target, so that nothing jumps.
+
+        The target itself once all are there.
+        """
+        if now is target:
+            return target
+        ramped, there = {}, True
         for name, gain in now.items():
             aim = target[name]
             way = aim - gain
             near = gain is aim or np.abs(way).max() < 1e-7
             ramped[name] = aim if near else gain + self.part * way
-        return ramped
+            there = there and near
+        return target if there else ramped

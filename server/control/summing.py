@@ -24,6 +24,8 @@ from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Settings
 
 _OFF = np.zeros(6)
+_OFF.flags.writeable = False
+_IDLE = FollowingState()
 _AXES = np.eye(3)
 
 
@@ -114,13 +116,15 @@ class Summing:
         if inputs.R_world_wrench is not None:
             desired = rotate_twist(k.T_world_mrf.R.T @ inputs.R_world_wrench, desired)
         force = self.force.rate(wrench, desired, gains["force"], k.T_world_mrf.R)
-        following, following_state = self.following.rate(
-            memory.following if guided else FollowingState(),
-            None if wrench is None else -wrench,
-            gains.get("following", _OFF) if guided else _OFF,
-            k.T_world_mrf,
-            1.0 if memory.near is None else 1.0 - memory.near.alpha,
-        )
+        following, following_state = _OFF, _IDLE
+        if "following" in gains:
+            following, following_state = self.following.rate(
+                memory.following if guided else _IDLE,
+                None if wrench is None else -wrench,
+                gains["following"] if guided else _OFF,
+                k.T_world_mrf,
+                1.0 if memory.near is None else 1.0 - memory.near.alpha,
+            )
         frames, frames_state = np.zeros(6), FramesState()
         if guided:
             frames, frames_state = self.frames.rate(

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..compiled import ARRAY3, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import ARRAY3, FLAG, MATRIX, NUMBER, VECTOR, compiled
 from ..frames import GRAVITY, Array, Pose, rotate_twist, wrench_to
 
 INERTIA_PERIODS = 0.5
@@ -99,20 +99,25 @@ class Force:
             return ForceState()
         if time_s - state.time_s > 1.5 * self._period_s:
             state = ForceState(state.wrench)  # ticks were missed: differences would be wrong
-        place = T_world_wrist @ self.T_wrist_sensor
         older = min(max(age_s / self._period_s, 0.0), _OLDEST)
-        places, last = _followed(place.R, place.p, state.places), state.contact
-        newest = contact = _unladen(self._calibration, sample, load, places, free_fall, older)
-        if self.inertia and last is not None:
-            contact = 0.5 * (contact + last)
-            if len(places) == 4 and load[0] > 0.0:
-                ahead = 1.0 - INERTIA_PERIODS - older
-                contact = contact - _inertial(
-                    load, places, ahead, self._period_s, self._max_acceleration
-                )
-        if state.wrench is not None:
-            contact = state.wrench + self._smoothing * (contact - state.wrench)
-        return ForceState(contact, newest, places, time_s)
+        last, before = state.contact, state.wrench
+        wrench, newest, places = _seen(
+            *T_world_wrist,
+            *self.T_wrist_sensor,
+            state.places,
+            self._calibration,
+            sample,
+            load,
+            free_fall,
+            sample if last is None else last,
+            sample if before is None else before,
+            older,
+            self._period_s,
+            self._max_acceleration,
+            1.0 if before is None else self._smoothing,
+            self.inertia and last is not None,
+        )
+        return ForceState(wrench, newest, places, time_s)
 
     def wrench_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
         """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
@@ -145,12 +150,21 @@ def _held(load: Array, acceleration: Array) -> Array:
     return out
 
 
-@compiled(MATRIX, VECTOR, ARRAY3)
-def _followed(R: Array, p: Array, places: Array) -> Array:
-    """Return placements (k, 3, 4) with a newer one before them, the newest four."""
-    out = np.empty((min(len(places) + 1, 4), 3, 4))
-    out[0, :, :3] = R
-    out[0, :, 3] = p
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3)
+def _followed(
+    R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array
+) -> Array:
+    """Return placements (k, 3, 4) with a newer one before them, the newest four.
+
+    The newer one is that of the Sensor on a Wrist at R, p.
+    """
+    out = np.zeros((min(len(places) + 1, 4), 3, 4))
+    for i in range(3):
+        for k in range(3):
+            for j in range(3):
+                out[0, i, j] += R[i, k] * R_wrist_sensor[k, j]
+            out[0, i, 3] += R[i, k] * p_wrist_sensor[k]
+        out[0, i, 3] += p[i]
     out[1:] = places[: len(out) - 1]
     return out
 
@@ -195,3 +209,41 @@ def _inertial(load: Array, places: Array, ahead: float, period_s: float, bound: 
         for k in range(3):
             turned[i] += places[1, k, i] * a[k]
     return _held(load, turned)
+
+
+@compiled(
+    MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
+    NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
+)  # fmt: skip
+def _seen(
+    R: Array,
+    p: Array,
+    R_wrist_sensor: Array,
+    p_wrist_sensor: Array,
+    places: Array,
+    calibration: Array,
+    sample: Array,
+    load: Array,
+    free_fall: Array,
+    last: Array,
+    before: Array,
+    older: float,
+    period_s: float,
+    bound: float,
+    smoothing: float,
+    inertia: bool,
+) -> tuple[Array, Array, Array]:
+    """Return the filtered wrench (6,), the newest one without weight (6,), and the placements.
+
+    The Wrist is at R, p. With `inertia`, the newest is taken in the mean with the `last` one, and
+    the payload's acceleration is taken off as soon as four placements tell it. `smoothing` is the
+    share of what is new that is taken over `before` (6,), the filtered wrench of the tick before.
+    """
+    at = _followed(R, p, R_wrist_sensor, p_wrist_sensor, places)
+    newest = _unladen(calibration, sample, load, at, free_fall, older)
+    contact = newest
+    if inertia:
+        contact = 0.5 * (newest + last)
+        if len(at) == 4 and load[0] > 0.0:
+            contact -= _inertial(load, at, 1.0 - INERTIA_PERIODS - older, period_s, bound)
+    return before + smoothing * (contact - before), newest, at

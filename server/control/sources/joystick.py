@@ -41,7 +41,7 @@ class Joystick:
         """
         target = np.zeros(6) if twist is None else rotate_twist(R_world_axes, gain * twist)
         motion = state.motion
-        if motion.stands() and not target.any():
+        if motion.stands() and not np.count_nonzero(target):
             return target, state
         shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
         shaped = Motion(np.zeros(6), shaped.dq, shaped.ddq)

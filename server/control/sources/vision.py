@@ -70,10 +70,10 @@ class Vision:
         acceleration and jerk bounds.
         """
         target = np.zeros(6)
-        if goal is not None and gain.any():
+        if goal is not None and np.count_nonzero(gain):
             target = self._asked(goal, T_world_wrist, p_world_mrf, gain, factor)
         motion = state.motion
-        if motion.stands() and not target.any():
+        if motion.stands() and not np.count_nonzero(target):
             return target, state
         shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
         shaped = Motion(np.zeros(6), shaped.dq, shaped.ddq)
