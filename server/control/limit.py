@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from .compiled import VECTOR, compiled
 from .frames import Array
 from .trajectory import Motion, Stop, TrajectoryError, VelocityPlanner
 
@@ -85,17 +86,15 @@ class Limiter:
         if factor != self._factor:
             self._planner.set_bounds(factor * self._acceleration, self._jerk)
             self._factor = factor
-        if not (target.any() or motion.dq.any() or motion.ddq.any()):
+        if motion.stands() and not np.count_nonzero(target):
             return Limited(motion, held, False)
-        low = np.minimum(self._lower, held.low)
-        high = np.maximum(self._upper, held.high)
         least, least_bad = np.inf, None
         for part, way in ATTEMPTS if judge is not None else ATTEMPTS[:3]:
             try:
                 candidate, stop = self._tried(motion, part * target, way)
             except TrajectoryError:
                 continue
-            if (stop.low < low).any() or (stop.high > high).any():
+            if _leaves(stop.low, stop.high, held.low, held.high, self._lower, self._upper):
                 continue
             short = 0.0 if judge is None else judge(stop)
             if short <= 0.0:
@@ -122,3 +121,14 @@ class Limiter:
         motion = stop.at(0.0)
         motion = Motion.at_rest(motion.q) if stop.finished else motion
         return Limited(motion, stop, True, worsened)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+def _leaves(
+    low: Array, high: Array, held_low: Array, held_high: Array, lower: Array, upper: Array
+) -> bool:
+    """Return whether a stop from `low` to `high` (n,) leaves the limits more than the held one."""
+    for i in range(len(low)):
+        if low[i] < min(lower[i], held_low[i]) or high[i] > max(upper[i], held_high[i]):
+            return True
+    return False

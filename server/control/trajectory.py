@@ -13,7 +13,7 @@ import ruckig
 from .compiled import NUMBER, VECTOR, compiled
 from .evolve import evolve
 from .frames import Array
-from .velocity_profile import stepped
+from .velocity_profile import reach, stepped, stop_at, stop_postures, stopping
 
 
 class Motion(NamedTuple):
@@ -43,7 +43,7 @@ def _stands(dq: Array, ddq: Array, below: float) -> bool:
 
 
 class TrajectoryError(Exception):
-    """Ruckig refused a state or a bound: carries its words."""
+    """There is no way from a state, or under a bound: it says which."""
 
 
 @dataclass(frozen=True)
@@ -74,31 +74,59 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Stop(Profile):
-    """A jerk-limited way to rest."""
+class Stop:
+    """A jerk-limited way to rest, and how far along it is."""
 
-    origin: Array
-    """Where it began (n,): the trajectory counts from there."""
+    start: Motion
+    """Where it began."""
+    phases: Array
+    """How long each part of it lasts, and its jerk (2, k, n) [s, 1/s³]."""
     low: Array
     """Least position of each joint along the whole stop (n,)."""
     high: Array
     """Greatest position of each joint along the whole stop (n,)."""
+    duration_s: float
+    elapsed_s: float = 0.0
 
-    def postures(self, ahead_s: Array) -> Array:
-        """Return the positions (s, n) at times (s,) after now."""
-        at_time, since = self.trajectory.at_time, self.elapsed_s
-        ways = np.array([at_time(since + t)[0] for t in ahead_s.tolist()])
-        return np.asarray(self.origin + ways)
+    @staticmethod
+    def along(start: Motion, phases: Array) -> "Stop":
+        """Return the stop from `start` that goes through phases (2, k, n)."""
+        return Stop(start, phases, *reach(*start, phases))
 
     def at(self, ahead_s: float = 0.0) -> Motion:
         """Return the motion `ahead_s` after now."""
-        way, dq, ddq = super().at(ahead_s)
-        return Motion(self.origin + way, dq, ddq)
+        return Motion(*stop_at(*self.start, self.phases, self.elapsed_s + ahead_s))
+
+    def postures(self, ahead_s: Array) -> Array:
+        """Return the positions (s, n) at times (s,) after now."""
+        return stop_postures(*self.start, self.phases, self.elapsed_s + ahead_s)
+
+    def advanced(self, by_s: float) -> "Stop":
+        """Return the same stop, further along."""
+        return evolve(self, elapsed_s=self.elapsed_s + by_s)
+
+    @property
+    def to_go_s(self) -> float:
+        """Time until rest [s]."""
+        return max(0.0, self.duration_s - self.elapsed_s)
+
+    @property
+    def finished(self) -> bool:
+        """True once at rest."""
+        return self.elapsed_s >= self.duration_s
 
 
 def _state(at_time: tuple[list[float], list[float], list[float]]) -> Motion:
     q, dq, ddq = at_time
     return Motion(np.array(q), np.array(dq), np.array(ddq))
+
+
+def _phases(trajectory: "ruckig.Trajectory") -> Array:
+    """Return the phases (2, k, n) of a trajectory: how long each lasts, and its jerk."""
+    (profiles,) = trajectory.profiles
+    return np.array(
+        [[[*p.brake.t, *p.t] for p in profiles], [[*p.brake.j, *p.j] for p in profiles]]
+    ).transpose(0, 2, 1)
 
 
 def _calculated(
@@ -125,6 +153,7 @@ class VelocityPlanner:
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
         self._input.control_interface = ruckig.ControlInterface.Velocity
+        self._input.synchronization = ruckig.Synchronization.Phase
         self._input.target_acceleration = [0.0] * n
         self._input.max_velocity = [1e6] * n
         self.set_bounds(acceleration, jerk)
@@ -134,14 +163,6 @@ class VelocityPlanner:
         self._bounds = acceleration, jerk
         self._input.max_acceleration = acceleration
         self._input.max_jerk = jerk
-
-    def _plan(
-        self, motion: Motion, target: Array, how: "ruckig.Synchronization"
-    ) -> "ruckig.Trajectory":
-        i = self._input
-        i.synchronization = how
-        i.target_velocity = target
-        return _calculated(self._ruckig, i, motion, "velocity", target)
 
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
         """Return the motion one period later on the way to velocities `target` (n,)."""
@@ -155,22 +176,20 @@ class VelocityPlanner:
 
         Both in a straight line, as far as the motion of now allows: all freedoms keep their shares.
         """
-        phase = ruckig.Synchronization.Phase
-        moved = _state(self._plan(motion, target, phase).at_time(period_s))
-        return moved, self._stopped(moved, phase)
+        moved = _state(self._straight(motion, target).at_time(period_s))
+        return moved, Stop.along(moved, _phases(self._straight(moved, np.zeros(self._n))))
 
     def stop(self, motion: Motion) -> Stop:
         """Return the quickest stop of each degree of freedom on its own."""
-        return self._stopped(motion, ruckig.Synchronization.No)
+        try:
+            phases = stopping(motion.dq, motion.ddq, *self._bounds)
+        except ValueError as error:
+            raise TrajectoryError(f"stop from {motion}: {error}") from error
+        return Stop.along(motion, phases)
 
-    def _stopped(self, motion: Motion, how: "ruckig.Synchronization") -> Stop:
-        # Ruckig counts a target position of zero to the extrema: so let zero be where it starts.
-        start = Motion(np.zeros(self._n), motion.dq, motion.ddq)
-        trajectory = self._plan(start, np.zeros(self._n), how)
-        extrema = trajectory.position_extrema
-        low = motion.q + [e.min for e in extrema]
-        high = motion.q + [e.max for e in extrema]
-        return Stop(trajectory, 0.0, trajectory.duration, motion.q, low, high)
+    def _straight(self, motion: Motion, target: Array) -> "ruckig.Trajectory":
+        self._input.target_velocity = target
+        return _calculated(self._ruckig, self._input, motion, "velocity", target)
 
 
 class PositionPlanner:

@@ -6,17 +6,20 @@ every duration from the shortest on will do, since a velocity can be kept once i
 freedoms that are to arrive together all take the longest of their shortest durations; one that a
 gentler ramp to zero brings there in time takes that, and waits. An acceleration beyond its bound is
 first ramped down to it.
+
+A way is its phases, one after the other: how long each lasts and its jerk, `(2, k, n)` for n
+freedoms [s, 1/s³].
 """
 
 import math
 
 import numpy as np
 
-from .compiled import FLAG, NUMBER, VECTOR, compiled
+from .compiled import ARRAY3, FLAG, MATRIX, NUMBER, VECTOR, compiled
 from .frames import Array
 
 _INSTANT = 1e-12
-"""Keeps a ramp of no length from dividing by zero [s]."""
+"""Durations below this are rounding [s]."""
 
 
 @compiled(NUMBER, NUMBER, NUMBER, NUMBER)
@@ -37,12 +40,72 @@ def _plateau(change: float, a: float, jerk: float, duration: float) -> float:
     if change >= a * duration - stopping:  # above a: up, and down to zero
         b, c = reach + a, jerk * (change + stopping)
     elif change >= stopping:  # between zero and a: down, and down to zero
-        return (change - stopping) / (duration - a / jerk)
+        return min(a, (change - stopping) / max(duration - a / jerk, _INSTANT))
     else:  # below zero: down, and up to zero
         b, c = reach - a, jerk * (stopping - change)
     root = math.sqrt(max(b * b - 4.0 * c, 0.0))
     size = 2.0 * c / (b + root) if b + root > 0.0 else 0.0
     return size if change >= stopping else -size
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, FLAG)
+def _planned(
+    dq: Array, ddq: Array, target: Array, acceleration: Array, jerk: Array, together: bool
+) -> Array:
+    """Return the phases (2, 4, n) of the quickest way to velocities (n,), all `together` or not.
+
+    Raises `ValueError` where a change of velocity is not finite.
+    """
+    n = len(dq)
+    phases = np.zeros((2, 4, n))
+    change, shortest = np.empty(n), np.empty(n)
+    longest = 0.0
+    for i in range(n):
+        # Mirrored, so that each begins with an acceleration that is not negative.
+        mirror, a, j = math.copysign(1.0, ddq[i]), abs(ddq[i]), jerk[i]
+        start = min(a, acceleration[i])
+        braked_s = (a - start) / j
+        phases[0, 0, i], phases[1, 0, i] = braked_s, -mirror * j
+        change[i] = mirror * (target[i] - dq[i]) - 0.5 * (a + start) * braked_s
+        if not math.isfinite(change[i]):
+            raise ValueError("not finite")
+        shortest[i] = _shortest(change[i], start, acceleration[i], j)
+        longest = max(longest, braked_s + shortest[i])
+    for i in range(n):
+        mirror, j = math.copysign(1.0, ddq[i]), jerk[i]
+        start = min(abs(ddq[i]), acceleration[i])
+        lasts = longest - phases[0, 0, i] if together else shortest[i]
+        if j * change[i] >= 0.5 * start * start > 0.0 and 2.0 * change[i] <= start * lasts:
+            ramp_s = 2.0 * change[i] / start
+            phases[0, 3, i], phases[1, 3, i] = ramp_s, -mirror * start / ramp_s
+            continue
+        held = _plateau(change[i], start, j, lasts)
+        up_s, down_s = abs(held - start) / j, abs(held) / j
+        phases[0, 1, i], phases[1, 1, i] = up_s, mirror * math.copysign(j, held - start)
+        phases[0, 2, i] = max(lasts - up_s - down_s, 0.0)
+        phases[0, 3, i], phases[1, 3, i] = down_s, -mirror * math.copysign(j, held)
+    return phases
+
+
+@compiled(MATRIX, VECTOR, ARRAY3, NUMBER)
+def _along(start: Array, target: Array, phases: Array, t: float) -> Array:
+    """Return position, velocity and acceleration (3, n) a time t after `start` (3, n)."""
+    out = np.empty(start.shape)
+    for i in range(start.shape[1]):
+        x, v, a, left = start[0, i], start[1, i], start[2, i], t
+        for phase in range(phases.shape[1]):
+            s, j = min(phases[0, phase, i], left), phases[1, phase, i]
+            x += s * (v + s * (0.5 * a + s * j / 6.0))
+            v += s * (a + 0.5 * s * j)
+            a += s * j
+            left -= s
+        if left > 0.0:  # arrived
+            v, a = target[i], 0.0
+            x += left * v
+        out[0, i], out[1, i], out[2, i] = x, v, a
+        if not math.isfinite(x + v + a):
+            raise ValueError("not finite")
+    return out
 
 
 @compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG)
@@ -61,49 +124,61 @@ def stepped(
     `acceleration` and `jerk` (n,) bound the way. Freedoms arrive `together`, or each as soon as it
     can. Raises `ValueError` where the result would not be finite.
     """
+    start = np.empty((3, len(q)))
+    start[0], start[1], start[2] = q, dq, ddq
+    return _along(start, target, _planned(dq, ddq, target, acceleration, jerk, together), period_s)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR)
+def stopping(dq: Array, ddq: Array, acceleration: Array, jerk: Array) -> Array:
+    """Return the phases (2, 4, n) of the quickest stop of each freedom."""
+    return _planned(dq, ddq, np.zeros(len(dq)), acceleration, jerk, False)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3)
+def reach(q: Array, dq: Array, ddq: Array, phases: Array) -> tuple[Array, Array, float]:
+    """Return the least and the greatest position (n,) along a way, and how long it lasts [s]."""
     n = len(q)
-    out = np.empty((3, n))
-    # Mirrored, so that each begins with an acceleration that is not negative.
-    mirror, change, braked_s, duration = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    longest = 0.0
+    low, high, duration = np.empty(n), np.empty(n), 0.0
+    turns = np.empty(2)
     for i in range(n):
-        mirror[i] = -1.0 if ddq[i] < 0.0 else 1.0
-        a, j = abs(ddq[i]), jerk[i]
-        braked_s[i] = max(a - acceleration[i], 0.0) / j
-        start = a - j * braked_s[i]
-        change[i] = mirror[i] * (target[i] - dq[i]) - 0.5 * (a + start) * braked_s[i]
-        duration[i] = _shortest(change[i], start, acceleration[i], j)
-        longest = max(longest, braked_s[i] + duration[i])
-    for i in range(n):
-        j = jerk[i]
-        a, v, x = abs(ddq[i]), mirror[i] * dq[i], mirror[i] * q[i]
-        start = a - j * braked_s[i]
-        lasts = longest - braked_s[i] if together else duration[i]
-        if j * change[i] >= 0.5 * start * start > 0.0 and 2.0 * change[i] <= start * lasts:
-            held, down_s = start, 2.0 * change[i] / start
-            up_s, lasts = 0.0, down_s
-        else:
-            held = _plateau(change[i], start, j, lasts)
-            up_s, down_s = abs(held - start) / j, abs(held) / j
-        left = period_s
-        for phase in range(4):
-            if phase == 0:
-                seconds, by = braked_s[i], -j
-            elif phase == 1:
-                seconds, by = up_s, math.copysign(j, held - start)
-            elif phase == 2:
-                seconds, by = max(lasts - up_s - down_s, 0.0), 0.0
-            else:
-                seconds, by = down_s, -held / max(down_s, _INSTANT)
-            t = min(seconds, left)
-            x += t * (v + t * (0.5 * a + t * by / 6.0))
-            v += t * (a + 0.5 * t * by)
-            a += t * by
-            left -= t
-        if left > 0.0:  # arrived
-            x += left * v
-            v, a = mirror[i] * target[i], 0.0
-        out[0, i], out[1, i], out[2, i] = mirror[i] * x, mirror[i] * v, mirror[i] * a
-        if not math.isfinite(x + v + a):
-            raise ValueError("not finite")
+        x, v, a, total = q[i], dq[i], ddq[i], 0.0
+        low[i] = high[i] = x
+        for phase in range(phases.shape[1]):
+            seconds, j = phases[0, phase, i], phases[1, phase, i]
+            # Where the velocity passes through zero, both roots in a form that loses no digits.
+            turns[0] = turns[1] = seconds
+            root2 = a * a - 2.0 * j * v
+            if root2 >= 0.0:
+                sum_ = -(a + math.copysign(math.sqrt(root2), a))
+                if sum_ != 0.0:
+                    turns[0] = 2.0 * v / sum_
+                if j != 0.0:
+                    turns[1] = sum_ / j
+            for k in range(3):
+                s = seconds if k == 2 else min(max(turns[k], 0.0), seconds)
+                at = x + s * (v + s * (0.5 * a + s * j / 6.0))
+                low[i], high[i] = min(low[i], at), max(high[i], at)
+            x, v, a = at, v + seconds * (a + 0.5 * seconds * j), a + seconds * j
+            total += seconds
+        duration = max(duration, total)
+    return low, high, duration
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)
+def stop_at(q: Array, dq: Array, ddq: Array, phases: Array, t: float) -> Array:
+    """Return position, velocity and acceleration (3, n) a time t after a stop began."""
+    start = np.empty((3, len(q)))
+    start[0], start[1], start[2] = q, dq, ddq
+    return _along(start, np.zeros(len(q)), phases, t)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3, VECTOR)
+def stop_postures(q: Array, dq: Array, ddq: Array, phases: Array, times: Array) -> Array:
+    """Return the positions (s, n) at times (s,) after a stop began."""
+    start, rest = np.empty((3, len(q))), np.zeros(len(q))
+    start[0], start[1], start[2] = q, dq, ddq
+    out = np.empty((len(times), len(q)))
+    for k in range(len(times)):
+        out[k] = _along(start, rest, phases, times[k])[0]
     return out
