@@ -13,6 +13,7 @@ import numpy as np
 
 from ..compiled import VECTOR, compiled
 from ..frames import Array
+from ..scene import Index
 
 BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
@@ -26,6 +27,11 @@ class Room(NamedTuple):
 
     low: Array
     high: Array
+
+    def left_by(self, dq: Array) -> list[int]:
+        """Return the joints whose rates dq (n,) [rad/s] are outside."""
+        outside: list[int] = _outside(dq, self.low, self.high).tolist()
+        return outside
 
 
 class Within(NamedTuple):
@@ -132,3 +138,13 @@ def _within(
         low[j], high[j] = min(least, greatest), max(least, greatest)
         beyond = beyond or scaled[j] < low[j] or scaled[j] > high[j]
     return scaled, share, low, high, beyond
+
+
+@compiled(VECTOR, VECTOR, VECTOR)
+def _outside(dq: Array, low: Array, high: Array) -> Index:
+    found, count = np.empty(len(dq), dtype=np.int64), 0
+    for j in range(len(dq)):
+        if dq[j] < low[j] or dq[j] > high[j]:
+            found[count] = j
+            count += 1
+    return found[:count].copy()

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled
 from ..frames import Array
@@ -76,25 +77,21 @@ def nearest(
     n = len(dq)
     slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
     length = ATTITUDE * characteristic_length
-    H, f, A, upper, lower = _programme(dq, J, low, high, velocity, slopes, least, length)
-    sense = np.zeros(len(lower), dtype=np.int32)
-    if (low > 0.0).any() or (high < 0.0).any():
-        sense[len(f) : len(f) + len(least)] = _SOFT
+    H, f, A, upper, lower, sense = _programme(dq, J, low, high, velocity, slopes, least, length)
     solution, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     if flag not in (1, 2):
         raise BarrierError(f"solver flag {flag}, bounds {low} to {high}")
-    found, pace = np.clip(solution[:n], low, high), float(solution[n])
-    asked, left = _weighed(J, dq, length), _weighed(J, found, length)
-    share = pace if asked < UNASKED else min(pace, left / asked)
-    return Nearest(found, share, pace)
+    return Nearest(*_granted(solution, dq, J, low, high, length))
 
 
 @compiled(VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER)
 def _programme(
     dq: Array, J: Array, low: Array, high: Array, velocity: Array, slopes: Array, least: Array,
     length: float,
-) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:  # fmt: skip
     """Return H, f, A and the bounds above and below of the unknowns, then of the rows of A.
+
+    And DAQP's sense of each bound: barriers are soft where a joint is to be led back.
 
     ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖², in the unknowns (dq', s), and one more for each gap that
     is to be widened: what it falls short by. `length` weighs rotations [m/rad].
@@ -138,7 +135,12 @@ def _programme(
         A[m + i, :n] = slopes[gap]
         A[m + i, n + 1 + i] = 1.0
         lower[size + m + i] = least[gap]
-    return H, f, A, upper, lower
+    sense, led_back = np.zeros(size + count, dtype=np.int32), False
+    for j in range(n):
+        led_back = led_back or low[j] > 0.0 or high[j] < 0.0
+    if led_back:
+        sense[size : size + m] = _SOFT
+    return H, f, A, upper, lower, sense
 
 
 @compiled(MATRIX, VECTOR, NUMBER)
@@ -151,3 +153,16 @@ def _weighed(J: Array, dq: Array, length: float) -> float:
             rate += J[r, j] * dq[j]
         size2 += rate**2 * (1.0 if r < 3 else length**2)
     return math.sqrt(size2)
+
+
+@compiled(VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, NUMBER)
+def _granted(
+    solution: Array, dq: Array, J: Array, low: Array, high: Array, length: float
+) -> tuple[Array, float, float]:
+    """Return what `Nearest` holds, by the unknowns that solve the programme."""
+    n = len(dq)
+    found, pace = np.empty(n), solution[n]
+    for j in range(n):
+        found[j] = min(max(solution[j], low[j]), high[j])
+    asked, left = _weighed(J, dq, length), _weighed(J, found, length)
+    return found, pace if asked < UNASKED else min(pace, left / asked), pace

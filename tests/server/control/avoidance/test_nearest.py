@@ -146,7 +146,8 @@ def test_the_programme_has_the_costs_that_are_stated(rng):
     dq, J, V = rng.normal(size=n), rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n)
     low, high, slopes = -V, V, rng.normal(size=(3, n))
     least, length = np.array([-0.2, 0.01, -0.1]), 0.4
-    H, f, A, upper, lower = nearest_module._programme(dq, J, low, high, V, slopes, least, length)
+    posed = (J, low, high, V, slopes, least, length)
+    H, f, A, upper, lower, sense = nearest_module._programme(dq, *posed)
     weight = np.diag([1.0] * 3 + [length] * 3)
     for _ in range(10):
         z = rng.normal(size=len(f))
@@ -161,3 +162,19 @@ def test_the_programme_has_the_costs_that_are_stated(rng):
         np.testing.assert_allclose(A @ z, [*(slopes @ rates), slopes[1] @ rates + short[0]])
     np.testing.assert_array_equal(lower, [*low, nearest_module.SLIDE, 0.0, -0.2, 0.0, -0.1, 0.01])
     np.testing.assert_array_equal(upper[: n + 1], [*high, 1.0])
+    assert not sense.any()
+
+
+@pytest.mark.parametrize("side", ["low", "high"])
+def test_barriers_are_soft_only_where_a_joint_is_led_back(rng, side):
+    n = 7
+    dq, J, V = rng.normal(size=n), rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n)
+    low, high, slopes = -V, V, rng.normal(size=(3, n))
+    if side == "low":
+        low[2] = 0.01
+    else:
+        high[2] = -0.01
+    least = np.array([-0.2, 0.01, -0.1])
+    *_, sense = nearest_module._programme(dq, J, low, high, V, slopes, least, 0.4)
+    # The rates, the share and what widening falls short by; three barriers, and the widening.
+    np.testing.assert_array_equal(sense, [0] * (n + 2) + [8] * 3 + [0])
