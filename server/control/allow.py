@@ -7,11 +7,10 @@ along which the tool would stop: it slides on along the barrier.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from .avoidance.clearance import Gap, Levels
 from .avoidance.guard import Guard, Situation, Watch
 from .avoidance.joint_room import JointRoom
+from .avoidance.links import Placed
 from .avoidance.nearest import nearest
 from .frames import Array
 from .mechanism import Kinematics
@@ -61,38 +60,39 @@ class Allow:
         settings: Settings,
         scene: Scene | None = None,
         base: Body | None = None,
+        placed: Placed | None = None,
     ) -> Allowed:
         """Return the rates nearest to dq (n,) [rad/s] that all bounds allow.
 
         `error` (n,) [rad] is the command's lead over the joints, which the leash bounds; `base` a
-        Base that moves.
+        Base that moves; `placed` where links are, where that is known.
         """
         q, V = memory.motion.q, settings.speed_factor * self._p.velocity
         dq, share, low, high, beyond = self.room.within(dq, V, q, error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
         if beyond:
-            room, leash = self.room.limits(q), self.room.leash(error)
-            limits += self._reasons(dq, room.low, room.high, "joint_limit")
-            limits += self._reasons(dq, leash.low, leash.high, "leash")
+            limits += self._reasons(self.room.limits(q).left_by(dq), "joint_limit")
+            limits += self._reasons(self.room.leash(error).left_by(dq), "leash")
         watch = None
         if self.guard is not None and settings.avoid:
             p, T = k.T_world_mrf.p, settings.T_wrist_mrf
             at = Situation(
-                q, memory.motion.dq, error, p, k.J, T, scene, settings.speed_factor, base
+                q, memory.motion.dq, error, p, k.J, T, scene, settings.speed_factor, base, placed
             )
             watch = self.guard.watch(at, dq, memory.levels)
-            slow = self.guard.tool_share(watch, dq)
+            slow = self.guard.tool_share(watch)
             if slow < 1.0:
                 dq, share, limits = slow * dq, slow * share, (*limits, "near_speed")
-        rows = None if watch is None else watch.rows
-        broken = None if rows is None else rows.A @ dq < rows.low
-        if watch is not None and broken is not None and self.guard is not None and broken.any():
-            limits += self.guard.named(watch, broken)
-            beyond = True
+        rows, broken = None, None
+        if watch is not None and self.guard is not None:
+            rows = watch.rows
+            broken, any_broken = rows.broken(dq)
+            if any_broken:
+                limits += self.guard.named(watch, broken)
+                beyond = True
         pace = share
         if beyond:
-            leash = self.room.leash(error)
-            held = bool(((dq < leash.low) | (dq > leash.high)).any())
+            held = bool(self.room.leash(error).left_by(dq))
             found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length, rows)
             dq, share = found.dq, share * found.share
             pace = share if held else pace * found.pace
@@ -100,6 +100,5 @@ class Allow:
             return Allowed(dq, share, limits, pace)
         return Allowed(dq, share, limits, pace, watch, self.guard.gaps(watch, broken))
 
-    def _reasons(self, dq: Array, low: Array, high: Array, name: str) -> tuple[str, ...]:
-        beyond = (dq < low) | (dq > high)
-        return tuple(f"{name}:{self._p.joints[i]}" for i in np.flatnonzero(beyond))
+    def _reasons(self, which: list[int], name: str) -> tuple[str, ...]:
+        return tuple(f"{name}:{self._p.joints[i]}" for i in which)

@@ -80,7 +80,7 @@ class Scene:
     @property
     def moves(self) -> bool:
         """True if anything may move."""
-        return bool(self.speed.any())
+        return bool(np.count_nonzero(self.speed))
 
     def reach(self, ahead: float) -> Array:
         """Return how far each may be from where it is predicted (k,) [m], `ahead` [s] from now."""
@@ -98,7 +98,7 @@ class Scene:
     def placed(self, T_world_wrist: Pose) -> Self:
         """Return the scene with every sight line in World that starts at a carried camera."""
         carried = self.rounds.carried
-        if not carried.any():
+        if not np.count_nonzero(carried):
             return self
         start = self.rounds.start.copy()
         start[carried] = start[carried] @ T_world_wrist.R.T + T_world_wrist.p

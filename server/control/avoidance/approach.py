@@ -12,6 +12,7 @@ import numpy as np
 
 from ..compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
 from ..frames import Array
+from ..scene import Flags
 
 BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
@@ -32,6 +33,23 @@ class Rows(NamedTuple):
     low: Array
     """(m,)."""
 
+    def broken(self, dq: Array) -> tuple[Flags, bool]:
+        """Return which of them (m,) the rates dq (n,) [rad/s] break, and whether any."""
+        which, count = _broken(self.A, self.low, dq)
+        return which, count > 0
+
+
+class Walled(NamedTuple):
+    """The tool between walls; their slopes are the first three rows of J, and those negated."""
+
+    J: Array
+    """Jacobian of the MRF (6, n)."""
+    p: Array
+    """Where it is (3,) [m]."""
+    low: Array
+    """Where it has no room left (3,) [m], or (0,): there are no walls."""
+    high: Array
+
 
 class Braking:
     """What n joints can brake, at full or reduced acceleration."""
@@ -45,39 +63,67 @@ class Braking:
         """Return the time before braking acts [s]; `factor` scales the acceleration."""
         return 2.0 * (factor * self._ramp_s + self._period_s)
 
-    def stop_way(self, speed: Array, factor: float) -> Array:
-        """Return how far each joint goes at most until it stands, from a speed (n,) [rad/s]."""
-        braking = 0.5 * speed / (factor * self._acceleration)
-        return np.asarray(speed * (self.lag(factor) + braking))
+    def acceleration(self, factor: float) -> Array:
+        """Return what the joints brake at (n,) [rad/s²]."""
+        return factor * self._acceleration
 
-    def rows(self, slopes: Array, room: Array, closing: Array, factor: float, widen: bool) -> Rows:
-        """Return the barriers of gaps with slopes (m, n), room (m,) [m] and closing speed [m/s].
+    def rows(
+        self, slopes: Array, room: Array, closing: Array, tool: Walled, factor: float, widen: bool
+    ) -> Rows:
+        """Return the barriers of gaps with slopes (k, n), room (k,) [m] and closing speed [m/s].
 
-        With `widen`, a gap beyond its bound is widened gently; else it just does not close.
+        Then those of the walls, low ones first. With `widen`, a gap beyond its bound is widened
+        gently; else it just does not close.
         """
-        lag, acceleration = self.lag(factor), factor * self._acceleration
-        return Rows(slopes, -_speeds(slopes, room, closing, acceleration, lag, widen))
+        acceleration, lag = self._acceleration, self.lag(factor)
+        return Rows(*_rows(slopes, room, closing, *tool, acceleration, factor, lag, widen))
 
 
-@compiled(MATRIX, VECTOR, VECTOR, VECTOR, NUMBER, FLAG)
-def _speeds(
-    slopes: Array, room: Array, closing: Array, acceleration: Array, lag: float, widen: bool
-) -> Array:
-    """Return the speeds (m,) [m/s] at which gaps may close: the law of this page.
+@compiled(
+    MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER, FLAG
+)  # fmt: skip
+def _rows(
+    gaps: Array, room: Array, closing: Array, J: Array, p: Array, low: Array, high: Array,
+    acceleration: Array, factor: float, lag: float, widen: bool,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Return slopes (k + w, n) of gaps and walls, and the rates (k + w,) [m/s] they keep above.
 
-    Of all motions with one approach speed, the one with the least joint rates has the deceleration
-    that is counted on; `acceleration` (n,) is the joints'.
+    The law of this page. Of all motions with one approach speed, the one with the least joint rates
+    has the deceleration that is counted on; `factor` times `acceleration` (n,) is the joints'.
     """
-    found = np.empty(len(slopes))
-    for i in range(len(slopes)):
+    k, n = gaps.shape
+    m = k + 2 * len(low)
+    slopes, least = np.empty((m, n)), np.empty(m)
+    for i in range(m):
+        if i < k:
+            slopes[i], left, comes = gaps[i], room[i], closing[i]
+        else:
+            axis = (i - k) % 3
+            down, comes = i < k + 3, 0.0
+            left = p[axis] - low[axis] if down else high[axis] - p[axis]
+            for j in range(n):
+                slopes[i, j] = J[axis, j] if down else -J[axis, j]
         size2, slowest = 0.0, 1e-12
-        for j in range(len(acceleration)):
+        for j in range(n):
             size2 += slopes[i, j] * slopes[i, j]
-            slowest = max(slowest, abs(slopes[i, j]) / acceleration[j])
+            slowest = max(slowest, abs(slopes[i, j]) / (factor * acceleration[j]))
         a = BRAKING * size2 / slowest
-        b = a * lag + closing[i]
-        left = room[i] - closing[i] * lag
-        found[i] = math.sqrt(b * b + 2.0 * a * max(left, 0.0)) - b
+        b = a * lag + comes
+        left -= comes * lag
+        least[i] = b - math.sqrt(b * b + 2.0 * a * max(left, 0.0))
         if widen:
-            found[i] -= min(RETURN_RATE * max(-left, 0.0), RETURN_SPEED)
-    return found
+            least[i] += min(RETURN_RATE * max(-left, 0.0), RETURN_SPEED)
+    return slopes, least
+
+
+@compiled(MATRIX, VECTOR, VECTOR)
+def _broken(A: Array, low: Array, dq: Array) -> tuple[Flags, int]:
+    """Return which barriers (m,) the rates dq (n,) break, and how many."""
+    broken, count = np.empty(len(low), dtype=np.bool_), 0
+    for i in range(len(low)):
+        rate = 0.0
+        for j in range(len(dq)):
+            rate += A[i, j] * dq[j]
+        broken[i] = rate < low[i]
+        count += broken[i]
+    return broken, count

@@ -1,20 +1,12 @@
-"""Forward kinematics of a serial chain for several postures in one pass.
-
-A joint's frame in the one before it is a constant plus two constants times functions of its angle
-(Rodrigues).
-"""
-
-import math
+"""Forward kinematics of a serial chain for several postures in one pass."""
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ..compiled import ARRAY3, ARRAY4, FLAGS, MATRIX, VECTOR, compiled
 from ..frames import Array, Pose
-
-Flags = NDArray[np.bool_]
+from ..scene import Flags, Index
+from .placing import axes_at, frames_at, placed_at
 
 
 class Chain:
@@ -60,11 +52,23 @@ class Chain:
     def frames(self, q: Array, T_world_base: Pose | None = None) -> Array:
         """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
         base = self.T_world_base if T_world_base is None else T_world_base
-        return _frames(self._parts, self._prismatic, q, base.R, base.p)
+        return frames_at(self._parts, self._prismatic, q, base.R, base.p)
 
     def axes(self, frames: Array) -> Array:
-        """Return the joints' axes (n, 3) in World, given the frames (n, 3, 4) of one posture."""
-        return _axes(frames, self._axis)
+        """Return the joints' axes (s, n, 3) in World, given their frames (s, n, 3, 4)."""
+        return axes_at(frames, self._axis)
+
+    def placed(
+        self, q: Array, body: Index, segments: Array, T_world_base: Pose | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Return where segments (c, 2, 3) on bodies (c,) are at q (s, n), in World (s, c, 2, 3).
+
+        With the joints' frames (s, n, 3, 4) and axes (s, n, 3).
+        """
+        base = self.T_world_base if T_world_base is None else T_world_base
+        return placed_at(
+            self._parts, self._prismatic, self._axis, body, segments, q, base.R, base.p
+        )
 
     @property
     def prismatic(self) -> Flags:
@@ -98,40 +102,3 @@ class Chain:
     def model(self) -> "pin.Model":
         """Pinocchio's model of the whole URDF."""
         return self._model
-
-
-@compiled(ARRAY4, FLAGS, MATRIX, MATRIX, VECTOR)
-def _frames(parts: Array, prismatic: Flags, q: Array, R: Array, p: Array) -> Array:
-    """Return the joints' frames (s, n, 3, 4) at postures q (s, n), Base at R (3, 3), p (3,)."""
-    postures, n = q.shape
-    found = np.empty((postures, n, 3, 4))
-    step = np.empty((3, 4))
-    for s in range(postures):
-        for i in range(n):
-            sine, cosine = q[s, i], 0.0
-            if not prismatic[i]:
-                sine, cosine = math.sin(q[s, i]), 1.0 - math.cos(q[s, i])
-            for row in range(3):
-                for k in range(4):
-                    step[row, k] = parts[i, 0, row, k] + sine * parts[i, 1, row, k]
-                    step[row, k] += cosine * parts[i, 2, row, k]
-            for row in range(3):
-                x, y, z, place = R[row, 0], R[row, 1], R[row, 2], p[row]
-                if i:
-                    x, y = found[s, i - 1, row, 0], found[s, i - 1, row, 1]
-                    z, place = found[s, i - 1, row, 2], found[s, i - 1, row, 3]
-                for k in range(4):
-                    found[s, i, row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
-                found[s, i, row, 3] += place
-    return found
-
-
-@compiled(ARRAY3, MATRIX)
-def _axes(frames: Array, axis: Array) -> Array:
-    """Return axes (n, 3), given in frames (n, 3, 4), in World."""
-    found = np.empty(axis.shape)
-    for j in range(len(axis)):
-        x, y, z = axis[j]
-        for i in range(3):
-            found[j, i] = frames[j, i, 0] * x + frames[j, i, 1] * y + frames[j, i, 2] * z
-    return found

@@ -11,16 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import VECTOR, compiled
+from ..compiled import COUNT, FLAG, FLAGS, VECTOR, compiled
 from ..frames import Array
-from ..scene import Scene
+from ..scene import Flags, Index, Scene
 from ..tree import Body
 from .approach import Braking
-from .chain import Flags
-from .distance import Index
-from .links import Links
+from .kept import HORIZON_S, held, kept, wanted
+from .links import Links, Placed
 from .neighbours import Around, Neighbours
-from .ways import carried, doubtful, travel
+from .ways import carried, doubtful, surroundings, travel
 
 SAMPLE_S = 0.025
 """A stop is looked at this often at least [s] …"""
@@ -37,10 +36,10 @@ CREEP = 2e-5
 """The same of a gap to something that comes nearer, in one period [m]."""
 COMES = 1e-3
 """What comes no quicker than this stands [m/s]."""
+BESIDE = 0.03
+"""Things are looked at this much farther off than where they matter [m]."""
 LATENCY = 3.0
 """Periods until the arm is where the command is now [1]."""
-HORIZON_S = 0.4
-"""What moves is looked at when it can be near within this time [s]."""
 SHOWN = 4
 """So many of the nearest pairs are told [1]."""
 
@@ -72,11 +71,15 @@ class Sight(NamedTuple):
     base: Base
     lever: Array
     """Distances of capsules from the joints' axes (c, n) [m]."""
-    room: Array
+    around: Array
     """How far each capsule may come before other pairs matter (c,) [m]."""
     near: Neighbours
+    room: Array
+    """How far each gap may close (k,) [m]; negative beyond its barrier."""
     tube: Array
     """What tracking may take off each gap (k,) [m]."""
+    needed: Array
+    """What each gap (k,) must keep along a stop [m]."""
     floor: Array
     """What each gap (k,) must keep where it is below its bound already [m]."""
     levels: Levels
@@ -85,8 +88,8 @@ class Sight(NamedTuple):
 class Clearance:
     """The clearances of one cell."""
 
-    def __init__(self, cell: Cell, acceleration: Array, jerk: Array) -> None:
-        self.links = Links(cell)
+    def __init__(self, cell: Cell, acceleration: Array, jerk: Array, links: Links) -> None:
+        self.links = links
         self.around = Around(cell, self.links)
         self._period_s = cell.config.timing.period_s
         self._margin = cell.config.avoidance.margin
@@ -95,107 +98,107 @@ class Clearance:
 
     def look(
         self, q: Array, fastest: Array, error: Array, scene: Scene | None, factor: float,
-        levels: Levels, base: Base = None,
+        levels: Levels, base: Base = None, placed: Placed | None = None,
     ) -> Sight:  # fmt: skip
         """Return what is near at q (n,) [rad] for joints that go at most `fastest` (n,) [rad/s].
 
         `error` (n,) [rad] is what the joints are behind the command; `factor` the reduced-speed
-        setting; `levels` those of the sight before; `base` where a Base that moves is.
+        setting; `levels` those of the sight before; `base` where a Base that moves is; `placed`
+        where links are at q, where that is known.
         """
-        placed = self.links.place(q[None], None if base is None else base.T)
-        lever = self.links.levers(placed)
-        room = travel(lever, self.braking.stop_way(fastest, factor)) + 0.03 + self._margin
-        near = self.around.look(placed, scene, room, HORIZON_S)
+        links = self.links
+        if placed is None:
+            placed = links.place(q[None], None if base is None else base.T)
+        lever, around = surroundings(
+            placed.frames, placed.axes, placed.ends, links.body, links.chain.prismatic,
+            fastest, self.braking.acceleration(factor), self.braking.lag(factor),
+            BESIDE + self._margin,
+        )  # fmt: skip
+        near = self.around.look(placed, scene, around, HORIZON_S)
         if base is not None:
             near = _on_moving_base(near, base)
-        tube = np.abs(near.rows) @ np.abs(error)
-        floor, levels = self._floors(near, tube, scene, levels)
-        return Sight(scene, base, lever, room, near, tube, floor, levels)
+        tube, room, needed, floor, which = kept(
+            near.rows, error, near.gap, near.promise, near.speed,
+            self._nearer(near, scene, base, np.array([LATENCY * self._period_s])),
+            self._margin, self._between,
+        )  # fmt: skip
+        levels = self._floors(near, floor, which, scene, levels)
+        return Sight(scene, base, lever, around, near, room, tube, needed, floor, levels)
 
-    def room(self, sight: Sight) -> Array:
-        """Return how far each gap may close (k,) [m]; negative beyond its barrier."""
-        near = sight.near
-        room = near.gap - near.promise - self._margin - sight.tube
-        if sight.scene is not None and sight.scene.moves:
-            ahead = np.array([LATENCY * self._period_s])
-            room = room - sight.scene.growth(near.obstacle, ahead)[0]
-        if sight.base is not None:
-            room = room - near.carried * LATENCY * self._period_s
-        return room
-
-    def shortfall(
-        self, sight: Sight, duration_s: float, farthest: Array, postures: Postures
-    ) -> float:
+    def shortfall(self, sight: Sight, duration_s: float, way: Array, postures: Postures) -> float:
         """Return by how much the worst gap falls short along a stop [m]; 0 where all are kept.
 
-        `farthest` (n,) [rad] bounds how far joints go from where they are; `postures` gives them.
+        `way` (n,) [rad] bounds how far joints go from where they are; `postures` gives them.
         """
-        way = travel(sight.lever, farthest)
-        if (way > sight.room).any():
-            sight = self._farther(sight, way)
-        near, scene = sight.near, sight.scene
-        needed = near.promise + sight.tube + self._between
+        near, most = sight.near, sight.needed
         end_s = duration_s + (1.0 + LATENCY) * self._period_s
-        most = needed
-        if scene is not None and scene.moves:
-            most = most + scene.growth(near.obstacle, np.array([end_s]))[0]
-        if sight.base is not None:
-            most = most + near.carried * end_s
-        pairs, closer = doubtful(way, near.first, near.second, near.gap, most)
+        nearer = self._nearer(near, sight.scene, sight.base, np.array([end_s]))
+        if len(nearer):
+            most = most + nearer[0]
+        leaves, pairs, closer = doubtful(
+            sight.lever, way, sight.around, near.first, near.second, near.gap, most
+        )
+        if leaves:
+            sight = self._farther(sight, travel(sight.lever, way))
+            return self.shortfall(sight, duration_s, way, postures)
         if not len(pairs):
             return 0.0
-        return self._sampled(sight, pairs, needed[pairs], duration_s, closer, postures)
+        return self._sampled(sight, pairs, closer, duration_s, postures)
 
     def _farther(self, sight: Sight, way: Array) -> Sight:
         """Return a sight that reaches as far as a stop may lead: the first one did not."""
-        near = self.around.look(
-            sight.near.placed, sight.scene, way + 0.03 + self._margin, HORIZON_S
-        )
+        around = way + BESIDE + self._margin
+        near = self.around.look(sight.near.placed, sight.scene, around, HORIZON_S)
         tube = np.full(near.size, float(sight.tube.max(initial=0.0)))
-        floor, _ = self._floors(near, tube, sight.scene, sight.levels)
+        needed, floor, which = held(tube, near.gap, near.promise, near.speed, self._between)
+        self._floors(near, floor, which, sight.scene, sight.levels)
         if sight.base is not None:
             near = _on_moving_base(near, sight.base)
-        return sight._replace(room=way, near=near, tube=tube, floor=floor)
+        return sight._replace(around=way, near=near, tube=tube, needed=needed, floor=floor)
 
     def _sampled(
-        self, sight: Sight, pairs: Index, needed: Array, duration_s: float, closer: Array,
-        postures: Postures,
-    ) -> float:  # fmt: skip
-        """Return how short pairs (k,) of a sight fall of `needed` (k,) [m], looked at along a stop.
+        self, sight: Sight, pairs: Index, closer: Array, duration_s: float, postures: Postures
+    ) -> float:
+        """Return how short pairs (p,) fall of what they need [m], looked at along a stop.
 
-        Each may come `closer` (k,) [m] at most.
+        Each may come `closer` (p,) [m] at most.
         """
-        near, scene = sight.near, sight.scene
-        count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(float(closer.max()) / SAMPLE_M), 1)
+        near, scene, base = sight.near, sight.scene, sight.base
+        farthest = max(closer.tolist())
+        count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(farthest / SAMPLE_M), 1)
         count = min(count, SAMPLES)
         times = (duration_s / count) * np.arange(count + 1.0)
-        radii, chord = near.radii[pairs], closer / count
-        round_off = chord * chord / (8.0 * np.maximum(radii + near.promise[pairs], 0.02))
-        bound = np.empty((count + 1, len(pairs)))
-        bound[:] = needed + round_off
-        ahead = times + (1.0 + LATENCY) * self._period_s
-        if scene is not None and scene.moves:
-            bound += scene.growth(near.obstacle[pairs], ahead)
-        if sight.base is not None:
-            bound += near.carried[pairs] * ahead[:, None]
-        wanted = np.minimum(bound, sight.floor[pairs]) + radii
-        base = None if sight.base is None else sight.base.T
-        ends = self.links.place(postures(times), base).ends
-        found = self.around.between(ends, near.first[pairs], near.second[pairs], wanted, scene)
-        return max(0.0, float((wanted - found.distance).max()))
+        nearer = self._nearer(near, scene, base, times + (1.0 + LATENCY) * self._period_s)
+        bounds = wanted(
+            count, pairs, closer, sight.needed, near.promise, near.radii, sight.floor, nearer
+        )
+        ends = self.links.place(postures(times), None if base is None else base.T).ends
+        return self.around.shortfall(ends, near, pairs, bounds, scene)
+
+    def _nearer(self, near: Neighbours, scene: Scene | None, base: Base, ahead_s: Array) -> Array:
+        """Return how much nearer pairs may be than now (s, k) [m], some times (s,) [s] from now.
+
+        By what moves in the scene, and with Base; (0, k) where nothing does.
+        """
+        moves = scene is not None and scene.moves
+        if base is None and not moves:
+            return np.zeros((0, near.size))
+        found = np.zeros((len(ahead_s), near.size))
+        if scene is not None and moves:
+            found = scene.growth(near.obstacle, ahead_s)
+        return found if base is None else found + near.carried * ahead_s[:, None]
 
     def _floors(
-        self, near: Neighbours, tube: Array, scene: Scene | None, levels: Levels
-    ) -> tuple[Array, Levels]:
-        """Return what each gap must keep at least, and the levels to remember.
+        self, near: Neighbours, floor: Array, held: Index, scene: Scene | None, levels: Levels
+    ) -> Levels:
+        """Set what gaps that are `held` must keep at least, and return the levels to remember.
 
         A gap that was below its bound to begin with can only get better: it keeps the best it has
         had. So does that of what may move and stands; while it comes nearer, the gap keeps what
         it is now.
         """
-        floor = np.full(near.size, np.inf)
         kept: Levels = {}
-        for i in _held(near.gap, near.promise + tube + self._between, near.speed).tolist():
+        for i in held.tolist():
             key, gap, speed = self._key(near, i, scene), float(near.gap[i]), float(near.speed[i])
             level, movable, comes = levels.get(key), speed > 0.0, False
             if movable and scene is not None:
@@ -204,7 +207,7 @@ class Clearance:
                 level = gap + SLACK - CREEP if movable else gap
             kept[key] = max(level, gap)
             floor[i] = min(kept[key] - SLACK, gap)
-        return floor, kept
+        return kept
 
     def _key(self, near: Neighbours, i: int, scene: Scene | None) -> tuple[int, int, str]:
         first, obstacle = int(near.first[i]), int(near.obstacle[i])
@@ -216,13 +219,8 @@ class Clearance:
         self, sight: Sight, active: Flags, most: int = SHOWN, only_active: bool = False
     ) -> tuple[Gap, ...]:
         """Return the nearest pairs for telemetry; `active` (k,) says whose barrier acts."""
-        near, names = sight.near, self.links.links
-        found: list[Gap] = []
-        for i in np.argsort(near.gap, kind="stable").tolist():
-            if len(found) == most:
-                break
-            if only_active and not active[i]:
-                continue
+        near, names, found = sight.near, self.links.links, []
+        for i in _nearest(near.gap, active, most, only_active).tolist():
             obstacle = int(near.obstacle[i])
             if sight.scene is None or obstacle < 0:
                 other = names[int(near.second[i])]
@@ -241,12 +239,19 @@ def _on_moving_base(near: Neighbours, base: Body) -> Neighbours:
     return near._replace(speed=speed, carried=fastest)
 
 
-@compiled(VECTOR, VECTOR, VECTOR)
-def _held(gap: Array, bound: Array, speed: Array) -> Index:
-    """Return which gaps (k,) are below their bounds, or may be soon, since something moves."""
-    held, found = np.empty(len(gap), dtype=np.int64), 0
+@compiled(VECTOR, FLAGS, COUNT, FLAG)
+def _nearest(gap: Array, active: Flags, most: int, only_active: bool) -> Index:
+    """Return the nearest of pairs (k,), nearest first; of equal ones the first comes first."""
+    found, count = np.empty(most, dtype=np.int64), 0
     for i in range(len(gap)):
-        if gap[i] < bound[i] + speed[i] * HORIZON_S:
-            held[found] = i
-            found += 1
-    return held[:found].copy()
+        if only_active and not active[i]:
+            continue
+        place = min(count, most)
+        while place > 0 and gap[found[place - 1]] > gap[i]:
+            if place < most:
+                found[place] = found[place - 1]
+            place -= 1
+        if place < most:
+            found[place] = i
+            count = min(count + 1, most)
+    return found[:count].copy()

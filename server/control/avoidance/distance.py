@@ -6,15 +6,13 @@ widens the distance.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..compiled import ARRAY3, ARRAY4, ATTITUDE, COUNT, INDEX, MATRIX, NUMBER, XYZ, compiled
 from ..frames import Array
+from ..scene import Index
 
-Index = NDArray[np.int64]
 Point = tuple[float, float, float]
 Attitude = tuple[Point, Point, Point]
 
@@ -25,20 +23,6 @@ _PARALLEL = 1e-12
 """Sine squared of the angle below which two segments have no one nearest place [1]."""
 
 _TINY = 1e-300
-
-
-class Near(NamedTuple):
-    """The nearest places of k pairs of things."""
-
-    distance: Array
-    """(k,) [m]; below zero for a segment inside a box: how far it has to come out."""
-    normal: Array
-    """(k, 3)."""
-    place: Array
-    """On the first thing (k, 3) [m]."""
-
-
-# --- points ----------------------------------------------------------------------------------
 
 
 @compiled(MATRIX, COUNT)
@@ -92,7 +76,6 @@ def _length(a: Point) -> float:
 
 @compiled(NUMBER)
 def _part(t: float) -> float:
-    """Return the nearest number from 0 to 1."""
     return min(max(t, 0.0), 1.0)
 
 
@@ -130,10 +113,8 @@ def _across(u: Point, v: Point) -> Point:
         x, y, z = abs(u[0]), abs(u[1]), abs(u[2])
         if x <= y and x <= z:
             n = _cross(u, (1.0, 0.0, 0.0))
-        elif y <= z:
-            n = _cross(u, (0.0, 1.0, 0.0))
         else:
-            n = _cross(u, (0.0, 0.0, 1.0))
+            n = _cross(u, (0.0, 1.0, 0.0)) if y <= z else _cross(u, (0.0, 0.0, 1.0))
     length = _length(n)
     return _times(n, 1.0 / length) if length > 0.0 else (0.0, 0.0, 1.0)
 
@@ -168,7 +149,6 @@ def _beyond(x: Point, half: Point) -> Point:
 
 @compiled(NUMBER, NUMBER, NUMBER)
 def _passing(p: float, u: float, side: float) -> float:
-    """Return where p + t u passes a side, from 0 to 1; 0 where it never does."""
     return _part((side - p) / u) if abs(u) > _TINY else 0.0
 
 
@@ -182,15 +162,10 @@ def _beside_box(p: Point, u: Point, half: Point) -> float:
     last, first, level = 0.0, 1.0, 0.0
     down, up = -np.inf, np.inf
     for t in (
-        0.0,
-        _passing(p[0], u[0], -half[0]),
-        _passing(p[0], u[0], half[0]),
-        _passing(p[1], u[1], -half[1]),
-        _passing(p[1], u[1], half[1]),
-        _passing(p[2], u[2], -half[2]),
-        _passing(p[2], u[2], half[2]),
-        1.0,
-    ):
+        0.0, _passing(p[0], u[0], -half[0]), _passing(p[0], u[0], half[0]),
+        _passing(p[1], u[1], -half[1]), _passing(p[1], u[1], half[1]),
+        _passing(p[2], u[2], -half[2]), _passing(p[2], u[2], half[2]), 1.0,
+    ):  # fmt: skip
         slope = _dot(_beyond(_further(p, u, t), half), u)
         if slope < 0.0:
             last, down = max(last, t), max(down, slope)
@@ -260,41 +235,68 @@ def _from_box_at_least(a: Point, u: Point, R: Attitude, centre: Point, half: Poi
 # --- many pairs ------------------------------------------------------------------------------
 
 
-@compiled(ARRAY4, INDEX, INDEX, MATRIX, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
+@compiled(ARRAY4, COUNT, COUNT, COUNT, NUMBER, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
+def _pair(
+    ends: Array, s: int, first: int, second: int, within: float,
+    start: Array, end: Array, R: Array, centre: Array, half: Array,
+) -> tuple[float, Point, Point]:  # fmt: skip
+    """Return the distance, normal and place of one pair at one of several postures.
+
+    What is not `within` [m] is only told to be at least so far: it has no normal and no place.
+    """
+    capsules, normal, part = ends.shape[1], (0.0, 0.0, 0.0), 0.0
+    a = _node(ends, s, first, 0)
+    u = _minus(_node(ends, s, first, 1), a)
+    thing, box = second - capsules, second - capsules - len(start)
+    if box >= 0:
+        turn, middle, sides = _attitude(R, box), _row(centre, box), _row(half, box)
+        distance = _from_box_at_least(a, u, turn, middle, sides)
+        if distance < within:
+            distance, normal, part = _from_box(a, u, turn, middle, sides)
+    else:
+        if thing >= 0:
+            b, v = _row(start, thing), _minus(_row(end, thing), _row(start, thing))
+        else:
+            b = _node(ends, s, second, 0)
+            v = _minus(_node(ends, s, second, 1), b)
+        distance = _from_segment_at_least(a, u, b, v)
+        if distance < within:
+            distance, normal, part = _from_segment(a, u, b, v)
+    return distance, normal, _further(a, u, part)
+
+
+@compiled(ARRAY4, INDEX, INDEX, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
 def measured(
-    ends: Array, first: Index, second: Index, within: Array,
+    ends: Array, first: Index, second: Index,
     start: Array, end: Array, R: Array, centre: Array, half: Array,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Return distances (s, k), normals and places (s, k, 3), as in `Near`, of pairs at s postures.
+    """Return distances (k,), normals and places (k, 3), as in `Near`, at the first of s postures.
 
-    The k pairs are of a capsule `first` (k,) and a thing `second` (k,). What is not `within` (s, k)
-    [m] is only told to be at least so far: the rest of its arrays is not set.
-    `ends` (s, c, 2, 3) are the capsules', `start` and `end` (m, 3) the rounds', R (b, 3, 3),
-    `centre` and `half` (b, 3) the boxes', in World [m].
+    The k pairs are of a capsule `first` (k,) and a thing `second` (k,). `ends` (s, c, 2, 3) are the
+    capsules', `start` and `end` (m, 3) the rounds', R (b, 3, 3), `centre` and `half` (b, 3) the
+    boxes', in World [m].
     """
-    postures, capsules, pairs = ends.shape[0], ends.shape[1], len(first)
-    distance = np.empty((postures, pairs))
-    normal, place = np.empty((postures, pairs, 3)), np.empty((postures, pairs, 3))
-    for s in range(postures):
-        for i in range(pairs):
-            a = _node(ends, s, first[i], 0)
-            u = _minus(_node(ends, s, first[i], 1), a)
-            thing, box = second[i] - capsules, second[i] - capsules - len(start)
-            if box >= 0:
-                turn, middle, sides = _attitude(R, box), _row(centre, box), _row(half, box)
-                distance[s, i] = _from_box_at_least(a, u, turn, middle, sides)
-                if distance[s, i] >= within[s, i]:
-                    continue
-                d, n, part = _from_box(a, u, turn, middle, sides)
-            else:
-                if thing >= 0:
-                    b, v = _row(start, thing), _minus(_row(end, thing), _row(start, thing))
-                else:
-                    b = _node(ends, s, second[i], 0)
-                    v = _minus(_node(ends, s, second[i], 1), b)
-                distance[s, i] = _from_segment_at_least(a, u, b, v)
-                if distance[s, i] >= within[s, i]:
-                    continue
-                d, n, part = _from_segment(a, u, b, v)
-            distance[s, i], normal[s, i], place[s, i] = d, n, _further(a, u, part)
+    pairs = len(first)
+    distance, normal, place = np.empty(pairs), np.empty((pairs, 3)), np.empty((pairs, 3))
+    for i in range(pairs):
+        found = _pair(ends, 0, first[i], second[i], np.inf, start, end, R, centre, half)
+        distance[i], normal[i], place[i] = found
     return distance, normal, place
+
+
+@compiled(ARRAY4, INDEX, INDEX, INDEX, MATRIX, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
+def shortfall(
+    ends: Array, pairs: Index, first: Index, second: Index, wanted: Array,
+    start: Array, end: Array, R: Array, centre: Array, half: Array,
+) -> float:  # fmt: skip
+    """Return by how much distances fall short of what is wanted at worst [m]; 0 for not at all.
+
+    `wanted` (s, p) [m] is that of `pairs` (p,) of those that `measured` is given, at s postures.
+    """
+    worst = 0.0
+    for s in range(len(ends)):
+        for i in range(len(pairs)):
+            a, b, within = first[pairs[i]], second[pairs[i]], wanted[s, i] - worst
+            distance = _pair(ends, s, a, b, within, start, end, R, centre, half)[0]
+            worst = max(worst, wanted[s, i] - distance)
+    return worst

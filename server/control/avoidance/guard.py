@@ -4,18 +4,17 @@ One look serves both the barriers of the tick and the judgement of the stops tha
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import FLAGS, INDEX, VECTOR, compiled
+from ..compiled import FLAGS, INDEX, MATRIX, VECTOR, compiled
 from ..frames import Array, Pose
-from ..scene import Scene
+from ..scene import Flags, Index, Scene
 from .approach import Rows
-from .chain import Flags
 from .clearance import Base, Clearance, Gap, Levels, Postures, Sight
-from .distance import Index
+from .links import Links, Placed
 from .workspace import Walls
 
 NAMED = 3
@@ -25,8 +24,7 @@ ORDERED = 1e-4
 """A tool that is to go at more than this was told to [m/s, rad/s]."""
 
 
-@dataclass(frozen=True)
-class Situation:
+class Situation(NamedTuple):
     """What one tick has to know of the arm."""
 
     q: Array
@@ -42,16 +40,19 @@ class Situation:
     factor: float
     """The reduced-speed setting."""
     base: Base = None
+    placed: Placed | None = None
+    """Where links are at q, where that is known already."""
 
 
-@dataclass(frozen=True)
-class Watch:
+class Watch(NamedTuple):
     """What is around the arm in one tick."""
 
     at: Situation
     sight: Sight
     rows: Rows
     """Barriers: first those of the gaps that are near, then those of the workspace."""
+    speed: float
+    """At which the tool is asked to go [m/s]."""
 
     @property
     def levels(self) -> Levels:
@@ -62,41 +63,42 @@ class Watch:
 class Guard:
     """Keeps one cell's clearances and workspace."""
 
-    def __init__(self, cell: Cell, acceleration: Array, jerk: Array) -> None:
+    def __init__(
+        self, cell: Cell, acceleration: Array, jerk: Array, links: Links | None = None
+    ) -> None:
+        """Build it for the cell's links, which are found here unless they are given."""
         avoidance = cell.config.avoidance
-        self.clearance = Clearance(cell, acceleration, jerk)
-        self.walls = Walls(cell, self.clearance.links)
+        self.links = Links(cell) if links is None else links
+        self.clearance = Clearance(cell, acceleration, jerk, self.links)
+        self.walls = Walls(cell, self.links)
         self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
-        links = self.clearance.links
-        self._tool = links.body == links.chain.n
+        self._tool = self.links.body == self.links.chain.n
 
     def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
         """Return what is around the arm, if joints are to go at `asked` (n,) [rad/s]."""
-        fastest = np.maximum(np.abs(asked), np.abs(at.dq))
+        clearance, J = self.clearance, at.J
+        speed, ordered, fastest = _asked(J, asked, at.dq)
+        sight = clearance.look(
+            at.q, fastest, at.error, at.scene, at.factor, levels, at.base, at.placed
+        )
+        tool, closing = self.walls.around(J, at.p), sight.near.speed
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
-        clearance, widen = self.clearance, bool(np.abs(at.J @ asked).max() > ORDERED)
-        sight = clearance.look(at.q, fastest, at.error, at.scene, at.factor, levels, at.base)
-        slopes, room, speed = sight.near.rows, clearance.room(sight), sight.near.speed
-        if self.walls.given:
-            slopes = np.concatenate([slopes, at.J[:3], -at.J[:3]])
-            room = np.concatenate([room, self.walls.room(at.p)])
-            speed = np.concatenate([speed, np.zeros(6)])
-        rows = clearance.braking.rows(slopes, room, speed, at.factor, widen)
-        return Watch(at, sight, rows)
+        widen = ordered > ORDERED
+        rows = clearance.braking.rows(sight.near.rows, sight.room, closing, tool, at.factor, widen)
+        return Watch(at, sight, rows, speed)
 
-    def tool_share(self, watch: Watch, asked: Array) -> float:
-        """Return the share (0 to 1) of a tool motion that is slow enough beside what is near."""
+    def tool_share(self, watch: Watch) -> float:
+        """Return the share (0 to 1) of the asked tool motion that is slow enough beside things."""
         if self._near_speed is None:
             return 1.0
         near = watch.sight.near
-        gap = _least_beside(near.gap, near.obstacle, self._tool[near.first])
+        gap = _least_beside(near.gap, near.obstacle, near.first, self._tool)
         if gap == math.inf:
             return 1.0
         far = (gap - self._clearance) / (self._near_distance - self._clearance)
         bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
-        v = watch.at.J[:3] @ asked
-        return min(1.0, watch.at.factor * bound / max(math.sqrt(float(v @ v)), 1e-12))
+        return min(1.0, watch.at.factor * bound / max(watch.speed, 1e-12))
 
     def named(self, watch: Watch, broken: Flags) -> tuple[str, ...]:
         """Return the names of barriers that are flagged, the nearest first."""
@@ -128,11 +130,33 @@ class Guard:
         return short
 
 
-@compiled(VECTOR, INDEX, FLAGS)
-def _least_beside(gap: Array, obstacle: Index, tool: Flags) -> float:
-    """Return the least gap (k,) between the tool and an obstacle [m]; infinite without any."""
+@compiled(MATRIX, VECTOR, VECTOR)
+def _asked(J: Array, asked: Array, dq: Array) -> tuple[float, float, Array]:
+    """Return the tool's speed [m/s] at rates `asked` (n,), and its greatest rate along any axis.
+
+    J (6, n) is its Jacobian. And each joint's speed (n,), at those rates or at `dq` (n,).
+    """
+    speed2, greatest, fastest = 0.0, 0.0, np.empty(len(dq))
+    for j in range(len(dq)):
+        fastest[j] = max(abs(asked[j]), abs(dq[j]))
+    for i in range(6):
+        rate = 0.0
+        for j in range(len(dq)):
+            rate += J[i, j] * asked[j]
+        greatest = max(greatest, abs(rate))
+        if i < 3:
+            speed2 += rate * rate
+    return math.sqrt(speed2), greatest, fastest
+
+
+@compiled(VECTOR, INDEX, INDEX, FLAGS)
+def _least_beside(gap: Array, obstacle: Index, first: Index, tool: Flags) -> float:
+    """Return the least gap (k,) between the tool and an obstacle [m]; infinite without any.
+
+    `tool` says which capsules (c,) are the tool's.
+    """
     least = np.inf
     for i in range(len(gap)):
-        if tool[i] and obstacle[i] >= 0:
+        if tool[first[i]] and obstacle[i] >= 0:
             least = min(least, gap[i])
     return least

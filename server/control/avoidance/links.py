@@ -1,7 +1,6 @@
 """The arm as capsules: fitted around the primitives of its URDF, placed and differentiated."""
 
 import itertools
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +8,10 @@ import pinocchio as pin
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ..compiled import ARRAY3, ARRAY4, FLAGS, INDEX, MATRIX, VECTOR, compiled
 from ..frames import Array, Pose
-from .chain import Chain, Flags
-from .distance import Index
+from ..scene import Index
+from .chain import Chain
+from .ways import levers
 
 SLACK = 1e-9
 """A part that sticks out of another by less is inside it [m]."""
@@ -35,6 +34,8 @@ class Placed(NamedTuple):
     """(s, c, 2, 3) [m]."""
     frames: Array
     """The joints' frames (s, n, 3, 4)."""
+    axes: Array
+    """The joints' axes (s, n, 3)."""
 
 
 class Links:
@@ -56,18 +57,14 @@ class Links:
 
     def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
         """Return where the capsules are at postures q (s, n) [rad]."""
-        frames = self.chain.frames(q, T_world_base)
-        base = self.chain.T_world_base if T_world_base is None else T_world_base
-        return Placed(_ends(frames, self.body, self._segments, base.R, base.p), frames)
+        return Placed(*self.chain.placed(q, self.body, self._segments, T_world_base))
 
     def levers(self, placed: Placed) -> Array:
         """Return the distances of capsules from the joints' axes at one posture (c, n) [m].
 
         Of either end, the farther; zero for joints that do not move it, 1 for prismatic ones.
         """
-        frames = placed.frames[0]
-        axes = self.chain.axes(frames)
-        return _levers(frames, axes, placed.ends[0], self.body, self.chain.prismatic)
+        return levers(placed.frames, placed.axes, placed.ends, self.body, self.chain.prismatic)
 
     def reach(self, body: int, far: float) -> Array:
         """Return bounds on the levers (n,) [m] of a point `far` from the origin of a body.
@@ -170,49 +167,3 @@ def _distance(point: Array, capsule: Capsule) -> float:
 
 def _length(v: Array) -> Array:
     return np.asarray(np.sqrt((v * v).sum(-1)))
-
-
-@compiled(ARRAY4, INDEX, ARRAY3, MATRIX, VECTOR)
-def _ends(frames: Array, body: Index, segments: Array, R: Array, p: Array) -> Array:
-    """Return where segments (c, 2, 3), fixed to bodies, are in World (s, c, 2, 3) [m].
-
-    `frames` (s, n, 3, 4) are the joints', R and p those of Base.
-    """
-    postures, capsules = len(frames), len(body)
-    ends = np.empty((postures, capsules, 2, 3))
-    for s in range(postures):
-        for c in range(capsules):
-            joint = body[c] - 1
-            for row in range(3):
-                x, y, z, place = R[row, 0], R[row, 1], R[row, 2], p[row]
-                if joint >= 0:
-                    x, y = frames[s, joint, row, 0], frames[s, joint, row, 1]
-                    z, place = frames[s, joint, row, 2], frames[s, joint, row, 3]
-                for e in range(2):
-                    way = x * segments[c, e, 0] + y * segments[c, e, 1] + z * segments[c, e, 2]
-                    ends[s, c, e, row] = way + place
-    return ends
-
-
-@compiled(ARRAY3, MATRIX, ARRAY3, INDEX, FLAGS)
-def _levers(frames: Array, axes: Array, ends: Array, body: Index, prismatic: Flags) -> Array:
-    """Return the levers (c, n) of capsules with `ends` (c, 2, 3), as `Links.levers` says.
-
-    `frames` (n, 3, 4) are the joints', `axes` (n, 3) what they turn about.
-    """
-    lever = np.zeros((len(body), len(frames)))
-    for c in range(len(body)):
-        for j in range(body[c]):
-            if prismatic[j]:
-                lever[c, j] = 1.0
-                continue
-            farthest = 0.0
-            for e in range(2):
-                length2, along = 0.0, 0.0
-                for i in range(3):
-                    arm = ends[c, e, i] - frames[j, i, 3]
-                    length2 += arm * arm
-                    along += arm * axes[j, i]
-                farthest = max(farthest, length2 - along * along)
-            lever[c, j] = math.sqrt(farthest)
-    return lever

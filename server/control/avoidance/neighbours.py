@@ -10,17 +10,38 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import ARRAY3, FLAGS, FLAGS2, INDEX, INDEX2, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import (
+    ARRAY3,
+    ARRAY4,
+    FLAGS,
+    FLAGS2,
+    INDEX,
+    INDEX2,
+    MATRIX,
+    NUMBER,
+    VECTOR,
+    compiled,
+)
 from ..frames import Array
-from ..scene import Scene, empty
-from .chain import Flags
-from .distance import Index, Near, measured
+from ..scene import Flags, Index, Scene, empty
+from .distance import measured, shortfall
 from .links import Links, Placed
 
 NEIGHBOURS = 2
 """Links that so many joints part, or fewer, may overlap by design [1]."""
 
 _NOTHING = empty()
+
+
+class Near(NamedTuple):
+    """The nearest places of k pairs of things."""
+
+    distance: Array
+    """(k,) [m]; below zero for a segment inside a box: how far it has to come out."""
+    normal: Array
+    """(k, 3)."""
+    place: Array
+    """On the first thing (k, 3) [m]."""
 
 
 class Neighbours(NamedTuple):
@@ -75,40 +96,39 @@ class Around:
             every = np.arange(len(scene.names))
             further = further + scene.growth(every, np.array([ahead_s]))[0]
         first, second = _within(
-            placed.ends[0], self._size + room, self._own, self._own_clearance,
+            placed.ends, self._size + room, self._own, self._own_clearance,
             rounds.start, rounds.end, rounds.radius, boxes.R, boxes.centre, boxes.half,
             further, self._wanted(scene), scene.hard,
         )  # fmt: skip
-        near = self.between(placed.ends, first, second, np.full((1, len(first)), np.inf), scene)
-        near = Near(near.distance[0], near.normal[0], near.place[0])
-        radii, promise, speed, obstacle = _surfaces(
-            near.normal, first, second, links.radius, self._own_clearance,
+        near = self._measured(placed.ends, first, second, scene)
+        radii, gap, promise, rows, speed, obstacle, none = _told(
+            placed.frames, placed.axes, links.chain.prismatic, links.body, links.radius,
+            first, second, near.distance, near.normal, near.place, self._own_clearance,
             rounds.radius, scene.clearance, scene.velocity, scene.speed,
         )  # fmt: skip
-        frames, chain = placed.frames[0], links.chain
-        rows = _slopes(
-            frames, chain.axes(frames), chain.prismatic, links.body, first, second, *near[1:]
-        )
-        gap, none = near.distance - radii, np.zeros(len(first))
         return Neighbours(
             first, second, placed, near, radii, gap, promise, rows, speed, obstacle, none
         )
 
-    def between(
-        self, ends: Array, first: Index, second: Index, within: Array, scene: Scene | None
-    ) -> Near:
-        """Return where k pairs are nearest at s postures, all arrays of `Near` with s rows.
+    def shortfall(
+        self, ends: Array, near: Neighbours, pairs: Index, wanted: Array, scene: Scene | None
+    ) -> float:
+        """Return by how much distances fall short of what is wanted at worst [m]; 0 for not.
 
-        `ends` (s, c, 2, 3) are the capsules' in World; the scene stands still. What is not `within`
-        (s, k) [m] is only told to be at least so far.
+        `ends` (s, c, 2, 3) are the capsules' at s postures in World; the scene stands still.
+        `wanted` (s, p) [m], between segments, is that of `pairs` (p,) of those that are near.
         """
         scene = _NOTHING if scene is None else scene
         rounds, boxes = scene.rounds, scene.boxes
-        found = measured(
-            ends, first, second, within,
+        return shortfall(
+            ends, pairs, near.first, near.second, wanted,
             rounds.start, rounds.end, boxes.R, boxes.centre, boxes.half,
         )  # fmt: skip
-        return Near(*found)
+
+    def _measured(self, ends: Array, first: Index, second: Index, scene: Scene) -> Near:
+        """Return where pairs are nearest."""
+        r, b = scene.rounds, scene.boxes
+        return Near(*measured(ends, first, second, r.start, r.end, b.R, b.centre, b.half))
 
     def _wanted(self, scene: Scene) -> Flags:
         """Return which capsules and obstacles (c, k) may be kept apart at all."""
@@ -136,13 +156,12 @@ class Around:
         ]
         pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         ends = links.place(np.zeros((1, links.chain.n))).ends
-        within = np.full((1, len(pairs)), np.inf)
-        apart = self.between(ends, pairs[:, 0], pairs[:, 1], within, None).distance[0]
+        apart = self._measured(ends, pairs[:, 0], pairs[:, 1], _NOTHING).distance
         return np.asarray(pairs[apart - links.radius[pairs].sum(axis=1) > least])
 
 
 @compiled(
-    ARRAY3, VECTOR, INDEX2, NUMBER,
+    ARRAY4, VECTOR, INDEX2, NUMBER,
     MATRIX, MATRIX, VECTOR, ARRAY3, MATRIX, MATRIX,
     VECTOR, FLAGS2, FLAGS,
 )  # fmt: skip
@@ -153,17 +172,17 @@ def _within(
 ) -> tuple[Index, Index]:  # fmt: skip
     """Return the pairs whose surroundings meet: balls around segments, and the boxes themselves.
 
-    `ends` (c, 2, 3) are the capsules', of which each reaches `size` (c,) from its middle; `own`
+    `ends` (1, c, 2, 3) are the capsules', of which each reaches `size` (c,) from its middle; `own`
     (p, 2) are their pairs. `further` is what each obstacle reaches beyond its surface [m]. Only
     `wanted` (c, k) pairs with `hard` obstacles (k,) count.
     """
-    capsules, rounds, boxes = len(ends), len(start), len(centre)
+    capsules, rounds, boxes = ends.shape[1], len(start), len(centre)
     most = len(own) + capsules * (rounds + boxes)
     first, second = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     middle = np.empty((capsules, 3))
     for c in range(capsules):
         for i in range(3):
-            middle[c, i] = 0.5 * (ends[c, 0, i] + ends[c, 1, i])
+            middle[c, i] = 0.5 * (ends[0, c, 0, i] + ends[0, c, 1, i])
     found = 0
     for pair in range(len(own)):
         a, b = own[pair]
@@ -232,7 +251,7 @@ def _surfaces(
     return radii, promise, nearer, obstacle
 
 
-@compiled(ARRAY3, MATRIX, FLAGS, INDEX, INDEX, INDEX, MATRIX, MATRIX)
+@compiled(ARRAY4, ARRAY3, FLAGS, INDEX, INDEX, INDEX, MATRIX, MATRIX)
 def _slopes(
     frames: Array, axes: Array, prismatic: Flags, body: Index,
     first: Index, second: Index, normal: Array, place: Array,
@@ -240,21 +259,42 @@ def _slopes(
     """Return the slopes (k, n) of distances: the normal (k, 3) times the Jacobian of the place.
 
     A second link's place lies on the same normal, so that only the joints between the two count.
-    `frames` (n, 3, 4) and `axes` (n, 3) are the joints', `body` (c,) the capsules'.
+    `frames` (1, n, 3, 4) and `axes` (1, n, 3) are the joints', `body` (c,) the capsules'.
     """
-    rows = np.zeros((len(first), len(frames)))
+    rows = np.zeros((len(first), axes.shape[1]))
     for k in range(len(first)):
         nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
         ahead = body[first[k]]
         behind = body[second[k]] if second[k] < len(body) else 0
         for j in range(min(ahead, behind), max(ahead, behind)):
-            zx, zy, zz = axes[j, 0], axes[j, 1], axes[j, 2]
+            zx, zy, zz = axes[0, j, 0], axes[0, j, 1], axes[0, j, 2]
             if prismatic[j]:
                 slope = nx * zx + ny * zy + nz * zz
             else:
-                x = place[k, 0] - frames[j, 0, 3]
-                y = place[k, 1] - frames[j, 1, 3]
-                z = place[k, 2] - frames[j, 2, 3]
+                x = place[k, 0] - frames[0, j, 0, 3]
+                y = place[k, 1] - frames[0, j, 1, 3]
+                z = place[k, 2] - frames[0, j, 2, 3]
                 slope = nx * (zy * z - zz * y) + ny * (zz * x - zx * z) + nz * (zx * y - zy * x)
             rows[k, j] = slope if j < ahead else -slope
     return rows
+
+
+@compiled(
+    ARRAY4, ARRAY3, FLAGS, INDEX, VECTOR,
+    INDEX, INDEX, VECTOR, MATRIX, MATRIX, NUMBER,
+    VECTOR, VECTOR, MATRIX, VECTOR,
+)  # fmt: skip
+def _told(
+    frames: Array, axes: Array, prismatic: Flags, body: Index, link_radius: Array,
+    first: Index, second: Index, distance: Array, normal: Array, place: Array,
+    own_clearance: float, radius: Array, clearance: Array, velocity: Array, speed: Array,
+) -> tuple[Array, Array, Array, Array, Array, Index, Array]:  # fmt: skip
+    """Return radii, gap, promise, rows, speed, obstacle and carried of `Neighbours`.
+
+    By where pairs are nearest, as in `Near`, and what `_surfaces` and `_slopes` need.
+    """
+    radii, promise, nearer, obstacle = _surfaces(
+        normal, first, second, link_radius, own_clearance, radius, clearance, velocity, speed
+    )
+    rows = _slopes(frames, axes, prismatic, body, first, second, normal, place)
+    return radii, distance - radii, promise, rows, nearer, obstacle, np.zeros(len(first))

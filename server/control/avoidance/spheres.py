@@ -8,11 +8,10 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.priority import VirtualSphere
-from ..compiled import ARRAY3, FLAGS, INDEX, MATRIX, compiled
+from ..compiled import ARRAY3, ARRAY4, FLAGS, INDEX, MATRIX, compiled
 from ..frames import Array, Pose
-from ..scene import Flags, Scene
+from ..scene import Flags, Index, Scene
 from .chain import Chain
-from .distance import Index
 from .points import apart
 
 ALIKE: Final = 0.005
@@ -47,7 +46,7 @@ class Spheres:
     def look(self, q: Array, scene: Scene | None, T_world_base: Pose | None = None) -> Distances:
         """Return the distances at joint angles q (n,) [rad]."""
         if scene is not None:
-            frames = self._chain.frames(q[None], T_world_base)[0]
+            frames = self._chain.frames(q[None], T_world_base)
             centre = _placed(frames, self._body, self._centre)
             distance, normal = apart(centre, scene)
             if distance.size:
@@ -68,19 +67,19 @@ class Spheres:
         return body, T.R @ np.array(sphere.centre) + T.p
 
 
-@compiled(ARRAY3, INDEX, MATRIX)
+@compiled(ARRAY4, INDEX, MATRIX)
 def _placed(frames: Array, body: Index, centre: Array) -> Array:
-    """Return the centres (s, 3) of spheres on bodies (s,), in World, by the joints' frames."""
+    """Return the centres (s, 3) of spheres on bodies (s,), in World, by frames (1, n, 3, 4)."""
     found = np.empty(centre.shape)
     for s in range(len(body)):
         for i in range(3):
-            found[s, i] = frames[body[s] - 1, i, 3]
+            found[s, i] = frames[0, body[s] - 1, i, 3]
             for k in range(3):
-                found[s, i] += frames[body[s] - 1, i, k] * centre[s, k]
+                found[s, i] += frames[0, body[s] - 1, i, k] * centre[s, k]
     return found
 
 
-@compiled(ARRAY3, MATRIX, FLAGS, INDEX, MATRIX, MATRIX, ARRAY3)
+@compiled(ARRAY4, ARRAY3, FLAGS, INDEX, MATRIX, MATRIX, ARRAY3)
 def _mixed(
     frames: Array,
     axes: Array,
@@ -93,10 +92,10 @@ def _mixed(
     """Return the least distance of each sphere (s,), and the slope of the least of all (n,).
 
     `distance` (s, k) and `normal` (s, k, 3) are those of `Apart`; the joints are given by their
-    frames (n, 3, 4), their axes (n, 3) and which are prismatic (n,).
+    frames (1, n, 3, 4), their axes (1, n, 3) and which are prismatic (n,).
     """
     spheres, obstacles = distance.shape
-    each, slope = np.full(spheres, np.inf), np.zeros(len(axes))
+    each, slope = np.full(spheres, np.inf), np.zeros(axes.shape[1])
     for s in range(spheres):
         for k in range(obstacles):
             each[s] = min(each[s], distance[s, k])
@@ -110,11 +109,11 @@ def _mixed(
             z += share * normal[s, k, 2]
             total += share
         for j in range(body[s]):
-            a, b, c = axes[j, 0], axes[j, 1], axes[j, 2]
+            a, b, c = axes[0, j, 0], axes[0, j, 1], axes[0, j, 2]
             if not prismatic[j]:  # the axis times the way from it to the centre
-                u = centre[s, 0] - frames[j, 0, 3]
-                v = centre[s, 1] - frames[j, 1, 3]
-                w = centre[s, 2] - frames[j, 2, 3]
+                u = centre[s, 0] - frames[0, j, 0, 3]
+                v = centre[s, 1] - frames[0, j, 1, 3]
+                w = centre[s, 2] - frames[0, j, 2, 3]
                 a, b, c = b * w - c * v, c * u - a * w, a * v - b * u
             slope[j] += a * x + b * y + c * z
     return each, slope / total

@@ -1,16 +1,17 @@
 """The box that the tool's MRF stays in: six walls, each a gap like any other."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from ....config.load import Cell
 from ..compiled import ARRAY4, VECTOR, compiled
 from ..frames import Array, Pose
+from .approach import Walled
 from .links import Links
 
-BETWEEN = 0.002
+BETWEEN: Final = 0.002
 """Kept from a wall for what a path dips between two looks at a stop [m]."""
 
 
@@ -30,24 +31,22 @@ class Walls:
     def __init__(self, cell: Cell, links: Links) -> None:
         workspace = cell.config.avoidance.workspace
         self.given = workspace is not None
-        self._margin = cell.config.avoidance.margin
+        margin, none = cell.config.avoidance.margin, np.zeros(0)
         self._links = links
+        self._low, self._high = none, none
         if workspace is not None:
             self._low, self._high = np.array(workspace.low), np.array(workspace.high)
+        self._low_barrier, self._high_barrier = self._low + margin, self._high - margin
         _, self._T_last_wrist = links.chain.body_of(cell.config.mechanism.tip_link)
         self._tip: _Tip | None = None
 
-    def room(self, p: Array) -> Array:
-        """Return how far the MRF at p (3,) is inside each barrier (6,) [m]: low walls, then high.
-
-        Their slopes are the first three rows of its Jacobian, and those rows negated.
-        """
-        return np.concatenate([p - self._low, self._high - p]) - self._margin
+    def around(self, J: Array, p: Array) -> Walled:
+        """Return the MRF at p (3,), with its Jacobian J (6, n), between the barriers."""
+        return Walled(J, p, self._low_barrier, self._high_barrier)
 
     def far(self, p: Array, T_wrist_mrf: Pose, way: Array) -> bool:
         """Return whether joints that move by `way` (n,) cannot lead the MRF out of the box."""
-        room = float(np.minimum(p - self._low, self._high - p).min()) - BETWEEN
-        return float(self._tip_at(T_wrist_mrf).reach @ way) < room
+        return _stays(p, self._low, self._high, self._tip_at(T_wrist_mrf).reach, way)
 
     def shortfall(
         self, p: Array, T_wrist_mrf: Pose, q: Array, T_world_base: Pose | None = None
@@ -68,6 +67,18 @@ class Walls:
             reach = self._links.reach(chain.n, math.sqrt(float(p @ p)))
             self._tip = _Tip(T_wrist_mrf, p, reach)
         return self._tip
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+def _stays(p: Array, low: Array, high: Array, reach: Array, way: Array) -> bool:
+    """Return whether a point at p (3,) that moves by less than `reach` · `way` stays in a box."""
+    gone = BETWEEN
+    for j in range(len(way)):
+        gone += reach[j] * way[j]
+    nearest = np.inf
+    for i in range(3):
+        nearest = min(nearest, p[i] - low[i], high[i] - p[i])
+    return gone < nearest
 
 
 @compiled(ARRAY4, VECTOR, VECTOR, VECTOR)

@@ -3,30 +3,32 @@
 import coal
 import numpy as np
 import pytest
-from telerobot.server.control.avoidance.distance import Near, measured
+from telerobot.server.control.avoidance.distance import measured, shortfall
+from telerobot.server.control.avoidance.neighbours import Near
 from telerobot.server.control.frames import rotation_exp
 
 COUNT = 300
 
 
-def segments(a, b, c, d, within=np.inf) -> Near:
+NONE = np.zeros((0, 3))
+NO_ROUNDS = (NONE, NONE)
+NO_BOXES = (np.zeros((0, 3, 3)), NONE, NONE)
+
+
+def segments(a, b, c, d) -> Near:
     """Return where each segment a–b is nearest to its c–d, as a round."""
-    return things(a, b, len(a), within, c, d)
+    return things(a, b, (c, d), NO_BOXES)
 
 
-def segments_boxes(a, b, R, centre, half, within=np.inf) -> Near:
+def segments_boxes(a, b, R, centre, half) -> Near:
     """Return where each segment a–b is nearest to its box."""
-    return things(a, b, len(a), within, R=R, centre=centre, half=half)
+    return things(a, b, NO_ROUNDS, (R, centre, half))
 
 
-def things(a, b, offset, within, c=None, d=None, R=None, centre=None, half=None) -> Near:
-    none = np.zeros((0, 3))
+def things(a, b, rounds, boxes) -> Near:
     first = np.arange(len(a))
-    rounds = (none, none) if c is None else (c, d)
-    boxes = (np.zeros((0, 3, 3)), none, none) if R is None else (R, centre, half)
     ends = np.stack([a, b], axis=1)[None]
-    within = np.full((1, len(a)), within)
-    return Near(*(x[0] for x in measured(ends, first, first + offset, within, *rounds, *boxes)))
+    return Near(*measured(ends, first, first + len(a), *rounds, *boxes))
 
 
 @pytest.fixture
@@ -131,36 +133,28 @@ def test_crossing_segments_have_a_direction_too():
 def test_two_segments_of_the_arm_are_measured_as_a_segment_and_a_round(lines):
     a, b, c, d = lines
     ends, i = np.stack([np.r_[a, c], np.r_[b, d]], axis=1)[None], np.arange(COUNT)
-    none, far = np.zeros((0, 3)), np.full((1, COUNT), np.inf)
-    own = measured(ends, i, i + COUNT, far, none, none, np.zeros((0, 3, 3)), none, none)
+    own = measured(ends, i, i + COUNT, *NO_ROUNDS, *NO_BOXES)
     for found, expected in zip(own, segments(a, b, c, d), strict=True):
-        np.testing.assert_array_equal(found[0], expected)
+        np.testing.assert_array_equal(found, expected)
 
 
-def test_every_posture_is_measured_as_if_it_were_the_only_one(lines, rng):
+@pytest.mark.parametrize("far", [-0.2, 0.0, 0.3])
+def test_the_shortfall_is_that_of_the_worst_pair_at_the_worst_posture(lines, boxes, rng, far):
     a, b, c, d = lines
-    ends = np.stack([a, b], axis=1) + rng.uniform(-0.5, 0.5, (5, 1, 1, 3))
-    i, none = np.arange(COUNT), np.zeros((0, 3))
-    within = np.full((5, COUNT), np.inf)
-    found = measured(ends, i, i + COUNT, within, c, d, np.zeros((0, 3, 3)), none, none)
-    for s in range(5):
-        alone = segments(ends[s, :, 0], ends[s, :, 1], c, d)
-        for several, one in zip(found, alone, strict=True):
-            np.testing.assert_array_equal(several[s], one)
-
-
-@pytest.mark.parametrize("within", [-0.05, 0.0, 0.2, 0.6])
-def test_of_what_is_beyond_it_is_only_said_that_it_is(lines, boxes, within):
-    a, b, c, d = lines
-    a, c = b + 0.2 * (a - b), d + 0.2 * (c - d)
-    for measure, others in ((segments, (c, d)), (segments_boxes, boxes)):
-        true, told = measure(a, b, *others), measure(a, b, *others, within)
-        near = true.distance < within
-        np.testing.assert_array_equal(told.distance[near], true.distance[near])
-        np.testing.assert_array_equal(told.normal[near], true.normal[near])
-        beyond = told.distance[~near]
-        assert (beyond >= within).all()
-        assert (beyond <= true.distance[~near] + 1e-12).all()
+    postures = np.stack([a, b], axis=1) + rng.uniform(-0.5, 0.5, (5, 1, 1, 3))
+    i, short = np.arange(COUNT), 0
+    for _ in range(60):
+        pairs = np.sort(rng.choice(COUNT, 7, replace=False))
+        for rounds, others in (((c, d), NO_BOXES), (NO_ROUNDS, boxes)):
+            distance = np.array(
+                [things(*ends.swapaxes(0, 1), rounds, others).distance[pairs] for ends in postures]
+            )
+            wanted = distance + rng.uniform(-0.2, 0.1, distance.shape) + far
+            found = shortfall(postures, pairs, i, i + COUNT, wanted, *rounds, *others)
+            expected = max(0.0, float((wanted - distance).max()))
+            assert found == pytest.approx(expected, abs=1e-12)
+            short += found > 0.0
+    assert (short > 0) == (far >= 0.0)
 
 
 THIN = 0.01

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.config.obstacles import Avoidance, Obstacle
-from telerobot.server.control.avoidance.clearance import CREEP, SLACK, Clearance
+from telerobot.server.control.avoidance.clearance import (
+    BESIDE,
+    BETWEEN,
+    CREEP,
+    SLACK,
+    Clearance,
+)
+from telerobot.server.control.avoidance.kept import HORIZON_S
+from telerobot.server.control.avoidance.links import Links
 from telerobot.server.control.avoidance.ways import doubtful, travel
 from telerobot.server.control.evolve import evolve
 from telerobot.server.control.frames import Pose, rotation_exp
@@ -25,7 +33,7 @@ def clear(pa10):
     given = Avoidance(enabled=True)
     config = pa10.cell.config.model_copy(update={"obstacles": THINGS, "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
-    clearance = Clearance(cell, pa10.p.acceleration, pa10.p.jerk)
+    clearance = Clearance(cell, pa10.p.acceleration, pa10.p.jerk, Links(cell))
     return clearance, World(cell, Events()).scene(0)
 
 
@@ -73,28 +81,76 @@ def test_a_base_that_moves_closes_gaps_to_obstacles_as_fast_as_it_is_told(pa10, 
 
 def test_pairs_that_may_come_below_a_bound_are_doubtful(rng):
     capsules, k = 6, 40
-    way, gap, most = rng.uniform(0, 0.3, capsules), rng.uniform(0, 0.5, k), rng.uniform(0, 0.1, k)
+    lever, way = rng.uniform(0.0, 0.5, (capsules, 4)), rng.uniform(0.0, 0.2, 4)
+    gap, most, gone = rng.uniform(0, 0.5, k), rng.uniform(0, 0.1, k), travel(lever, way)
     first, second = rng.integers(0, capsules, k), rng.integers(0, capsules + 5, k)
-    both = np.r_[way, np.zeros(5)]
+    both = np.r_[gone, np.zeros(5)]
     closer = both[first] + both[second]
     expected = np.flatnonzero(gap - closer < most)
-    pairs, told = doubtful(way, first, second, gap, most)
-    assert 0 < len(expected) < k
-    np.testing.assert_array_equal(pairs, expected)
-    np.testing.assert_array_equal(told, closer[expected])
+    for room, leaves in ((gone + 1e-9, False), (np.r_[gone[:-1], 0.0], True)):
+        left, pairs, told = doubtful(lever, way, room, first, second, gap, most)
+        assert left == leaves
+        assert 0 < len(expected) < k
+        np.testing.assert_array_equal(pairs, expected)
+        np.testing.assert_array_equal(told, closer[expected])
+
+
+def test_what_gaps_must_keep_follows_from_what_tracking_takes_off_them(pa10, clear, rng):
+    clearance, scene = clear
+    moving = evolve(scene, speed=np.array([0.1, 0.0, 0.2]), still_after=np.full(3, np.inf))
+    margin, wait_s = pa10.cell.config.avoidance.margin, 0.03
+    held = 0
+    for _ in range(20):
+        q, error = pa10.random_posture(rng), rng.uniform(-0.05, 0.05, 7)
+        speed, twist = rng.uniform(0.0, 1.0, 7), rng.uniform(-0.2, 0.2, 6)
+        for around, base in ((scene, None), (moving, None), (moving, Body(Pose.identity(), twist))):
+            sight = clearance.look(q, speed, error, around, 0.5, {}, base)
+            near = sight.near
+            tube = np.abs(near.rows) @ np.abs(error)
+            needed = near.promise + tube + BETWEEN * margin
+            comes = np.where(near.obstacle >= 0, around.speed[near.obstacle], 0.0) * wait_s
+            room = near.gap - near.promise - margin - tube - comes - near.carried * wait_s
+            assert sight.tube == pytest.approx(tube, abs=1e-12)
+            assert sight.needed == pytest.approx(needed, abs=1e-12)
+            assert sight.room == pytest.approx(room, abs=1e-12)
+            below = near.gap < needed + near.speed * HORIZON_S
+            np.testing.assert_array_equal(np.isfinite(sight.floor), below)
+            assert len(sight.levels) == below.sum()
+            held += below.sum()
+            # The way of capsules is that of joints which brake.
+            braking = clearance.braking
+            way = speed * (braking.lag(0.5) + 0.5 * speed / braking.acceleration(0.5))
+            assert sight.around == pytest.approx(travel(sight.lever, way) + BESIDE + margin)
+    assert held > 0
+
+
+def test_the_nearest_pairs_are_told_nearest_first(pa10, clear, rng):
+    clearance, scene = clear
+    none, fast = np.zeros(7), np.full(7, 2.0)
+    for _ in range(20):
+        sight = clearance.look(pa10.random_posture(rng), fast, none, scene, 1.0, {})
+        # Of equal ones, the first is told first.
+        gap = np.round(sight.near.gap, 1)
+        sight = sight._replace(near=sight.near._replace(gap=gap))
+        active = rng.uniform(size=len(gap)) < 0.4
+        order = np.argsort(gap, kind="stable")
+        for only, which in ((False, order[:4]), (True, order[active[order]][:4])):
+            found = clearance.shown(sight, active, only_active=only)
+            assert [g.gap for g in found] == gap[which].tolist()
+            assert [g.active for g in found] == active[which].tolist()
+            names = [clearance.links.links[i] for i in sight.near.first[which]]
+            assert [g.link for g in found] == names
 
 
 def floors(clearance, near, scene, gap, speed, levels):
-    """Return the floor of one pair that may move at 0.3 m/s, 20 mm inside its bound, and levels."""
+    """Return the floor of one pair that may move at 0.3 m/s, inside its bound, and levels."""
     k = int(np.flatnonzero(near.obstacle >= 0)[0])
-    promise = np.full(near.size, -1.0)
-    promise[k] = gap + 0.02
     gaps, speeds = near.gap.copy(), np.zeros(near.size)
     gaps[k], speeds[k] = gap, speed
-    seen = near._replace(gap=gaps, promise=promise, speed=speeds)
+    seen, floor = near._replace(gap=gaps, speed=speeds), np.full(near.size, np.inf)
     bounded = evolve(scene, speed=np.full(len(scene.speed), 0.3))
-    found, levels = clearance._floors(seen, np.zeros(near.size), bounded, levels)
-    return float(found[k]), levels
+    levels = clearance._floors(seen, floor, np.array([k]), bounded, levels)
+    return float(floor[k]), levels
 
 
 def test_what_may_move_and_stands_is_left_like_what_never_moves(pa10, clear):
