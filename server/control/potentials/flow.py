@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled import MATRIX, VECTOR, compiled
 from ..frames import Array
 from ..scene import Scene
 from .curvature import curvature, weighed
@@ -48,8 +49,7 @@ class Flow:
         `null` (r, n) holds orthonormal rows that span the self-motions. The size of the slope
         along them, |Pτ| [N·m], is returned with the rates.
         """
-        slope = (null @ seen.value.torque) @ null
-        size = math.sqrt(float(slope @ slope))
+        slope, size = _along(null, seen.value.torque)
         if size < 1e-12:
             return slope, size
         # Where there is but one way, both its senses bend alike.
@@ -87,3 +87,18 @@ def _lever(at: Shape, direction: Array) -> Array:
     """Return the joint rates (n,) that shift the tool along a direction (3,)."""
     twist = np.concatenate([direction, np.zeros(3)])  # a shift is the same at every point
     return np.asarray(at.screws.T @ weighed(at.screws, twist))
+
+
+@compiled(MATRIX, VECTOR)
+def _along(null: Array, torque: Array) -> tuple[Array, float]:
+    """Return the part (n,) of torques that acts along the rows of `null` (r, n), and its size."""
+    slope, size2 = np.zeros(null.shape[1]), 0.0
+    for row in range(len(null)):
+        part = 0.0
+        for j in range(len(torque)):
+            part += null[row, j] * torque[j]
+        for j in range(len(torque)):
+            slope[j] += part * null[row, j]
+    for j in range(len(torque)):
+        size2 += slope[j] * slope[j]
+    return slope, math.sqrt(size2)

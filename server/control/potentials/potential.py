@@ -5,6 +5,9 @@ Scott & Carignan, eqs. 1 and 15–22: V = V_obst + V_jlim + V_manip, and τ = �
 
 from typing import NamedTuple
 
+import numpy as np
+
+from ..compiled import VECTOR, compiled
 from ..frames import Array
 from ..objectives import manipulability
 from ..scene import Scene
@@ -67,9 +70,8 @@ class Potential:
     def at(self, here: Shape, scene: Scene | None) -> Value:
         """Return V and −∂V/∂q of a shape in a scene; None: nothing repels its links."""
         k = self._strengths
-        away = self._middle - here.q
-        torque = self._stiffness * away
-        parts = {"joint_limits": 0.5 * float(torque @ away)}
+        torque, held = _to_the_middle(here.q, self._middle, self._stiffness)
+        parts = {"joint_limits": held}
         if k.manipulability > 0.0:
             # The same about any point: what moves the point has determinant one.
             w, slope = manipulability.slope(here.screws)
@@ -96,3 +98,14 @@ class Potential:
             )
             torque = torque + pushed
         return Value(torque, parts)
+
+
+@compiled(VECTOR, VECTOR, VECTOR)
+def _to_the_middle(q: Array, middle: Array, stiffness: Array) -> tuple[Array, float]:
+    """Return the torques (n,) of springs that hold q (n,) to `middle`, and their potential."""
+    torque, potential = np.empty(len(q)), 0.0
+    for j in range(len(q)):
+        away = middle[j] - q[j]
+        torque[j] = stiffness[j] * away
+        potential += 0.5 * torque[j] * away
+    return torque, potential
