@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .avoidance.links import Placed
 from .frames import Array, Pose
 from .mechanism import Kinematics
 from .parameters import Parameters
@@ -68,11 +69,13 @@ class Field:
         scene: Scene | None,
         pulls: Pulls,
         T_world_base: Pose | None = None,
+        placed: Placed | None = None,
     ) -> Seen | None:
         """Return what there is to know of the field at q (n,) [rad].
 
         None if nothing follows it, or there is none: neither obstacles nor what acts without them.
-        `T_world_base` is where a Base that moves is now.
+        `T_world_base` is where a Base that moves is now, `placed` where links are at q, where that
+        is known already.
         """
         if pulls.gains["field"] <= 0.0 and self._p.potential.virtual_link is None:
             return None
@@ -80,7 +83,7 @@ class Field:
         if among is None and not self._always:
             return None
         if among is not None and self._links is not None:
-            ends = self._links.place(q[None], T_world_base).ends[0]
+            ends = (placed or self._links.place(q[None], T_world_base)).ends[0]
         return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among)
 
     def self_motion(self, seen: Seen | None, null: Array) -> tuple[Array | None, Felt | None]:

@@ -16,6 +16,7 @@ import numpy as np
 from .actuate import Now, actuation
 from .allow import Allow, Allowed
 from .avoidance.guard import Guard, Watch
+from .avoidance.links import Placed
 from .evolve import evolve
 from .field import Felt, Field, further, on_path, shifted
 from .frames import Array, Pose, sizes
@@ -74,6 +75,8 @@ class Control:
         self.redundancy = Redundancy(p, mechanism)
         self.field = Field(p)
         self.allow = Allow(p, guard)
+        # Where links are is found once for all that the cell describes by the same ones.
+        self._links = None if guard is None or guard.links is not p.links else guard.links
         self.joint_motion = JointMotion(p, self.allow.room)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.actuate = actuation(p, mechanism)
@@ -119,7 +122,12 @@ class Control:
             None if moved is None else moved.base.T,
         )
         memory = self._tune(memory, inputs, kinematics)
-        memory, asked = self._ask(memory, inputs, kinematics)
+        placed = None
+        if self._links is not None and inputs.settings.avoid:
+            placed = self._links.place(
+                memory.motion.q[None], None if moved is None else moved.base.T
+            )
+        memory, asked = self._ask(memory, inputs, kinematics, placed)
         error = memory.sent[1] - inputs.q_measured
         allowed = self.allow.nearest(
             memory,
@@ -129,6 +137,7 @@ class Control:
             inputs.settings,
             inputs.scene,
             None if moved is None else moved.base,
+            placed,
         )
         memory = evolve(memory, levels=allowed.levels)
         asked = evolve(
@@ -201,7 +210,9 @@ class Control:
 
     # --- what is asked for -------------------------------------------------------------------
 
-    def _ask(self, memory: Memory, inputs: Inputs, k: Kinematics) -> tuple[Memory, _Asked]:
+    def _ask(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, placed: Placed | None
+    ) -> tuple[Memory, _Asked]:
         """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
         base = None if inputs.moved is None else inputs.moved.base.T
         if self.p.priority is not None:
@@ -224,7 +235,7 @@ class Control:
         q = memory.motion.q
         factor, felt = inputs.settings.speed_factor, None
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture
-        seen = self.field.look(q, k, inputs.scene, memory.pulls, base) if spare else None
+        seen = self.field.look(q, k, inputs.scene, memory.pulls, base, placed) if spare else None
         give_way = self.field.give_way(seen, memory.off_path, inputs.goal, factor)
         task = resolve(
             k.J,
