@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import MATRIX, VECTOR, compiled
+from .compiled import MATRIX, NUMBER, VECTOR, compiled
 
 Array = NDArray[np.float64]
 
@@ -221,6 +221,14 @@ def pose_error(T_target: Pose, T: Pose) -> Array:
     return _way(T_target.R, T_target.p, T.R, T.p)
 
 
+def moved_near(T: Pose, step: Array, T_near: Pose, slack: tuple[float, float]) -> Pose:
+    """Return where a step (6,) [m, rad] in World axes leads T, near another pose in World.
+
+    It stays at most `slack` [m, rad] away from that.
+    """
+    return Pose(*_moved_near(T.R, T.p, step, T_near.R, T_near.p, *slack))
+
+
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR)
 def _composed(R_a_b: Array, p_a_b: Array, R_b_c: Array, p_b_c: Array) -> tuple[Array, Array]:
     R, p = np.empty((3, 3)), np.empty(3)
@@ -252,3 +260,26 @@ def _way(R_target: Array, p_target: Array, R: Array, p: Array) -> Array:
         out[i] = p_target[i] - p[i]
         out[3 + i] = R[i, 0] * r[0] + R[i, 1] * r[1] + R[i, 2] * r[2]
     return out
+
+
+@compiled(MATRIX, MATRIX)
+def _product(A: Array, B: Array) -> Array:
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
+    return out
+
+
+@compiled(MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER, NUMBER)
+def _moved_near(
+    R: Array, p: Array, step: Array, R_near: Array, p_near: Array, slack_m: float, slack_rad: float
+) -> tuple[Array, Array]:
+    R, p = _product(rotation_exp(step[3:]), R), p + step[:3]
+    away = _way(R, p, R_near, p_near)
+    distance, angle = sizes(away)
+    if distance > slack_m or angle > slack_rad:
+        p = p_near + away[:3] / max(1.0, distance / slack_m)
+        turn = rotation_exp(away[3:] / max(1.0, angle / slack_rad))
+        R = _product(turn, R_near)
+    return R, p

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..compiled import MATRIX, NUMBER, VECTOR, compiled
 from ..evolve import evolve
-from ..frames import Array, Pose, pose_error, rotate_twist, rotation_exp
+from ..frames import Array, Pose, moved_near, pose_error
 
 STANDING = 1e-6
 """A reference that is slower than this, and has no force to come, is at rest [m/s, rad/s]."""
@@ -19,6 +20,8 @@ STANDING = 1e-6
 SLACK = (0.02, 0.1)
 """The reference is at most this far from the command [m, rad]: an arm that cannot follow does not
 catch up afterwards with all that it missed."""
+
+_NONE = np.zeros(6)
 
 
 @dataclass(frozen=True)
@@ -74,15 +77,13 @@ class Following:
         strength = min(1.0, float(gain.max()))
         if strength <= 0.0 and float(np.abs(state.twist).max()) < STANDING:
             return np.zeros(6), FollowingState()
-        wrench = np.zeros(6)
-        if wrench_on_arm is not None:
-            felt = share * gain * self._felt(wrench_on_arm)
-            wrench = rotate_twist(T_world_mrf.R, felt)
-        twist, step = self._integrate(state.twist, wrench)
-        T = state.T_world_reference or T_world_mrf
-        error = pose_error(T, T_world_mrf)
+        i, T = self._impedance, state.T_world_reference or T_world_mrf
         # What is switched off lets go of its reference as its gain fades.
-        asked = twist + strength * self._impedance.stiffness * error
+        twist, step, asked = _led(
+            state.twist, _NONE if wrench_on_arm is None else wrench_on_arm, gain, T_world_mrf.R,
+            pose_error(T, T_world_mrf), i.mass, i.damping, *i.deadband, *i.most,
+            share, strength * i.stiffness, self._period_s,
+        )  # fmt: skip
         return asked, FollowingState(twist, T, step, asked)
 
     def advance(
@@ -95,42 +96,57 @@ class Following:
         """
         if state.T_world_reference is None:
             return state
-        others = twist - state.asked
-        step = granted * (state.step + self._period_s * others)
-        reference = state.T_world_reference
-        reference = Pose(rotation_exp(step[3:]) @ reference.R, reference.p + step[:3])
-        away = pose_error(reference, T_world_mrf)
-        far, turned = _size(away[:3]) / SLACK[0], _size(away[3:]) / SLACK[1]
-        if far > 1.0 or turned > 1.0:
-            p = T_world_mrf.p + away[:3] / max(1.0, far)
-            R = rotation_exp(away[3:] / max(1.0, turned)) @ T_world_mrf.R
-            reference = Pose(R, p)
+        step = granted * (state.step + self._period_s * (twist - state.asked))
+        reference = moved_near(state.T_world_reference, step, T_world_mrf, SLACK)
         return evolve(state, T_world_reference=reference)
 
-    def _felt(self, wrench: Array) -> Array:
-        """Return the wrench (6,) without noise, and bounded; its direction stays."""
-        out = np.empty(6)
-        for i, part in enumerate((wrench[:3], wrench[3:])):
-            size = max(_size(part), 1e-12)
-            dead, most = self._impedance.deadband[i], self._impedance.most[i]
-            beyond = 1.0 if dead <= 0.0 else min(1.0, max(0.0, size / dead - 1.0))
-            smooth = beyond * beyond * (3.0 - 2.0 * beyond)
-            out[3 * i : 3 * i + 3] = part * (smooth * min(1.0, most / size))
-        return out
 
-    def _integrate(self, v: Array, wrench: Array) -> tuple[Array, Array]:
-        """Return velocity (6,) and path (6,) after one period, by Runge–Kutta of fourth order."""
-        T, M, B = self._period_s, self._impedance.mass, self._impedance.damping
-        a1 = (wrench - B * v) / M
+@compiled(VECTOR, NUMBER, NUMBER, NUMBER, NUMBER)
+def _felt(
+    wrench: Array, dead_force: float, dead_moment: float, most_force: float, most_moment: float
+) -> Array:
+    """Return the wrench (6,) without what is noise, and bounded; its direction stays."""
+    out = np.empty(6)
+    for first, dead, most in ((0, dead_force, most_force), (3, dead_moment, most_moment)):
+        part = wrench[first : first + 3]
+        size = max(math.sqrt(part[0] ** 2 + part[1] ** 2 + part[2] ** 2), 1e-12)
+        beyond = 1.0 if dead <= 0.0 else min(1.0, max(0.0, size / dead - 1.0))
+        smooth = beyond * beyond * (3.0 - 2.0 * beyond)
+        out[first : first + 3] = part * (smooth * min(1.0, most / size))
+    return out
+
+
+@compiled(
+    VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR,
+    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER,
+)  # fmt: skip
+def _led(
+    twist: Array, wrench: Array, gain: Array, R: Array, error: Array, mass: Array, damping: Array,
+    dead_force: float, dead_moment: float, most_force: float, most_moment: float,
+    share: float, stiffness: float, period_s: float,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Return velocity and path of a damped mass after one period, and the rate to ask for; (6,).
+
+    The mass moves with `twist` (6,) in World, where R (3, 3) leads from the axes of `wrench` (6,)
+    and `gain` (6,). `error` (6,) is the way from the command to the reference.
+    """
+    force = share * gain * _felt(wrench, dead_force, dead_moment, most_force, most_moment)
+    after, path, asked = np.empty(6), np.empty(6), np.empty(6)
+    T = period_s
+    for i in range(6):
+        first, row = (0, i) if i < 3 else (3, i - 3)
+        F = 0.0
+        for k in range(3):
+            F += R[row, k] * force[first + k]
+        M, B, v = mass[i], damping[i], twist[i]
+        a1 = (F - B * v) / M
         v2 = v + 0.5 * T * a1
-        a2 = (wrench - B * v2) / M
+        a2 = (F - B * v2) / M
         v3 = v + 0.5 * T * a2
-        a3 = (wrench - B * v3) / M
+        a3 = (F - B * v3) / M
         v4 = v + T * a3
-        a4 = (wrench - B * v4) / M
-        path = T / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-        return v + T / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4), path
-
-
-def _size(a: Array) -> float:
-    return math.sqrt(float(a @ a))
+        a4 = (F - B * v4) / M
+        after[i] = v + T / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        path[i] = T / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+        asked[i] = after[i] + stiffness * error[i]
+    return after, path, asked

@@ -4,6 +4,7 @@ import pytest
 from telerobot.server.control.frames import (
     Pose,
     cross,
+    moved_near,
     pose_error,
     right_jacobian,
     rotate_twist,
@@ -156,3 +157,18 @@ def test_a_turned_attitude_and_its_twist_agree_with_finite_differences(rng):
         np.testing.assert_allclose(
             sizes(twist), (np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:]))
         )
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
+def test_a_step_leads_a_pose_on_but_not_far_from_another(rng, size):
+    slack = (0.02, 0.1)
+    for _ in range(20):
+        near = Pose(rotation_exp(rng.normal(size=3)), rng.normal(size=3))
+        T = Pose(pin.exp3(rng.normal(0.0, 0.02, 3)) @ near.R, near.p + rng.normal(0.0, 0.005, 3))
+        step = size * rng.normal(0.0, np.repeat([0.005, 0.02], 3))
+        free = Pose(pin.exp3(step[3:]) @ T.R, T.p + step[:3])
+        away = pose_error(free, near)
+        share = np.minimum(1.0, slack / np.array(sizes(away)))
+        found = moved_near(T, step, near, slack)
+        expected = away * np.repeat(share, 3)
+        np.testing.assert_allclose(pose_error(found, near), expected, atol=1e-9)
