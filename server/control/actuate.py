@@ -7,12 +7,11 @@ a posture.
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
+from .compiled import VECTOR, compiled
 from .dynamics import Dynamics
 from .frames import Array, Pose
 from .gate import TOLERANCE
-from .mechanism import Mechanism
+from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
 from .torque import TorqueLaw, TorqueState
 from .trajectory import Motion
@@ -29,6 +28,8 @@ class Now(NamedTuple):
     """The command before this tick."""
     after: Motion
     """The command that this tick decided on."""
+    commanded: Kinematics
+    """Where the command was before this tick."""
     wrench_on_arm: Array | None
     """What pushes the arm, at and in the MRF (6,); None when stale."""
     T_wrist_mrf: Pose
@@ -97,6 +98,7 @@ class ByTorque:
             now.q,
             now.before,
             now.after,
+            now.commanded,
             now.wrench_on_arm,
             now.T_wrist_mrf,
             now.time_s,
@@ -107,16 +109,22 @@ class ByTorque:
         if refusal is None and state is not None:
             step = tau - state.tau
             refusal = _beyond(self._joints, step, self._step, "torque step", "N·m")
-        limits: tuple[str, ...] = ()
-        if torques.beyond.any():
-            limits = tuple(f"disturbance:{self._joints[i]}" for i in np.flatnonzero(torques.beyond))
-        return Actuated(tau, kept, refusal, limits)
+        beyond = torques.beyond.nonzero()[0].tolist()
+        return Actuated(tau, kept, refusal, tuple(f"disturbance:{self._joints[j]}" for j in beyond))
 
 
 def _beyond(joints: tuple[str, ...], value: Array, most: Array, what: str, unit: str) -> str | None:
     """Return why values (n,) may not be sent, or None. What is not finite is beyond, too."""
-    within = np.abs(value) <= most
-    if within.all():
+    j = _first_beyond(value, most)
+    if j < 0:
         return None
-    j = int(np.argmin(within))
     return f"{joints[j]}: {what} {value[j]:.4g} beyond {most[j]:.4g} {unit}"
+
+
+@compiled(VECTOR, VECTOR)
+def _first_beyond(value: Array, most: Array) -> int:
+    """Return the first of values (n,) that is not within `most` (n,), or −1."""
+    for j in range(len(value)):
+        if not abs(value[j]) <= most[j]:
+            return j
+    return -1

@@ -1,4 +1,4 @@
-"""The arm's dynamics: inertia, gravity, what a motion needs and what speed does to the tool.
+"""The arm's dynamics: inertia, gravity and what a motion needs.
 
 By Pinocchio: the URDF's inertias, plus the drives' rotors at the joints.
 """
@@ -9,17 +9,21 @@ import numpy as np
 import pinocchio as pin
 
 from .frames import GRAVITY, Array, Pose
-from .jacobian_rate import bent
 from .mechanism import Kinematics, Mechanism
 
 
 class Terms(NamedTuple):
-    """Terms of `M ddq + h = τ` at one state, h = C dq + g."""
+    """Terms of `M ddq + C dq + g = τ + J_wristᵀ wrench` at one state."""
 
     M: Array
     """Inertia (n, n), motors included [kg·m²]."""
-    drift: Array
-    """`Cᵀ dq − g` (n,): what changes the momentum `M dq` beside torques [N·m]."""
+    C: Array
+    """Coriolis matrix (n, n), dM/dt = C + Cᵀ: torques and `Cᵀ dq − g` change the momentum `M dq`
+    [N·m·s/rad]."""
+    g: Array
+    """Gravity (n,) [N·m]."""
+    J_wrist: Array
+    """Jacobian (6, n) of the Wrist, at its origin and in its own axes."""
 
 
 class Dynamics:
@@ -39,7 +43,7 @@ class Dynamics:
         self._model.armature = rotor_inertia
         self._model.gravity.linear = R.T @ GRAVITY
         self._data = self._model.createData()
-        self._tip = mechanism.tip
+        self._tip, self._own_axes = mechanism.tip, pin.ReferenceFrame.LOCAL
         tip = self._model.frames[self._tip]
         self._joint = tip.parentJoint
         T_joint_wrist = Pose(tip.placement.rotation.copy(), tip.placement.translation.copy())
@@ -65,11 +69,13 @@ class Dynamics:
         return np.array(pin.rnea(self._model, self._data, q, dq, ddq))
 
     def terms(self, q: Array, dq: Array) -> Terms:
-        """Return inertia and momentum drift at q (n,) [rad], dq (n,) [rad/s]."""
-        M = pin.crba(self._model, self._data, q).copy()
-        C = pin.computeCoriolisMatrix(self._model, self._data, q, dq)
-        g = pin.computeGeneralizedGravity(self._model, self._data, q)
-        return Terms(M, C.T @ dq - g)
+        """Return the terms at q (n,) [rad], dq (n,) [rad/s]."""
+        model, data = self._model, self._data
+        # Pinocchio hands out views of its own memory, which the next call writes over.
+        M = pin.crba(model, data, q).copy()
+        g = pin.computeGeneralizedGravity(model, data, q).copy()
+        C = pin.computeCoriolisMatrix(model, data, q, dq).copy()  # it leaves the joints' Jacobians
+        return Terms(M, C, g, pin.getFrameJacobian(model, data, self._tip, self._own_axes))
 
     def bias(self, q: Array, dq: Array) -> Array:
         """Return h (n,) [N·m]: the torque that keeps the joints from accelerating."""
@@ -78,14 +84,6 @@ class Dynamics:
     def kinematics(self, q: Array, T_wrist_mrf: Pose) -> Kinematics:
         """Return the frames and the Jacobian of the MRF at q (n,) [rad]."""
         return self._mechanism.kinematics(q, T_wrist_mrf)
-
-    def tool(self, q: Array, dq: Array, T_wrist_mrf: Pose) -> tuple[Kinematics, Array]:
-        """Return the MRF's kinematics, and J̇ dq (6,): its acceleration at constant rates.
-
-        In World axes [m/s², rad/s²].
-        """
-        k = self._mechanism.kinematics(q, T_wrist_mrf)
-        return k, bent(k.J, dq) @ dq
 
 
 def _tool(model: "pin.Model", tip: int) -> Array:

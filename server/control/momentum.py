@@ -1,4 +1,4 @@
-"""The generalised-momentum observer: which torque acts on the joints beside what is known.
+"""The generalised-momentum observer, and the state of the arm that it foresees.
 
 De Luca, Albu-Schäffer, Haddadin, Hirzinger 2006: `r = K (p − ∫ (τ + Cᵀ dq − g + r) dt)` with
 `p = M dq` follows the unknown torque as a first-order filter of bandwidth K does, without
@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
 from .frames import Array
 
 
@@ -21,27 +22,145 @@ class MomentumState(NamedTuple):
     """Torque (n,) beside what is known [N·m]."""
 
 
+class Foreseen(NamedTuple):
+    """An arm at the next SYNC, and the torques that it will want beside its model's."""
+
+    inverse: Array
+    """M⁻¹ (n, n), of now [1/(kg·m²)]."""
+    q: Array
+    """Joints (n,) [rad]."""
+    dq: Array
+    """Their rates (n,) [rad/s]."""
+    expected: Array
+    """The observer's momentum (n,), of now [N·m·s]."""
+    residual: Array
+    """The observer's torque (n,), of now [N·m]."""
+    answer: Array
+    """What answers that, and the force that is felt (n,) [N·m]."""
+    rubbing: Array
+    """What overcomes friction (n,) [N·m]."""
+
+
 def begin(momentum: Array) -> MomentumState:
     """Return the state that suspects nothing, at a momentum (n,) [N·m·s]."""
     return MomentumState(momentum, np.zeros_like(momentum))
 
 
-def observe(
-    state: MomentumState, momentum: Array, known: Array, bandwidth: float, period_s: float
-) -> MomentumState:
-    """Return the state one period later.
+@compiled(VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
+def observed(
+    expected: Array, momentum: Array, known: Array, bandwidth: float, period_s: float
+) -> Array:
+    """Return the residual (n,) [N·m] one period after a momentum (n,) was `expected` [N·m·s].
 
     `momentum` (n,) is `M dq` now; `known` (n,) is `τ + Cᵀ dq − g` with every torque that is known,
     over the period that has passed [N·m]; `bandwidth` is K [1/s]. Integrated so that it is stable
     at any bandwidth (backward in r).
     """
-    expected = state.expected + period_s * known
-    residual = bandwidth * (momentum - expected) / (1.0 + bandwidth * period_s)
-    return MomentumState(expected + period_s * residual, residual)
+    return bandwidth * (momentum - (expected + period_s * known)) / (1.0 + bandwidth * period_s)
 
 
-def corrected(momentum: Array, residual: Array, bandwidth: float) -> MomentumState:
-    """Return the state that goes on from another residual (n,), at a momentum (n,)."""
+@compiled(VECTOR, VECTOR, NUMBER)
+def to_expect(momentum: Array, residual: Array, bandwidth: float) -> Array:
+    """Return the momentum (n,) to be expected of an observer that goes on from a residual (n,)."""
     if bandwidth <= 0.0:
-        return MomentumState(momentum, np.zeros_like(momentum))
-    return MomentumState(momentum - residual / bandwidth, residual)
+        return momentum.copy()
+    return momentum - residual / bandwidth
+
+
+@compiled(VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
+def _heading(q: Array, q_command: Array, dq_command: Array, lead: float, speed: float) -> Array:
+    """Return which way each joint is to go, and how surely: −1 to 1 (n,).
+
+    `speed` [rad/s] is what most of friction is full at, `lead` [1/s] turns an error into a speed.
+    """
+    return np.tanh((dq_command + lead * (q_command - q)) / speed)
+
+
+@compiled(MATRIX)
+def _inverted(M: Array) -> Array:
+    """Return the inverse of a symmetric positive definite matrix (n, n), by Gauss and Jordan."""
+    n = len(M)
+    out = M.copy()
+    for k in range(n):
+        pivot = 1.0 / out[k, k]
+        out[k, k] = 1.0
+        for j in range(n):
+            out[k, j] *= pivot
+        for i in range(n):
+            if i != k:
+                part = out[i, k]
+                out[i, k] = 0.0
+                for j in range(n):
+                    out[i, j] -= part * out[k, j]
+    return out
+
+
+@compiled(MATRIX, VECTOR)
+def _times(A: Array, x: Array) -> Array:
+    out = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[i] += A[i, j] * x[j]
+    return out
+
+
+@compiled(VECTOR, VECTOR)
+def _within(x: Array, most: Array) -> Array:
+    """Return x (n,), each part at most `most` (n,) in size; what is not a number stays."""
+    out = x.copy()
+    for i in range(len(x)):
+        if x[i] > most[i]:
+            out[i] = most[i]
+        elif x[i] < -most[i]:
+            out[i] = -most[i]
+    return out
+
+
+@compiled(
+    MATRIX, MATRIX, VECTOR, MATRIX, VECTOR,
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
+    VECTOR, VECTOR, VECTOR, VECTOR,
+    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
+)  # fmt: skip
+def foreseen(
+    M: Array, C: Array, g: Array, J: Array, wrench: Array,
+    q: Array, rate: Array, rate_foreseen: Array, acting: Array, acted: Array,
+    expected: Array, residual: Array,
+    q_command: Array, dq_command: Array, friction: Array, authority: Array,
+    period_s: float, trust: float, bandwidth: float, lead: float, speed: float,
+    compensation: float, settled: bool,
+) -> Foreseen:  # fmt: skip
+    """Return where the arm will be at the next SYNC.
+
+    M, C, g are the terms of the dynamics, and `Jᵀ wrench` what is felt at the joints of what
+    pushes the tool. q (n,) was sampled now, `rate` (n,) is the mean one of the period before, and
+    `rate_foreseen` (n,) what that of now was foreseen as. A torque `acted` (n,) over that period,
+    another one is `acting` (n,) until the next SYNC; `expected` and `residual` (n,) are the
+    observer's of one period ago. While `settled`, nothing is suspected.
+
+    A `compensation` of what is felt is answered, and of what is found as much as is inside
+    `authority` (n,). `friction` (n,) is Coulomb's; `lead` and `speed` say, of the command, which
+    way it will act.
+    """
+    T, inverse = period_s, _inverted(M)
+    felt, h = _times(J.T, wrench), _times(C, rate) + g
+    # The rate now: the encoders' own, half a period old, carried on by what acted since.
+    dq = rate + 0.5 * T * _times(inverse, acted + (felt + residual - h))
+    dq = rate_foreseen + trust * (dq - rate_foreseen)
+    momentum = _times(M, dq)
+    if settled or bandwidth <= 0.0:
+        found = np.zeros(len(q))
+    else:
+        known = acted + (_times(C.T, rate) - g) + felt
+        found = observed(expected, momentum, known, bandwidth, T)
+        # Without what friction alone may hold of a standing joint: learnt at rest, it would be in
+        # the way when the joint sets off, as friction turns round then. The fourth power: a joint
+        # that creeps is not standing, and what is learnt there counts.
+        standing = (1.0 - np.abs(_heading(q, q_command, dq_command, lead, speed))) ** 4
+        found = found - _within(found, friction * standing)
+    ddq = _times(inverse, acting + felt + found - h)
+    q_next, dq_next = q + T * (dq + 0.5 * T * ddq), dq + T * ddq
+    answer = -_within(found, authority) - compensation * felt
+    rubbing = friction * _heading(q_next, q_command, dq_command, lead, speed)
+    expect = to_expect(momentum, found, bandwidth)
+    return Foreseen(inverse, q_next, dq_next, expect, found, answer, rubbing)

@@ -157,6 +157,7 @@ class Control:
                 error,
                 memory.motion,
                 limited.motion,
+                kinematics,
                 None if wrench is None else -wrench,
                 inputs.settings.T_wrist_mrf,
                 inputs.time_s,
