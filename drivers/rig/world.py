@@ -214,12 +214,10 @@ class World:
         if not len(self._pairs):
             return None
         mujoco.mj_kinematics(self.model, self.data)
-        first, second = self._pairs.T
-        # Bounding balls tell which pairs can be the nearest at all.
-        way = self.data.geom_xpos[first] - self.data.geom_xpos[second]
-        bound = np.sqrt((way * way).sum(axis=1)) - self.model.geom_rbound[self._pairs].sum(axis=1)
+        bound = self._bounds()
         fromto = np.zeros(6)
         found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
+        # Bounding balls tell which pairs can be the nearest at all.
         for i in np.argsort(bound, kind="stable"):
             if bound[i] >= found.distance:
                 break
@@ -231,6 +229,21 @@ class World:
                 found = Nearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
         return found
 
+    def gaps(self, within: float) -> Vector:
+        """Return the distances (k,) of parts of arm and tool from wall, boxes and obstacles [m].
+
+        At most `within`, one for each pair, in the same order every time.
+        """
+        mujoco.mj_kinematics(self.model, self.data)
+        return np.array(
+            [
+                mujoco.mj_geomDistance(self.model, self.data, arm, fixed, within, None)
+                if bound < within
+                else within
+                for (arm, fixed), bound in zip(self._pairs.tolist(), self._bounds(), strict=True)
+            ]
+        )
+
     def place(self, obstacle: str, xyz: Vector) -> None:
         """Move an obstacle of the cell to a place in World [m]. Raises `ValueError`."""
         place(self.model, self.data, obstacle, xyz)
@@ -238,6 +251,13 @@ class World:
     def wall_travel(self) -> float:
         """Return how far the wall is pushed in, against its normal [m]. Raises `KeyError`."""
         return -float(self.data.joint(WALL_SLIDE).qpos[0])
+
+    def _bounds(self) -> Vector:
+        """Return what the distances (k,) of all pairs are at least, by their bounding balls [m]."""
+        first, second = self._pairs.T
+        way = self.data.geom_xpos[first] - self.data.geom_xpos[second]
+        reach = self.model.geom_rbound[self._pairs].sum(axis=1)
+        return np.asarray(np.sqrt((way * way).sum(axis=1)) - reach)
 
     @cached_property
     def _pairs(self) -> NDArray[np.int64]:

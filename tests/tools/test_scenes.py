@@ -80,3 +80,12 @@ def test_what_speaks_against_a_run_is_found(scenes, change, word):
     assert any(word in reason for reason in bad.reasons)
     assert not Findings([bad]).kept
     assert any(word in line for line in Findings([bad]).lines())
+
+
+def test_an_arm_that_is_closed_in_need_not_leave_but_is_told(scenes):
+    closed = dataclasses.replace(scenes[0], left=False, closed=True)
+    assert closed.reasons == []
+    found = Findings([*scenes, closed])
+    assert found.kept
+    assert (found.figures()["did_not_leave"], found.figures()["closed_in"]) == (0, 1)
+    assert any(f"{closed.seed}:" in line and "closed in" in line for line in found.lines())

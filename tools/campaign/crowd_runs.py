@@ -13,6 +13,7 @@ from ..simulation import Simulation
 from .crowd import HOSTILE_S, PROMISE, Crowd, crowd
 from .movers import Chase
 from .part import Part, Selection
+from .way_out import AWAY, WIDER, closed_in
 
 CELL = "pa10"
 DEEPER = 0.001
@@ -34,8 +35,6 @@ RESUME_S = 0.2
 """An operator whose arm holds asks so often to resume [s]."""
 FREE = 0.002
 """What touches the arm backs off so far before it is asked to leave [m]."""
-LEFT = (0.03, 0.01)
-"""An arm has left when its tool has gone so far, or the gap is wider by so much [m]."""
 STOPPED_SHARE = 0.01
 """The stored stop takes over in less than this part of all ticks [1]."""
 
@@ -58,6 +57,9 @@ class Scene:
     ways: int
     """Straight retreats that were tried; 1: away from what was nearest was a way out."""
     left: bool
+    """The tool has gone by `AWAY` along a way, or the least gap is wider by `WIDER`."""
+    closed: bool
+    """It did not leave, and a search of its own finds no way out (`way_out.py`)."""
     ticks: int
     stopped_ticks: int
     """The stored stop took over, unasked: the arm was not told to stop or hold [1]."""
@@ -67,8 +69,8 @@ class Scene:
 
     @property
     def name(self) -> str:
-        """Kind and seed."""
-        return f"scene {self.kind} seed {self.seed}"
+        """Kind and seed, and whether the arm is closed in."""
+        return f"scene {self.kind} seed {self.seed}" + ", closed in" * self.closed
 
     @property
     def reasons(self) -> list[str]:
@@ -84,7 +86,7 @@ class Scene:
             found.append(f"deeper inside: {1e3 * self.least_m:.2f} mm from {1e3 * self.held_m:.2f}")
         if self.closed_m > CLOSING:
             found.append(f"own motion closed a gap by {1e3 * self.closed_m:.2f} mm")
-        if not self.left:
+        if not (self.left or self.closed):
             found.append("did not leave on a retreat")
         return found
 
@@ -95,8 +97,10 @@ class _Judge:
     def __init__(self, scene: Crowd, simulation: Simulation) -> None:
         self.simulation = simulation
         self.first = self.least = self.closed = 0.0
-        self.left = False
+        self.left = self.stuck = False
         self.ways = 0
+        self.postures: list[np.ndarray] = []
+        """Where the arm was to leave from, and where it ended, if it did not (n,) [rad]."""
         self._movers = {f"obstacle_{m.obstacle.name}" for m in scene.movers}
         self._before = simulation.rig.world.q.copy()
         self._closing = 0.0
@@ -168,10 +172,13 @@ class _Judge:
         """Ask for the next straight retreat, if there is one."""
         # The rest by how much they lead away, too; straight into what is nearest is no retreat.
         ways = [away, *sorted(ASIDE, key=lambda way: -float(way @ away))[:-1]]
+        simulation = self.simulation
+        if self.ways in (0, len(ways)):
+            self.postures.append(simulation.rig.world.q.copy())
         if self.ways == len(ways):
-            self.over = True
+            self.over = self.stuck = True
             return
-        way, simulation = ways[self.ways], self.simulation
+        way = ways[self.ways]
         self.ways += 1
         self._retreat = (simulation.rig.world.mrf_pose()[0], way, near.distance)
         self._until_s = self._at_s + RETREAT_S
@@ -185,7 +192,7 @@ class _Judge:
         elif self._retreat is not None:
             start, way, gap = self._retreat
             gone = float(way @ (self.simulation.rig.world.mrf_pose()[0] - start))
-            if gone > LEFT[0] or near.distance > gap + LEFT[1]:
+            if gone > AWAY or near.distance > gap + WIDER:
                 self.left, self._until_s = True, self._at_s + ONWARD_S
 
 
@@ -215,6 +222,7 @@ def play(seed: int) -> Scene:
         closed_m=judge.closed,
         ways=judge.ways,
         left=judge.left,
+        closed=judge.stuck and closed_in(scene.cell, simulation.rig.world, judge.postures, PROMISE),
         ticks=len(result.states),
         stopped_ticks=sum(
             "verified_stop" in s.limits and s.mode == "enabled" for s in result.states
@@ -247,7 +255,8 @@ class Findings:
             "keepable": len(keepable),
             "least_clearance_m": min(keepable, default=None),
             "promise_m": PROMISE,
-            "did_not_leave": sum(not s.left for s in self.scenes),
+            "did_not_leave": sum(not (s.left or s.closed) for s in self.scenes),
+            "closed_in": sum(s.closed for s in self.scenes),
             "left_aside": sum(s.left and s.ways > 1 for s in self.scenes),
             "most_closed_m": max((s.closed_m for s in self.scenes), default=0.0),
             "limit_violations": sum(s.limit_violations for s in self.scenes),
@@ -270,6 +279,7 @@ class Findings:
             + f", promised {1e3 * PROMISE:.0f} mm",
             "left on a retreat": f"all but {f['did_not_leave']}, must be all; "
             f"{f['left_aside']} not straight away from what was nearest, but aside",
+            "closed in": f"{f['closed_in']} besides, from where a search finds no way out either",
             "limit violations": f"{f['limit_violations']}, must be 0",
             "stored stop": f"{self.stopped_share:.3%} of ticks, below {STOPPED_SHARE:.0%}",
             "barriers active": f"{f['limited_share']:.1%} of ticks",
@@ -277,7 +287,7 @@ class Findings:
         lines = [f"{name:20} {text}" for name, text in shown.items()]
         for s in self.scenes:
             again = f"telerobot campaign --only=scenes --seeds {s.seed}:{s.seed + 1}"
-            lines += [f"{again}  # {reason}" for reason in s.reasons]
+            lines += [f"{again}  # {why}" for why in s.reasons + ["closed in"] * s.closed]
         lines.append("all promises kept" if self.kept else "a promise is broken")
         return lines
 

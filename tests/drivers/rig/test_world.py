@@ -164,6 +164,15 @@ def test_clearance_shrinks_to_nothing_in_contact(cell: Cell, pressed: Pressed) -
     assert abs(near) < 5e-4
 
 
+def test_gaps_are_those_of_which_the_least_is_the_clearance(cell: Cell) -> None:
+    world, rng = World(cell), np.random.default_rng(5)
+    for _ in range(20):
+        world.q[:] = rng.uniform(-2, 2, world.n)
+        gaps, near, clearance = world.gaps(1.0), world.gaps(0.1), world.clearance()
+        assert gaps.min() == pytest.approx(clearance, abs=1e-9)
+        np.testing.assert_allclose(near, np.minimum(gaps, 0.1), atol=1e-9)
+
+
 def test_a_push_on_the_tool_is_felt_at_the_joints_as_its_moment(cell: Cell) -> None:
     world, (model, data) = World(cell), chain(cell)
     force = np.array([3.0, -2.0, 5.0])

@@ -1,0 +1,59 @@
+"""The search for a way out: it finds narrow ones, and none where there is none."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import Cell, load_cell
+from telerobot.drivers.rig.world import World
+from telerobot.tools.campaign.crowd import PROMISE, crowd
+from telerobot.tools.campaign.way_out import closed_in, projected, way_out
+
+CORNERED = np.array([0.83559, 0.42116, 0.15615, 2.38108, -0.93395, -1.61191, 1.01884])
+"""The arm of scene 543, which its stick and three movers led into a corner (7,) [rad] …"""
+MOVERS = {
+    "mover0": (0.080514, -0.028460, 0.776880),
+    "mover1": (0.190028, 0.320377, 0.532246),
+    "mover2": (0.325009, 0.219335, 0.346007),
+}
+"""… of these, 3.0 to 5.6 mm away, and of its fourth joint's limit; in World [m]."""
+
+
+@pytest.fixture(scope="module")
+def corner() -> tuple[Cell, World]:
+    cell = crowd(load_cell("pa10"), 543).cell
+    world = World(cell)
+    for name, xyz in MOVERS.items():
+        world.place(name, np.array(xyz))
+    return cell, world
+
+
+def test_no_way_leads_out_of_a_corner_on_which_no_gap_closes(corner: tuple[Cell, World]) -> None:
+    assert closed_in(*corner, [CORNERED], PROMISE)
+
+
+def test_the_search_finds_a_way_that_is_a_fraction_of_a_millimetre_wide(
+    corner: tuple[Cell, World],
+) -> None:
+    """The same corner, where every gap may close by half a millimetre."""
+    assert way_out(*corner, CORNERED, PROMISE, held=5e-4)
+
+
+def test_an_arm_is_closed_in_only_if_none_of_its_postures_has_a_way_out(
+    corner: tuple[Cell, World],
+) -> None:
+    cell, _ = corner
+    start = np.array(cell.config.mechanism.postures["start"])
+    assert not closed_in(cell, World(cell), [start, CORNERED], PROMISE)
+
+
+def test_a_projection_is_the_nearest_of_all_that_keep_the_bounds() -> None:
+    """Nothing allowed is beyond the plane through it that is square to its way (convexity)."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        A, wish = rng.normal(size=(9, 4)), rng.normal(size=4)
+        least = -rng.uniform(0.0, 0.5, 9)
+        x = projected(wish, A, least)
+        assert (A @ x >= least - 1e-7).all()
+        others = rng.normal(scale=0.3, size=(2000, 4))
+        others = others[(others @ A.T >= least).all(axis=1)]
+        assert len(others) > 0
+        assert ((others - x) @ (wish - x) <= 1e-7).all()
