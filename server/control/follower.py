@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .frames import Array, Pose, pose_error, right_jacobian, rotation_exp
+from .frames import Array, Pose, pose_error, right_jacobian, rotation_exp, vector_rate
 from .tracking import Track
 from .trajectory import Motion
 from .tree import Body
@@ -120,7 +120,7 @@ def _between(believed: Body, now: Body, acceleration: Array) -> Motion:
     q = pose_error(now.T, believed.T)
     rate = now.twist - believed.twist
     spin = now.twist[3:] - rotation_exp(q[3:]) @ believed.twist[3:]
-    rate[3:] = np.linalg.solve(right_jacobian(-q[3:]), spin)
+    rate[3:] = vector_rate(-q[3:], spin)
     return Motion(q, rate, acceleration)
 
 

@@ -186,6 +186,38 @@ def turned(R_target: Array, r: Array, rates: Array) -> tuple[Array, Array]:
     return R, twist
 
 
+@compiled(VECTOR, VECTOR)
+def vector_rate(r: Array, w: Array) -> Array:
+    """Return the rate (3,) of a rotation vector r (3,), |r| < 2π, at a body rate w (3,) [rad/s].
+
+    Jr(r)⁻¹ w in closed form: w + r × w / 2 + c r × (r × w).
+    """
+    angle2 = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    c = 1.0 / 12.0 + angle2 / 720.0
+    if angle2 >= 1e-4:
+        half = 0.5 * math.sqrt(angle2)
+        c = (1.0 - half / math.tan(half)) / angle2
+    once = cross(r, w)
+    rate: Array = w + 0.5 * once + c * cross(r, once)
+    return rate
+
+
+@compiled(MATRIX, MATRIX, VECTOR)
+def from_target(R_target: Array, R: Array, w: Array) -> tuple[Array, Array]:
+    """Return an attitude R (3, 3) as a rotation vector (3,) in a target's axes, and its rate (3,).
+
+    `w` (3,) is the angular velocity [rad/s]; it and both attitudes are in World.
+    """
+    between, body = np.zeros((3, 3)), np.zeros(3)
+    for i in range(3):
+        for j in range(3):
+            body[i] += R[j, i] * w[j]
+            for k in range(3):
+                between[i, j] += R_target[k, i] * R[k, j]
+    r = rotation_log(between)
+    return r, vector_rate(r, body)
+
+
 @compiled(MATRIX, VECTOR)
 def rotate_twist(R: Array, twist: Array) -> Array:
     """Return the same twist (6,) (or wrench), same point, in the axes that R (3, 3) maps to."""

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..compiled import NUMBER, VECTOR, compiled
 from ..evolve import evolve
-from ..frames import Array, Pose, right_jacobian, rotation_log, turned
+from ..frames import Array, Pose, from_target, turned
 from ..trajectory import Motion, PositionPlanner, Profile, TrajectoryError
 from .goals import PathGoal
 
@@ -91,26 +92,43 @@ class StraightPlanner:
         return np.concatenate([goal.T_world_target.p, np.zeros(3)]) - start.q
 
     def _start(self, goal: PathGoal, T: Pose, twist: Array, acceleration: Array) -> Motion:
-        r = rotation_log(goal.T_world_target.R.T @ T.R)
-        # Rate of the rotation vector: ω in body axes, through the inverse right Jacobian.
-        dr = np.linalg.solve(right_jacobian(r), T.R.T @ twist[3:])
-        return Motion(
-            np.concatenate([T.p, r]),
-            np.concatenate([twist[:3], dr]),
-            np.concatenate([acceleration, np.zeros(3)]),
-        )
+        r, dr = from_target(goal.T_world_target.R, T.R, twist[3:])
+        motion = np.zeros((3, 6))
+        motion[0, :3], motion[0, 3:] = T.p, r
+        motion[1, :3], motion[1, 3:] = twist[:3], dr
+        motion[2, :3] = acceleration
+        return Motion(*motion)
 
     def _planned(self, goal: PathGoal, start: Motion, shares: Array, factor: float) -> Path:
-        target = np.concatenate([goal.T_world_target.p, np.zeros(3)])
-        speed = self._speed.copy()
+        target, speed = np.zeros(6), self._speed
+        target[:3] = goal.T_world_target.p
         if goal.speed is not None:
+            speed = speed.copy()
             speed[:3] = goal.speed
-        bounds = (
-            np.maximum(speed * shares * factor, np.abs(start.dq) * 1.001),
-            np.maximum(self._acceleration * shares, np.abs(start.ddq) * 1.001),
-            self._jerk * shares,
-        )
-        return Path(goal, self._planner.plan(start, target, bounds))
+        bounds = _bounds(factor, shares, speed, self._acceleration, self._jerk, start.dq, start.ddq)
+        return Path(goal, self._planner.plan(start, target, (bounds[0], bounds[1], bounds[2])))
+
+
+@compiled(NUMBER, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+def _bounds(
+    factor: float,
+    shares: Array,
+    speed: Array,
+    acceleration: Array,
+    jerk: Array,
+    dq: Array,
+    ddq: Array,
+) -> Array:
+    """Return the bounds (3, 6) of a path on speed, acceleration and jerk, shared out by axis.
+
+    What a path begins with, `dq` and `ddq` (6,), is inside them.
+    """
+    out = np.empty((3, 6))
+    for i in range(6):
+        out[0, i] = max(speed[i] * shares[i] * factor, abs(dq[i]) * 1.001)
+        out[1, i] = max(acceleration[i] * shares[i], abs(ddq[i]) * 1.001)
+        out[2, i] = jerk[i] * shares[i]
+    return out
 
 
 def along(way: Array, otherwise: Array) -> Array:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled
-from ..frames import Array, Pose, cross, pose_error
+from ..frames import Array, Pose, pose_error
 from ..trajectory import Motion, VelocityPlanner
 
 
@@ -50,7 +50,7 @@ class Vision:
     """Keeps a view; `speed` (6,) bounds the Lens, `acceleration`, `jerk` (6,) shape its rate."""
 
     def __init__(self, speed: Array, acceleration: Array, jerk: Array, period_s: float) -> None:
-        self._speed = speed
+        self._speed, self._turn = float(speed[0]), float(speed[3])
         self._planner = VelocityPlanner(acceleration, jerk)
         self._period_s = period_s
 
@@ -84,20 +84,20 @@ class Vision:
     ) -> Array:
         here = T_world_wrist @ goal.T_wrist_point
         axes = here.R if goal.R_world_lens is None else goal.R_world_lens
-        speed, turn = factor * float(self._speed[0]), factor * float(self._speed[3])
-        rate = _seen(axes, pose_error(goal.T_world_goal, here), gain, speed, turn)
-        # From the moved point to the MRF, both on one rigid body (eq. 1).
-        rate[:3] += cross(rate[3:], p_world_mrf - here.p)
-        return rate
+        speed, turn = factor * self._speed, factor * self._turn
+        error = pose_error(goal.T_world_goal, here)
+        return _seen(axes, error, gain, speed, turn, p_world_mrf, here.p)
 
 
-@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER)
-def _seen(axes: Array, error: Array, gain: Array, speed: float, turn: float) -> Array:
-    """Return the rate (6,) for a pose error (6,), both in World axes.
+@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, VECTOR, VECTOR)
+def _seen(
+    axes: Array, error: Array, gain: Array, speed: float, turn: float, mrf: Array, point: Array
+) -> Array:
+    """Return the rate (6,) of the MRF for the pose error (6,) of a point, all in World.
 
     `gain` (6,) acts per axis of the Lens, whose `axes` (3, 3) are in World. One factor keeps all
     six within `speed` [m/s] and `turn` [rad/s]: the target is to stay in the picture, so the way
-    stays straight.
+    stays straight. `mrf` and `point` (3,) are on one rigid body [m].
     """
     asked, out, size2 = np.zeros(6), np.zeros(6), np.zeros(2)
     for i in range(6):
@@ -111,4 +111,9 @@ def _seen(axes: Array, error: Array, gain: Array, speed: float, turn: float) -> 
         for k in range(3):
             out[i] += axes[i, k] * asked[k] / most
             out[3 + i] += axes[i, k] * asked[3 + k] / most
+    # From the moved point to the MRF (eq. 1).
+    x, y, z = mrf[0] - point[0], mrf[1] - point[1], mrf[2] - point[2]
+    out[0] += out[4] * z - out[5] * y
+    out[1] += out[5] * x - out[3] * z
+    out[2] += out[3] * y - out[4] * x
     return out

@@ -4,6 +4,7 @@ import pytest
 from telerobot.server.control.frames import (
     Pose,
     cross,
+    from_target,
     moved_near,
     pose_error,
     right_jacobian,
@@ -15,6 +16,7 @@ from telerobot.server.control.frames import (
     skew,
     turned,
     twist_at_wrist,
+    vector_rate,
     wrench_to,
 )
 
@@ -61,6 +63,23 @@ def test_right_jacobian_turns_rates_of_the_vector_into_body_rates(rng):
         np.testing.assert_allclose(
             rotation_log(turned) / (2 * h), right_jacobian(r) @ dr, atol=1e-8
         )
+
+
+@pytest.mark.parametrize("angle", [*ANGLES, 1e-2, 1.1e-2, 4.0, 6.0])
+def test_the_rate_of_a_vector_is_what_the_right_jacobian_makes_of_a_body_rate(angle, rng):
+    for r in vectors(rng, angle):
+        w = rng.normal(size=3)
+        np.testing.assert_allclose(pin.Jexp3(r) @ vector_rate(r, w), w, atol=1e-8)
+
+
+def test_an_attitude_seen_from_a_target_has_the_rate_of_finite_differences(rng):
+    for _ in range(20):
+        R_target, R = (rotation_exp(r) for r in rng.uniform(-1.0, 1.0, (2, 3)))
+        w, h = rng.normal(size=3), 1e-6
+        r, dr = from_target(R_target, R, w)
+        np.testing.assert_allclose(R_target @ pin.exp3(r), R, atol=1e-13)
+        before, after = (rotation_log(R_target.T @ rotation_exp(s * h * w) @ R) for s in (-1, 1))
+        np.testing.assert_allclose((after - before) / (2 * h), dr, atol=1e-8)
 
 
 def test_roll_pitch_yaw_is_that_of_urdf(rng):
