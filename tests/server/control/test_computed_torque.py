@@ -94,7 +94,7 @@ def test_the_law_is_that_of_the_page_away_from_singularities(arm, moving):
     tool = J_c @ ahead + drift_by_differences(arm, q_c, dq_c) - drift_by_differences(arm, q, dq)
     tool = tool + 17.0 * (J_c @ dq_c - J @ dq) + 90.0 * error
     J_bar = np.linalg.solve(J @ np.linalg.solve(M, J.T), J @ inverse).T
-    np.testing.assert_allclose(found, own + J_bar @ (tool - J @ own), rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(found, own + J_bar @ (tool - J @ own), rtol=1e-6, atol=1e-7)
 
 
 def test_without_any_mobility_the_joints_go_their_own_way(moving):
