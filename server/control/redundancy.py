@@ -55,6 +55,8 @@ class Redundancy:
         self._bound = p.redundancy.max_rate * p.velocity
         self.pulls = Pulls(p.redundancy.gains, p.pull_posture)
         """Those of the cell file."""
+        # Scratch: of the pulls seen last, which objectives act, and their gains.
+        self._acting: tuple[Pulls | None, list[str], Array] = (None, [], np.zeros(0))
 
     def none(self) -> SelfMotion:
         """Return an idle null space."""
@@ -92,13 +94,19 @@ class Redundancy:
         objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
         s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
         """
-        names = [name for name, gain in pulls.gains.items() if gain > 0.0]
+        names, gains = self._act(pulls)
         if not self._spare or not names:
             return self.none()
-        gains = np.array([pulls.gains[name] for name in names])
         asked = np.array([self._part(name, q, J, dq_task, null, pulls, outside) for name in names])
         dq, norms = _composed(asked, gains, null, dq_task, self._velocity, self._bound, factor)
         return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
+
+    def _act(self, pulls: Pulls) -> tuple[list[str], Array]:
+        """Return the objectives that act (k,), and their gains (k,)."""
+        if pulls is not self._acting[0]:
+            names = [name for name, gain in pulls.gains.items() if gain > 0.0]
+            self._acting = pulls, names, np.array([pulls.gains[name] for name in names])
+        return self._acting[1:]
 
     def _part(
         self,

@@ -8,8 +8,8 @@ A pure function of its inputs: no I/O, no clock, no thread, no logging.
 """
 
 import math
-from dataclasses import dataclass
 from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,8 +44,7 @@ STANDING = 1e-9
 """Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
 
 
-@dataclass(frozen=True)
-class _Asked:
+class _Asked(NamedTuple):
     """Joint rates asked for, and the twists behind them."""
 
     dq: Array
@@ -58,8 +57,6 @@ class _Asked:
     field: Felt | None = None
     give_way: Array | None = None
     """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
-    pace: float = 1.0
-    """Share of its own speed at which a path may go on."""
 
 
 class Control:
@@ -139,15 +136,7 @@ class Control:
             None if moved is None else moved.base,
             placed,
         )
-        memory = evolve(memory, levels=allowed.levels)
-        asked = evolve(
-            asked,
-            dq=allowed.dq,
-            scale=asked.scale * allowed.scale,
-            pace=asked.scale * allowed.pace,
-            limits=asked.limits + allowed.limits,
-        )
-        limited = self._limit(memory, inputs, asked, allowed)
+        limited = self._limit(memory, inputs, allowed)
         refusal = self.gate.refusal(limited.motion.q, memory.sent)
         wrench = self.summing.wrench_mrf(memory, inputs.settings.T_wrist_mrf)
         actuated = self.actuate(
@@ -164,8 +153,14 @@ class Control:
                 inputs.intent is Intent.SEED,
             ),
         )
-        memory = self._remember(memory, inputs, limited, asked, kinematics)
-        return evolve(memory, torque=actuated.state), Output(
+        scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
+        memory = evolve(
+            memory,
+            levels=allowed.levels,
+            torque=actuated.state,
+            **self._moved_on(memory, inputs, limited, asked, scale, pace, kinematics),
+        )
+        return memory, Output(
             q=limited.motion.q,
             dq=limited.motion.dq,
             command=actuated.command,
@@ -177,8 +172,11 @@ class Control:
             wrench_mrf=wrench,
             twists=asked.twists,
             twist=asked.twist,
-            scale=asked.scale,
-            limits=asked.limits + (("verified_stop",) if limited.stopped else ()) + actuated.limits,
+            scale=scale,
+            limits=asked.limits
+            + allowed.limits
+            + (("verified_stop",) if limited.stopped else ())
+            + actuated.limits,
             stop_worsened=limited.worsened,
             gaps=allowed.gaps,
             near=memory.near,
@@ -268,7 +266,7 @@ class Control:
             factor * limits.angular_speed / max(w, 1e-12),
         )
 
-    def _limit(self, memory: Memory, inputs: Inputs, asked: _Asked, allowed: Allowed) -> Limited:
+    def _limit(self, memory: Memory, inputs: Inputs, allowed: Allowed) -> Limited:
         """Bound acceleration and jerk, and keep a verified stop at hand."""
         if inputs.intent is Intent.STOP:
             return self.limiter.go_on(memory.stop)
@@ -279,30 +277,35 @@ class Control:
         if guard is not None and watch is not None:
             judge = partial(_shortfall, guard, watch)
         factor = inputs.settings.speed_factor
-        return self.limiter.step(memory.motion, memory.stop, asked.dq, factor, judge)
+        return self.limiter.step(memory.motion, memory.stop, allowed.dq, factor, judge)
 
     # --- what is remembered ------------------------------------------------------------------
 
-    def _remember(
-        self, memory: Memory, inputs: Inputs, limited: Limited, asked: _Asked, k: Kinematics
-    ) -> Memory:
-        granted = 0.0 if limited.stopped else asked.scale
-        return evolve(
-            memory,
-            motion=limited.motion,
-            stop=limited.stop,
-            sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
-            position=self.summing.position.advance(
-                memory.position,
-                0.0 if limited.stopped else asked.pace,
-                slid=asked.scale < SLID * asked.pace,
+    def _moved_on(
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        limited: Limited,
+        asked: _Asked,
+        scale: float,
+        pace: float,
+        k: Kinematics,
+    ) -> dict[str, Any]:
+        """Return what the step changes; the tool did `scale` of what was asked, a path `pace`."""
+        granted = 0.0 if limited.stopped else scale
+        return {
+            "motion": limited.motion,
+            "stop": limited.stop,
+            "sent": (limited.motion.q, memory.sent[0], memory.sent[1]),
+            "position": self.summing.position.advance(
+                memory.position, 0.0 if limited.stopped else pace, slid=scale < SLID * pace
             ),
-            following=self.summing.following.advance(
+            "following": self.summing.following.advance(
                 memory.following, asked.twist, granted, k.T_world_mrf
             ),
-            hold=memory.hold if inputs.intent is Intent.HOLD else None,
-            off_path=further(memory.off_path, asked.give_way, granted * self.p.period_s),
-        )
+            "hold": memory.hold if inputs.intent is Intent.HOLD else None,
+            "off_path": further(memory.off_path, asked.give_way, granted * self.p.period_s),
+        }
 
     def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
         if inputs.intent is not Intent.MOVE:
