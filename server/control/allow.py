@@ -7,7 +7,7 @@ along which the tool would stop: it slides on along the barrier.
 
 from typing import NamedTuple
 
-from .avoidance.clearance import Gap, Levels
+from .avoidance.clearance import Levels, Shown
 from .avoidance.guard import Guard, Situation, Watch
 from .avoidance.joint_room import JointRoom
 from .avoidance.links import Placed
@@ -33,8 +33,8 @@ class Allowed(NamedTuple):
     waits for one that the leash holds."""
     watch: Watch | None = None
     """What is around the arm; None where clearances are not kept."""
-    gaps: tuple[Gap, ...] = ()
-    """The nearest pairs."""
+    shown: Shown | None = None
+    """The pairs that are near; None where clearances are not kept."""
 
     @property
     def levels(self) -> Levels:
@@ -70,9 +70,10 @@ class Allow:
         q, V = memory.motion.q, settings.speed_factor * self._p.velocity
         dq, share, low, high, beyond = self.room.within(dq, V, q, error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
-        if beyond:
+        leash = self.room.leash(error) if beyond else None
+        if leash is not None:
             limits += self._reasons(self.room.limits(q).left_by(dq), "joint_limit")
-            limits += self._reasons(self.room.leash(error).left_by(dq), "leash")
+            limits += self._reasons(leash.left_by(dq), "leash")
         watch = None
         if self.guard is not None and settings.avoid:
             p, T = k.T_world_mrf.p, settings.T_wrist_mrf
@@ -92,13 +93,14 @@ class Allow:
                 beyond = True
         pace = share
         if beyond:
-            held = bool(self.room.leash(error).left_by(dq))
+            # Rates that all bounds of joints allow are inside the leash, and slower ones too.
+            held = leash is not None and bool(leash.left_by(dq))
             found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length, rows)
             dq, share = found.dq, share * found.share
             pace = share if held else pace * found.pace
         if watch is None or broken is None or self.guard is None:
             return Allowed(dq, share, limits, pace)
-        return Allowed(dq, share, limits, pace, watch, self.guard.gaps(watch, broken))
+        return Allowed(dq, share, limits, pace, watch, self.guard.shown(watch, broken))
 
     def _reasons(self, which: list[int], name: str) -> tuple[str, ...]:
         return tuple(f"{name}:{self._p.joints[i]}" for i in which)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .avoidance.clearance import Gap, Levels
+from .avoidance.clearance import Gap, Levels, Shown
 from .avoidance.priority import Near
 from .field import Felt
 from .frames import Array, Pose
@@ -185,9 +185,14 @@ class Output(NamedTuple):
     """The potential field; None where nothing follows it."""
     off_path: Array | None = None
     """Where the virtual link has the tool off its path, in World (3,) [m]."""
-    gaps: tuple[Gap, ...] = ()
-    """The nearest pairs of links and obstacles, nearest first."""
+    shown: Shown | None = None
+    """The pairs of links and obstacles that are near; None where clearances are not kept."""
     near: Near | None = None
     """What is near the virtual spheres; None in a cell without any."""
     stop_worsened: bool = False
     """News made the stored stop fall short of a clearance; the least bad one was taken."""
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """The nearest pairs of links and obstacles, nearest first: told when somebody looks."""
+        return () if self.shown is None else self.shown.gaps()

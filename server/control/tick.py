@@ -178,7 +178,7 @@ class Control:
             + (("verified_stop",) if limited.stopped else ())
             + actuated.limits,
             stop_worsened=limited.worsened,
-            gaps=allowed.gaps,
+            shown=allowed.shown,
             near=memory.near,
             sigma_min=asked.sigma_min,
             gains=memory.gains,

@@ -55,17 +55,14 @@ class Braking:
     """What n joints can brake, at full or reduced acceleration."""
 
     def __init__(self, acceleration: Array, jerk: Array, period_s: float) -> None:
-        self._acceleration = acceleration
+        self.acceleration = acceleration
+        """The joints' in full (n,) [rad/s²]."""
         self._ramp_s = float((acceleration / jerk).max())
         self._period_s = period_s
 
     def lag(self, factor: float) -> float:
         """Return the time before braking acts [s]; `factor` scales the acceleration."""
         return 2.0 * (factor * self._ramp_s + self._period_s)
-
-    def acceleration(self, factor: float) -> Array:
-        """Return what the joints brake at (n,) [rad/s²]."""
-        return factor * self._acceleration
 
     def rows(
         self, slopes: Array, room: Array, closing: Array, tool: Walled, factor: float, widen: bool
@@ -75,7 +72,7 @@ class Braking:
         Then those of the walls, low ones first. With `widen`, a gap beyond its bound is widened
         gently; else it just does not close.
         """
-        acceleration, lag = self._acceleration, self.lag(factor)
+        acceleration, lag = self.acceleration, self.lag(factor)
         return Rows(*_rows(slopes, room, closing, *tool, acceleration, factor, lag, widen))
 
 

@@ -5,7 +5,7 @@ the command, times how much that matters for the gap, is taken off every gap (th
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +43,10 @@ LATENCY = 3.0
 SHOWN = 4
 """So many of the nearest pairs are told [1]."""
 
+_LOOKS = np.arange(SAMPLES + 1.0)
+_STILL = np.zeros((0, 0))
+"""How much nearer pairs may be where nothing moves: not at all, at any time."""
+
 Postures = Callable[[Array], Array]
 """Joint angles (s, n) at times (s,) along a stop."""
 
@@ -69,6 +73,8 @@ class Sight(NamedTuple):
 
     scene: Scene | None
     base: Base
+    still: bool
+    """Nothing moves but the arm: neither Base nor anything in the scene may."""
     lever: Array
     """Distances of capsules from the joints' axes (c, n) [m]."""
     around: Array
@@ -83,6 +89,29 @@ class Sight(NamedTuple):
     floor: Array
     """What each gap (k,) must keep where it is below its bound already [m]."""
     levels: Levels
+
+
+class Shown(NamedTuple):
+    """The pairs of one tick, for whoever looks on: the command does not wait for their names."""
+
+    sight: Sight
+    links: tuple[str, ...]
+    """Names of the capsules' links (c,)."""
+    active: Flags
+    """Whose barrier acts (k,)."""
+
+    def gaps(self, most: int = SHOWN, only_active: bool = False) -> tuple[Gap, ...]:
+        """Return the nearest pairs, the nearest first."""
+        (near, scene), found = (self.sight.near, self.sight.scene), []
+        for i in _nearest(near.gap, self.active, most, only_active).tolist():
+            obstacle = int(near.obstacle[i])
+            if scene is None or obstacle < 0:
+                other = self.links[int(near.second[i])]
+            else:
+                other = scene.names[obstacle]
+            link = self.links[int(near.first[i])]
+            found.append(Gap(link, other, float(near.gap[i]), bool(self.active[i])))
+        return tuple(found)
 
 
 class Clearance:
@@ -106,12 +135,12 @@ class Clearance:
         setting; `levels` those of the sight before; `base` where a Base that moves is; `placed`
         where links are at q, where that is known.
         """
-        links = self.links
+        links, still = self.links, base is None and (scene is None or not scene.moves)
         if placed is None:
             placed = links.place(q[None], None if base is None else base.T)
         lever, around = surroundings(
             placed.frames, placed.axes, placed.ends, links.body, links.chain.prismatic,
-            fastest, self.braking.acceleration(factor), self.braking.lag(factor),
+            fastest, self.braking.acceleration, factor, self.braking.lag(factor),
             BESIDE + self._margin,
         )  # fmt: skip
         near = self.around.look(placed, scene, around, HORIZON_S)
@@ -119,11 +148,11 @@ class Clearance:
             near = _on_moving_base(near, base)
         tube, room, needed, floor, which = kept(
             near.rows, error, near.gap, near.promise, near.speed,
-            self._nearer(near, scene, base, np.array([LATENCY * self._period_s])),
+            _STILL if still else self._nearer(near, scene, base, [LATENCY * self._period_s]),
             self._margin, self._between,
         )  # fmt: skip
         levels = self._floors(near, floor, which, scene, levels)
-        return Sight(scene, base, lever, around, near, room, tube, needed, floor, levels)
+        return Sight(scene, base, still, lever, around, near, room, tube, needed, floor, levels)
 
     def shortfall(self, sight: Sight, duration_s: float, way: Array, postures: Postures) -> float:
         """Return by how much the worst gap falls short along a stop [m]; 0 where all are kept.
@@ -131,10 +160,9 @@ class Clearance:
         `way` (n,) [rad] bounds how far joints go from where they are; `postures` gives them.
         """
         near, most = sight.near, sight.needed
-        end_s = duration_s + (1.0 + LATENCY) * self._period_s
-        nearer = self._nearer(near, sight.scene, sight.base, np.array([end_s]))
-        if len(nearer):
-            most = most + nearer[0]
+        if not sight.still:
+            end_s = duration_s + (1.0 + LATENCY) * self._period_s
+            most = most + self._nearer(near, sight.scene, sight.base, [end_s])[0]
         leaves, pairs, closer = doubtful(
             sight.lever, way, sight.around, near.first, near.second, near.gap, most
         )
@@ -167,26 +195,27 @@ class Clearance:
         farthest = max(closer.tolist())
         count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(farthest / SAMPLE_M), 1)
         count = min(count, SAMPLES)
-        times = (duration_s / count) * np.arange(count + 1.0)
-        nearer = self._nearer(near, scene, base, times + (1.0 + LATENCY) * self._period_s)
+        times, nearer = (duration_s / count) * _LOOKS[: count + 1], _STILL
+        if not sight.still:
+            nearer = self._nearer(near, scene, base, times + (1.0 + LATENCY) * self._period_s)
         bounds = wanted(
             count, pairs, closer, sight.needed, near.promise, near.radii, sight.floor, nearer
         )
         ends = self.links.place(postures(times), None if base is None else base.T).ends
         return self.around.shortfall(ends, near, pairs, bounds, scene)
 
-    def _nearer(self, near: Neighbours, scene: Scene | None, base: Base, ahead_s: Array) -> Array:
+    def _nearer(
+        self, near: Neighbours, scene: Scene | None, base: Base, ahead_s: Sequence[float] | Array
+    ) -> Array:
         """Return how much nearer pairs may be than now (s, k) [m], some times (s,) [s] from now.
 
-        By what moves in the scene, and with Base; (0, k) where nothing does.
+        By what moves in the scene, and with Base.
         """
-        moves = scene is not None and scene.moves
-        if base is None and not moves:
-            return np.zeros((0, near.size))
-        found = np.zeros((len(ahead_s), near.size))
-        if scene is not None and moves:
-            found = scene.growth(near.obstacle, ahead_s)
-        return found if base is None else found + near.carried * ahead_s[:, None]
+        ahead = np.asarray(ahead_s)
+        found = np.zeros((len(ahead), near.size))
+        if scene is not None and scene.moves:
+            found = scene.growth(near.obstacle, ahead)
+        return found if base is None else found + near.carried * ahead[:, None]
 
     def _floors(
         self, near: Neighbours, floor: Array, held: Index, scene: Scene | None, levels: Levels
@@ -214,21 +243,6 @@ class Clearance:
         if scene is None or obstacle < 0:
             return (first, int(near.second[i]), "")
         return (first, -1, scene.names[obstacle])
-
-    def shown(
-        self, sight: Sight, active: Flags, most: int = SHOWN, only_active: bool = False
-    ) -> tuple[Gap, ...]:
-        """Return the nearest pairs for telemetry; `active` (k,) says whose barrier acts."""
-        near, names, found = sight.near, self.links.links, []
-        for i in _nearest(near.gap, active, most, only_active).tolist():
-            obstacle = int(near.obstacle[i])
-            if sight.scene is None or obstacle < 0:
-                other = names[int(near.second[i])]
-            else:
-                other = sight.scene.names[obstacle]
-            link = names[int(near.first[i])]
-            found.append(Gap(link, other, float(near.gap[i]), bool(active[i])))
-        return tuple(found)
 
 
 def _on_moving_base(near: Neighbours, base: Body) -> Neighbours:

@@ -13,7 +13,7 @@ from ..compiled import FLAGS, INDEX, MATRIX, VECTOR, compiled
 from ..frames import Array, Pose
 from ..scene import Flags, Index, Scene
 from .approach import Rows
-from .clearance import Base, Clearance, Gap, Levels, Postures, Sight
+from .clearance import Base, Clearance, Levels, Postures, Shown, Sight
 from .links import Links, Placed
 from .workspace import Walls
 
@@ -102,16 +102,15 @@ class Guard:
 
     def named(self, watch: Watch, broken: Flags) -> tuple[str, ...]:
         """Return the names of barriers that are flagged, the nearest first."""
-        k = watch.sight.near.size
-        gaps = self.clearance.shown(watch.sight, broken[:k], NAMED, only_active=True)
+        gaps = self.shown(watch, broken).gaps(NAMED, only_active=True)
         names = tuple(f"clearance:{gap.link}:{gap.other}" for gap in gaps)
-        if broken[k:].any():
+        if np.count_nonzero(broken[watch.sight.near.size :]):
             names += ("workspace",)
         return names
 
-    def gaps(self, watch: Watch, active: Flags) -> tuple[Gap, ...]:
-        """Return the nearest pairs; `active` flags the barriers that act."""
-        return self.clearance.shown(watch.sight, active[: watch.sight.near.size])
+    def shown(self, watch: Watch, active: Flags) -> Shown:
+        """Return the pairs for whoever looks on; `active` flags the barriers that act."""
+        return Shown(watch.sight, self.links.links, active[: watch.sight.near.size])
 
     def shortfall(
         self, watch: Watch, duration_s: float, low: Array, high: Array, postures: Postures

@@ -39,7 +39,7 @@ def kept(
 ) -> tuple[Array, Array, Array, Array, Index]:  # fmt: skip
     """Return tube and room (k,), as in `Sight`, and what `held` does.
 
-    `error` (n,) [rad] is what joints are behind; `nearer` (1, k) [m], or (0, k), how much nearer
+    `error` (n,) [rad] is what joints are behind; `nearer` (1, k) [m], or (0, 0), how much nearer
     pairs may be before the arm is where the command is now.
     """
     k, n = rows.shape
@@ -63,7 +63,7 @@ def wanted(
 
     What they need and what their paths, no straighter than their radii, may dip by between two
     looks, each coming `closer` (p,) in all; and what else they may be `nearer` (count + 1, k) by,
-    or (0, k). But no more than their floors.
+    or (0, 0). But no more than their floors.
     """
     found = np.empty((count + 1, len(pairs)))
     for i in range(len(pairs)):

@@ -96,7 +96,7 @@ class Around:
             every = np.arange(len(scene.names))
             further = further + scene.growth(every, np.array([ahead_s]))[0]
         first, second = _within(
-            placed.ends, self._size + room, self._own, self._own_clearance,
+            placed.ends, self._size, room, self._own, self._own_clearance,
             rounds.start, rounds.end, rounds.radius, boxes.R, boxes.centre, boxes.half,
             further, self._wanted(scene), scene.hard,
         )  # fmt: skip
@@ -161,22 +161,22 @@ class Around:
 
 
 @compiled(
-    ARRAY4, VECTOR, INDEX2, NUMBER,
+    ARRAY4, VECTOR, VECTOR, INDEX2, NUMBER,
     MATRIX, MATRIX, VECTOR, ARRAY3, MATRIX, MATRIX,
     VECTOR, FLAGS2, FLAGS,
 )  # fmt: skip
 def _within(
-    ends: Array, size: Array, own: Index, own_clearance: float,
+    ends: Array, length: Array, room: Array, own: Index, own_clearance: float,
     start: Array, end: Array, radius: Array, R: Array, centre: Array, half: Array,
     further: Array, wanted: Flags, hard: Flags,
 ) -> tuple[Index, Index]:  # fmt: skip
     """Return the pairs whose surroundings meet: balls around segments, and the boxes themselves.
 
-    `ends` (1, c, 2, 3) are the capsules', of which each reaches `size` (c,) from its middle; `own`
-    (p, 2) are their pairs. `further` is what each obstacle reaches beyond its surface [m]. Only
-    `wanted` (c, k) pairs with `hard` obstacles (k,) count.
+    `ends` (1, c, 2, 3) are the capsules', of which each reaches `length` (c,) from its middle, and
+    `room` (c,) around that; `own` (p, 2) are their pairs. `further` is what each obstacle reaches
+    beyond its surface [m]. Only `wanted` (c, k) pairs with `hard` obstacles (k,) count.
     """
-    capsules, rounds, boxes = ends.shape[1], len(start), len(centre)
+    capsules, rounds, boxes, size = ends.shape[1], len(start), len(centre), length + room
     most = len(own) + capsules * (rounds + boxes)
     first, second = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     middle = np.empty((capsules, 3))

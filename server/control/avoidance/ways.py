@@ -65,19 +65,19 @@ def travel(lever: Array, way: Array) -> Array:
     return found
 
 
-@compiled(ARRAY4, ARRAY3, ARRAY4, INDEX, FLAGS, VECTOR, VECTOR, NUMBER, NUMBER)
+@compiled(ARRAY4, ARRAY3, ARRAY4, INDEX, FLAGS, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER)
 def surroundings(
     frames: Array, axes: Array, ends: Array, body: Index, prismatic: Flags,
-    speed: Array, acceleration: Array, lag: float, beside: float,
+    speed: Array, acceleration: Array, factor: float, lag: float, beside: float,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Return the levers (c, n), and how far around each capsule things matter (c,) [m].
 
-    That is as far as it gets before joints at `speed` (n,) stand, who brake at `acceleration` (n,)
-    after `lag` [s], and `beside` [m].
+    That is as far as it gets before joints at `speed` (n,) stand, who brake at `factor` times
+    `acceleration` (n,) after `lag` [s], and `beside` [m].
     """
     lever, way = levers(frames, axes, ends, body, prismatic), np.empty(len(speed))
     for j in range(len(speed)):
-        way[j] = speed[j] * (lag + 0.5 * speed[j] / acceleration[j])
+        way[j] = speed[j] * (lag + 0.5 * speed[j] / (factor * acceleration[j]))
     return lever, travel(lever, way) + beside
 
 

@@ -10,8 +10,9 @@ from telerobot.server.control.avoidance.clearance import (
     CREEP,
     SLACK,
     Clearance,
+    Shown,
 )
-from telerobot.server.control.avoidance.kept import HORIZON_S
+from telerobot.server.control.avoidance.kept import HORIZON_S, ROUNDEST, wanted
 from telerobot.server.control.avoidance.links import Links
 from telerobot.server.control.avoidance.ways import doubtful, travel
 from telerobot.server.control.evolve import evolve
@@ -119,9 +120,24 @@ def test_what_gaps_must_keep_follows_from_what_tracking_takes_off_them(pa10, cle
             held += below.sum()
             # The way of capsules is that of joints which brake.
             braking = clearance.braking
-            way = speed * (braking.lag(0.5) + 0.5 * speed / braking.acceleration(0.5))
+            way = speed * (braking.lag(0.5) + 0.5 * speed / (0.5 * braking.acceleration))
             assert sight.around == pytest.approx(travel(sight.lever, way) + BESIDE + margin)
     assert held > 0
+
+
+@pytest.mark.parametrize("looks", [1, 4])
+def test_a_stop_keeps_what_pairs_need_and_dip_by_but_no_more_than_their_floors(rng, looks):
+    k, pairs = 12, np.array([0, 3, 4, 9])
+    needed, promise, radii = rng.uniform(0.0, 0.1, (3, k))
+    radii[3] = promise[3] = 0.0
+    floor = np.where(np.arange(k) == 4, 0.01, np.inf)
+    closer, nearer = rng.uniform(0.0, 0.2, 4), rng.uniform(0.0, 0.1, (looks + 1, k))
+    curved = np.maximum(radii + promise, ROUNDEST)[pairs]
+    bound = needed[pairs] + (closer / looks) ** 2 / (8.0 * curved)
+    for comes, more in ((np.zeros((0, 0)), 0.0), (nearer, nearer[:, pairs])):
+        found = wanted(looks, pairs, closer, needed, promise, radii, floor, comes)
+        expected = np.minimum(bound + np.zeros((looks + 1, 1)) + more, floor[pairs]) + radii[pairs]
+        assert found == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_nearest_pairs_are_told_nearest_first(pa10, clear, rng):
@@ -135,7 +151,7 @@ def test_the_nearest_pairs_are_told_nearest_first(pa10, clear, rng):
         active = rng.uniform(size=len(gap)) < 0.4
         order = np.argsort(gap, kind="stable")
         for only, which in ((False, order[:4]), (True, order[active[order]][:4])):
-            found = clearance.shown(sight, active, only_active=only)
+            found = Shown(sight, clearance.links.links, active).gaps(only_active=only)
             assert [g.gap for g in found] == gap[which].tolist()
             assert [g.active for g in found] == active[which].tolist()
             names = [clearance.links.links[i] for i in sight.near.first[which]]
