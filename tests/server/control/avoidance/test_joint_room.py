@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.avoidance.joint_room import JointRoom
+from telerobot.server.control.avoidance.joint_room import JointRoom, Room
 from telerobot.server.control.trajectory import Motion, VelocityPlanner
 
 T = 0.01
@@ -96,3 +96,10 @@ def test_what_is_within_is_scaled_to_the_speeds_and_held_against_every_bound(rng
         assert found.beyond == outside.any()
         reached.add((share < 1.0, found.beyond))
     assert len(reached) == 4
+
+
+def test_joints_that_leave_their_bounds_are_told(rng):
+    for _ in range(50):
+        low, high, dq = -rng.uniform(0, 1, 6), rng.uniform(0, 1, 6), rng.uniform(-1, 1, 6)
+        dq[0], dq[1] = low[0], high[1]
+        assert Room(low, high).left_by(dq) == np.flatnonzero((dq < low) | (dq > high)).tolist()
