@@ -5,14 +5,11 @@ quotient of the two says more than microseconds.
 """
 
 import tempfile
-import time
 from pathlib import Path
-
-import numpy as np
 
 from ...config.load import Cell
 from . import tick
-from .figures import Figures, percentiles
+from .figures import Figures
 from .load import OBSTACLES, among, chain
 
 COUNTS = (1, 2, 4, 8, 16, 32, 64)
@@ -35,25 +32,11 @@ def growth(cell: Cell, quick: bool) -> Figures:
 
 
 def _row(cell: Cell, ticks: int) -> Figures:
-    before = arithmetic_us()
     times = tick.bench(cell, ticks)
-    own = min(before, arithmetic_us())
+    own = times["arithmetic_us"]
     return {
         "free_us": times["free_us"],
         "limited_us": times["limited_us"],
-        "arithmetic_us": round(own, 1),
+        "arithmetic_us": own,
         "times_arithmetic": round(times["free_us"]["p50"] / own, 1),
     }
-
-
-def arithmetic_us(rounds: int = 200) -> float:
-    """Return the median time of a fixed piece of numpy: ten products and one SVD of 6 × 7 [µs]."""
-    A = np.random.default_rng(1).normal(0.0, 1.0, (6, 7))
-    seconds = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        for _ in range(10):
-            A @ A.T
-        np.linalg.svd(A)
-        seconds.append(time.perf_counter() - start)
-    return percentiles(1e6 * np.array(seconds))["p50"]
