@@ -25,7 +25,7 @@ import numpy as np
 from ...config.schema import Resolve
 from .compiled import MATRIX, NUMBER, VECTOR, compiled
 from .frames import Array
-from .jacobian_rate import bent
+from .jacobian_rate import curvatures
 from .svd import svd
 
 _CURVED = 0.05
@@ -110,10 +110,10 @@ def _most_bent(J: Array, basis: Array, u: Array) -> tuple[Array, float]:
 
     `u` is weighted.
     """
-    bend = np.array([u @ bent(J, b) @ basis.T for b in basis])
+    bend = curvatures(J, basis, u)
     if len(basis) == 1:
         return basis[0], float(bend[0, 0])
-    values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
+    values, vectors = np.linalg.eigh(bend)
     best = int(np.argmax(np.abs(values)))
     return np.asarray(vectors[:, best] @ basis), float(values[best])
 
