@@ -1,7 +1,7 @@
 """How long the control computation of one tick takes, with every source and objective on.
 
-Beside it stands a fixed piece of numpy, measured in the same minute: on a machine that others use,
-the quotient of the two says more than microseconds.
+Among the ticks, a fixed piece of numpy is measured too: on a machine that others use, what a tick
+takes beside it says more than microseconds.
 
 No I/O: the control core is fed by a generator of its own. As in the daemon, the garbage collector
 is off and SCHED_FIFO is asked for; where it is not granted, other programs show in the figures.
@@ -36,6 +36,9 @@ PAUSE_S = 0.0005
 """Between two ticks: the kernel stops a real-time process that never sleeps [s]."""
 TURN_EVERY = 120
 """Ticks between two changes of stick and target [1]."""
+ARITHMETIC_EVERY = 25
+"""Ticks between two pieces of arithmetic [1]."""
+_A = np.random.default_rng(1).normal(0.0, 1.0, (6, 7))
 EVERY_OBJECTIVE = {
     "mid_range": 0.2,
     "manipulability": 1.0,
@@ -50,16 +53,14 @@ EVERY_OBJECTIVE = {
 def bench(cell: Cell, ticks: int = TICKS) -> Figures:
     """Measure a free phase (gentle stick) and a phase near limits (a stick that asks for more)."""
     with realtime() as refusal:
-        before = arithmetic_us()
         free = _measure(cell, ticks // 2, stick=0.05)
         limited = _measure(cell, ticks // 2, stick=2.0)
-        after = arithmetic_us()
     p99 = max(part["p99"] for part in (free.times, limited.times))
     return {
         "free_us": free.times,
         "limited_us": limited.times,
         "limited_share": limited.limited_share,
-        "arithmetic_us": min(before, after),
+        "arithmetic_us": percentiles(1e6 * np.array(free.arithmetic + limited.arithmetic)),
         "sched_fifo": not refusal,
         "p99_us": p99,
         "target_us": TARGET_US,
@@ -67,24 +68,20 @@ def bench(cell: Cell, ticks: int = TICKS) -> Figures:
     }
 
 
-def arithmetic_us(rounds: int = 200) -> float:
-    """Return the median time of a fixed piece of numpy: ten products and one SVD of 6 × 7 [µs]."""
-    A = np.random.default_rng(1).normal(0.0, 1.0, (6, 7))
-    seconds = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        for _ in range(10):
-            A @ A.T
-        np.linalg.svd(A)
-        seconds.append(time.perf_counter() - start)
-    return percentiles(1e6 * np.array(seconds))["p50"]
+def arithmetic() -> None:
+    """Do a fixed piece of numpy: ten products of a Jacobian's size, and a decomposition."""
+    for _ in range(10):
+        _A @ _A.T
+    np.linalg.svd(_A)
 
 
 class _Phase:
     """What a phase of the measurement showed."""
 
-    def __init__(self, seconds: list[float], limited: int) -> None:
+    def __init__(self, seconds: list[float], arithmetic: list[float], limited: int) -> None:
         self.times = percentiles(1e6 * np.array(seconds))
+        self.arithmetic = arithmetic
+        """Times of the fixed piece [s]."""
         self.limited_share = limited / len(seconds)
 
 
@@ -102,6 +99,7 @@ def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
     home = mechanism.pose_wrist(q) @ settings.T_wrist_mrf
     command, goal = StickCommand(np.zeros(6), np.eye(3)), PathGoal(home, 0)
     seconds: list[float] = []
+    pace: list[float] = []
     limited = 0
     gc.collect()
     gc.disable()
@@ -124,11 +122,15 @@ def _measure(cell: Cell, ticks: int, stick: float) -> _Phase:
             start = time.perf_counter()
             memory, output = control.tick(memory, inputs)
             seconds.append(time.perf_counter() - start)
+            if i % ARITHMETIC_EVERY == 0:
+                start = time.perf_counter()
+                arithmetic()
+                pace.append(time.perf_counter() - start)
             time.sleep(PAUSE_S)
             limited += bool(output.limits) and i >= WARM_UP
     finally:
         gc.enable()
-    return _Phase(seconds[WARM_UP:], limited)
+    return _Phase(seconds[WARM_UP:], pace, limited)
 
 
 def settings_of(cell: Cell) -> Settings:
