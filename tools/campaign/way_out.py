@@ -15,6 +15,7 @@ A search can show that there is a way; that there is none, it makes likely.
 
 from collections.abc import Callable, Sequence
 
+import daqp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -154,33 +155,8 @@ class _Search:
 
 
 def projected(wish: Array, A: Array, least: Array) -> Array:
-    """Return the x (n,) nearest to `wish` with A x ≥ least (k,), which must be possible.
-
-    The problem LDP of Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23.
-    """
-    sizes = np.maximum(np.sqrt((A * A).sum(axis=1)), 1e-12)
-    E = np.vstack([A.T, least - A @ wish]) / sizes
-    f = np.append(np.zeros(len(wish)), 1.0)
-    r = E @ _not_negative(E, f) - f
-    return np.asarray(wish - r[:-1] / min(r[-1], -1e-12))
-
-
-def _not_negative(E: Array, f: Array) -> Array:
-    """Return the u ≥ 0 (k,) with the least ‖E u − f‖ (their algorithm NNLS)."""
-    u, free = np.zeros(E.shape[1]), np.zeros(E.shape[1], dtype=bool)
-    for _ in range(3 * len(u)):
-        gain = np.where(free, 0.0, E.T @ (f - E @ u))
-        if gain.max() < 1e-10:
-            break
-        free[gain.argmax()] = True
-        while free.any():
-            best = np.zeros(len(u))
-            best[free] = np.linalg.lstsq(E[:, free], f)[0]
-            below = free & (best <= 0.0)
-            if not below.any():
-                u = best
-                break
-            u = u + (u[below] / np.maximum(u - best, 1e-300)[below]).min() * (best - u)
-            free &= u > 1e-14
-            u[~free] = 0.0
-    return u
+    """Return the x (n,) nearest to `wish` with A x ≥ least (k,); 0 where none is found."""
+    n, k = len(wish), len(least)
+    unbounded, of_each = np.full(k, np.inf), np.zeros(k, dtype=np.int32)
+    x, _, flag, _ = daqp.solve(np.eye(n), -wish, A, unbounded, least, of_each)
+    return np.asarray(x) if flag > 0 else np.zeros(n)
