@@ -17,7 +17,7 @@ from telerobot.tools.cli import main
 
 def test_tick_measures_a_free_and_a_limited_phase():
     figures = tick.bench(load_cell("ur5e"), ticks=400)
-    for phase in ("free_us", "limited_us"):
+    for phase in ("free_us", "limited_us", "back_to_back_us", "arithmetic_us"):
         assert 0.0 < figures[phase]["p50"] <= figures[phase]["p99"] <= figures[phase]["max"]
     assert 0.0 < figures["limited_share"] <= 1.0
 

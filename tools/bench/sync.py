@@ -2,18 +2,22 @@
 
 Daemon and rig run as processes, the arm is enabled and moves under a streamed stick. A passive
 member of the bus takes the kernel's receive stamps. At the same time, a process that does nothing
-else sleeps to absolute deadlines of the same period: what the machine itself grants.
+else sleeps to absolute deadlines of the same period: what the machine itself grants. How long its
+control computations took, the daemon tells when it ends.
 """
 
+import json
 import math
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
 from ...config.load import Cell
 from ...protocols.can301 import SYNC_ID
-from .figures import Figures, percentiles
+from .figures import PERCENTILES, Figures, percentiles
 from .plant import Driven, driven
 
 SECONDS = 60.0
@@ -26,8 +30,16 @@ STEP_S = 0.05
 
 def bench(cell: Cell, seconds: float = SECONDS) -> Figures:
     """Measure for some seconds [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        statistics = Path(folder) / "daemon.json"
+        found = _measured(cell, seconds, statistics)
+        told = json.loads(statistics.read_text())
+    return {**found, "control_us": {name: told[f"compute_us_{name}"] for name in PERCENTILES}}
+
+
+def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
     period_s = cell.config.timing.period_s
-    with driven(cell) as plant:
+    with driven(cell, statistics) as plant:
         _sway(plant, SETTLE_S)
         for _ in plant.listener.frames():
             continue  # what came before the measurement
