@@ -9,6 +9,9 @@ Rules, which `tests/server/control/test_compiled.py` holds:
 - A kernel calls kernels of its own file only. What is compiled is kept on disk beside the source,
   and made anew when that file changes, not when another one does.
 - Indices are checked: one out of bounds is an IndexError.
+
+Write loops over elements: a slice, a copy or an expression of whole arrays becomes ten times the
+machine code, which a tick finds cold.
 """
 
 from collections.abc import Callable
@@ -40,6 +43,8 @@ ARRAY3: Final = _array(types.float64, 3)
 ARRAY4: Final = _array(types.float64, 4)
 INDEX: Final = _array(types.int64, 1)
 INDEX2: Final = _array(types.int64, 2)
+TABLE: Final = types.Array(types.float64, 2, "C")
+"""A matrix that a kernel made, and that another one of its file writes to."""
 FLAGS: Final = _array(types.boolean, 1)
 FLAGS2: Final = _array(types.boolean, 2)
 

@@ -275,7 +275,9 @@ def _composed(R_a_b: Array, p_a_b: Array, R_b_c: Array, p_b_c: Array) -> tuple[A
 @compiled(MATRIX, VECTOR, VECTOR)
 def _moved_wrench(R: Array, p: Array, wrench: Array) -> Array:
     out = rotate_twist(R, wrench)
-    out[3:] += cross(p, out[:3])
+    out[3] += p[1] * out[2] - p[2] * out[1]
+    out[4] += p[2] * out[0] - p[0] * out[2]
+    out[5] += p[0] * out[1] - p[1] * out[0]
     return out
 
 

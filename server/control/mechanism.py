@@ -105,12 +105,13 @@ def _at_mrf(
 
     v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards.
     """
-    R_mrf, lever = np.zeros((3, 3)), np.zeros(3)
+    R_mrf, lever, p_mrf = np.zeros((3, 3)), np.zeros(3), np.empty(3)
     for i in range(3):
         for k in range(3):
             lever[i] += R[i, k] * p_wrist_mrf[k]
             for j in range(3):
                 R_mrf[i, j] += R[i, k] * R_wrist_mrf[k, j]
+        p_mrf[i] = p[i] + lever[i]
     out = np.empty(J.shape)
     x, y, z = lever[0], lever[1], lever[2]
     for j in range(J.shape[1]):
@@ -119,4 +120,4 @@ def _at_mrf(
         out[1, j] = J[1, j] + wz * x - wx * z
         out[2, j] = J[2, j] + wx * y - wy * x
         out[3, j], out[4, j], out[5, j] = wx, wy, wz
-    return R_mrf, p + lever, out
+    return R_mrf, p_mrf, out

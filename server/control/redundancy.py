@@ -4,6 +4,7 @@ Williams 1997, eq. 7: dq = J⁺ẋ + (I − J⁺J) z. Every objective has a gain
 sources' gains; one whose gain is zero is not computed.
 """
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -148,9 +149,10 @@ def _composed(
     self-motion, counts the part that is the reduced-speed setting.
     """
     objectives, n = asked.shape
-    dq, norms = np.zeros(n), np.zeros(objectives)
+    dq, norms, part = np.zeros(n), np.zeros(objectives), np.empty(n)
     for i in range(objectives):
-        part = np.zeros(n)
+        for j in range(n):
+            part[j] = 0.0
         for row in range(len(null)):
             along = 0.0
             for j in range(n):
@@ -170,4 +172,8 @@ def _composed(
         room = factor * velocity[j] - np.sign(dq[j]) * dq_task[j] / slowed
         fits = min(fits, max(room, 0.0) / max(share * abs(dq[j]), _NONE))
     share *= fits
-    return share * dq, share * np.sqrt(norms)
+    for j in range(n):
+        dq[j] *= share
+    for i in range(objectives):
+        norms[i] = share * math.sqrt(norms[i])
+    return dq, norms

@@ -152,8 +152,10 @@ def _outward_gain(natural: float, sigma: float, curvature: float, d: float, p: R
 
 @compiled(MATRIX, NUMBER)
 def _weighted(J: Array, length: float) -> Array:
-    Jw = J.copy()
-    Jw[3:] *= length
+    Jw = np.empty(J.shape)
+    for i in range(6):
+        for j in range(J.shape[1]):
+            Jw[i, j] = J[i, j] if i < 3 else length * J[i, j]
     return Jw
 
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from .compiled import COUNT, MATRIX, VECTOR, compiled
+from .compiled import COUNT, MATRIX, TABLE, compiled
 from .frames import Array
 
 _ORTHOGONAL = 1e-15
@@ -22,11 +22,11 @@ _PASSES = 40
 """Far more passes over all pairs of rows than any matrix takes; six are usual [1]."""
 
 
-@compiled(VECTOR)
-def _size(x: Array) -> float:
+@compiled(MATRIX, COUNT)
+def _size(rows: Array, i: int) -> float:
     total = 0.0
-    for k in range(len(x)):
-        total += x[k] * x[k]
+    for k in range(rows.shape[1]):
+        total += rows[i, k] * rows[i, k]
     return math.sqrt(total)
 
 
@@ -34,11 +34,15 @@ def _size(x: Array) -> float:
 def _orthogonal_rows(A: Array) -> tuple[Array, Array, Array]:
     """Return an orthogonal U (m, m), Uᵀ A (m, n), whose rows are orthogonal, and their sizes."""
     m, n = A.shape
-    rows, U, size = A.copy(), np.eye(m), np.empty(m)
+    rows, U, size = np.empty((m, n)), np.zeros((m, m)), np.empty(m)
+    for i in range(m):
+        U[i, i] = 1.0
+        for k in range(n):
+            rows[i, k] = A[i, k]
     for _ in range(_PASSES):
         whole = 0.0
         for i in range(m):
-            size[i] = _size(rows[i])
+            size[i] = _size(rows, i)
             whole += size[i] * size[i]
         nothing, still = _NOTHING * math.sqrt(whole), True
         for i in range(m):
@@ -59,15 +63,15 @@ def _orthogonal_rows(A: Array) -> tuple[Array, Array, Array]:
                 for k in range(m):
                     a, b = U[k, i], U[k, j]
                     U[k, i], U[k, j] = c * a - s * b, s * a + c * b
-                size[i], size[j] = _size(rows[i]), _size(rows[j])
+                size[i], size[j] = _size(rows, i), _size(rows, j)
         if still:
             break
     return U, rows, size
 
 
-@compiled(MATRIX, COUNT)
-def _another(basis: Array, count: int) -> Array:
-    """Return a unit vector (n,) that is orthogonal to the first rows of a basis (n, n)."""
+@compiled(TABLE, COUNT)
+def _complete(basis: Array, count: int) -> None:
+    """Make the next row of a basis (n, n) a unit vector that is orthogonal to the first ones."""
     n = len(basis)
     best, most = 0, -1.0
     for k in range(n):
@@ -76,16 +80,18 @@ def _another(basis: Array, count: int) -> Array:
             left -= basis[row, k] * basis[row, k]
         if left > most:
             best, most = k, left
-    out = np.zeros(n)
-    out[best] = 1.0
+    for k in range(n):
+        basis[count, k] = 1.0 if k == best else 0.0
     for _ in range(2):  # the second time takes off what rounding left
         for row in range(count):
             along = 0.0
             for k in range(n):
-                along += basis[row, k] * out[k]
+                along += basis[row, k] * basis[count, k]
             for k in range(n):
-                out[k] -= along * basis[row, k]
-    return out / _size(out)
+                basis[count, k] -= along * basis[row, k]
+    size = _size(basis, count)
+    for k in range(n):
+        basis[count, k] /= size
 
 
 @compiled(MATRIX)
@@ -103,14 +109,16 @@ def svd(A: Array) -> tuple[Array, Array, Array]:
         for k in range(m):
             if size[k] > size[largest]:
                 largest = k
-        U[:, i] = made[:, largest]
+        for k in range(m):
+            U[k, i] = made[k, largest]
         if i < r:
             s[i] = size[largest]
             if s[i] > _NOTHING * s[0]:
-                Vt[i] = rows[largest] / s[i]
+                for k in range(n):
+                    Vt[i, k] = rows[largest, k] / s[i]
             else:
-                Vt[i] = _another(Vt, i)
+                _complete(Vt, i)
         size[largest] = -1.0
     for i in range(r, n):
-        Vt[i] = _another(Vt, i)
+        _complete(Vt, i)
     return U, s, Vt

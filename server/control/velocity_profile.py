@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from .compiled import ARRAY3, FLAG, MATRIX, NUMBER, VECTOR, compiled
+from .compiled import ARRAY3, FLAG, NUMBER, VECTOR, compiled
 from .frames import Array
 
 _INSTANT = 1e-12
@@ -87,12 +87,12 @@ def _planned(
     return phases
 
 
-@compiled(MATRIX, VECTOR, ARRAY3, NUMBER)
-def _along(start: Array, target: Array, phases: Array, t: float) -> Array:
-    """Return position, velocity and acceleration (3, n) a time t after `start` (3, n)."""
-    out = np.empty(start.shape)
-    for i in range(start.shape[1]):
-        x, v, a, left = start[0, i], start[1, i], start[2, i], t
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)
+def _along(q: Array, dq: Array, ddq: Array, target: Array, phases: Array, t: float) -> Array:
+    """Return position, velocity and acceleration (3, n) a time t after those of a start (n,)."""
+    out = np.empty((3, len(q)))
+    for i in range(len(q)):
+        x, v, a, left = q[i], dq[i], ddq[i], t
         for phase in range(phases.shape[1]):
             s, j = min(phases[0, phase, i], left), phases[1, phase, i]
             x += s * (v + s * (0.5 * a + s * j / 6.0))
@@ -124,9 +124,8 @@ def stepped(
     `acceleration` and `jerk` (n,) bound the way. Freedoms arrive `together`, or each as soon as it
     can. Raises `ValueError` where the result would not be finite.
     """
-    start = np.empty((3, len(q)))
-    start[0], start[1], start[2] = q, dq, ddq
-    return _along(start, target, _planned(dq, ddq, target, acceleration, jerk, together), period_s)
+    phases = _planned(dq, ddq, target, acceleration, jerk, together)
+    return _along(q, dq, ddq, target, phases, period_s)
 
 
 @compiled(VECTOR, VECTOR, VECTOR, VECTOR)
@@ -168,17 +167,15 @@ def reach(q: Array, dq: Array, ddq: Array, phases: Array) -> tuple[Array, Array,
 @compiled(VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)
 def stop_at(q: Array, dq: Array, ddq: Array, phases: Array, t: float) -> Array:
     """Return position, velocity and acceleration (3, n) a time t after a stop began."""
-    start = np.empty((3, len(q)))
-    start[0], start[1], start[2] = q, dq, ddq
-    return _along(start, np.zeros(len(q)), phases, t)
+    return _along(q, dq, ddq, np.zeros(len(q)), phases, t)
 
 
 @compiled(VECTOR, VECTOR, VECTOR, ARRAY3, VECTOR)
 def stop_postures(q: Array, dq: Array, ddq: Array, phases: Array, times: Array) -> Array:
     """Return the positions (s, n) at times (s,) after a stop began."""
-    start, rest = np.empty((3, len(q))), np.zeros(len(q))
-    start[0], start[1], start[2] = q, dq, ddq
-    out = np.empty((len(times), len(q)))
+    out, rest = np.empty((len(times), len(q))), np.zeros(len(q))
     for k in range(len(times)):
-        out[k] = _along(start, rest, phases, times[k])[0]
+        at = _along(q, dq, ddq, rest, phases, times[k])
+        for i in range(len(q)):
+            out[k, i] = at[0, i]
     return out

@@ -126,7 +126,10 @@ def _within(
         if not ratio <= fastest:  # what is not a number is not hidden
             fastest = ratio
     share = 1.0 / fastest
-    below, above = _approach(q - lower, a, b), _approach(upper - q, a, b)
+    below, above = np.empty(n), np.empty(n)
+    for j in range(n):
+        below[j], above[j] = q[j] - lower[j], upper[j] - q[j]
+    below, above = _approach(below, a, b), _approach(above, a, b)
     low, high = _leashed(error, leash, velocity)
     scaled, beyond = np.empty(n), False
     for j in range(n):

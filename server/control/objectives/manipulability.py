@@ -26,9 +26,10 @@ REGULAR: Final = 1e-14
 @compiled(MATRIX)
 def _solved(J: Array) -> tuple[float, Array]:
     """Return w and G (6, n) of a Jacobian J (6, n), by elimination."""
-    G = J.copy()
-    A = np.empty((6, 6))
+    G, A = np.empty(J.shape), np.empty((6, 6))
     for i in range(6):
+        for j in range(J.shape[1]):
+            G[i, j] = J[i, j]
         for k in range(6):
             A[i, k] = REGULAR * (i == k)
             for j in range(J.shape[1]):

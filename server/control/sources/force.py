@@ -143,9 +143,11 @@ def _held(load: Array, acceleration: Array) -> Array:
 
     Holding it up against gravity is accelerating it upwards by 9.81 m/s².
     """
-    (x, y, z), (ax, ay, az) = load[1:4], acceleration
+    x, y, z = load[1], load[2], load[3]
+    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
     out = np.empty(6)
-    out[:3] = load[0] * acceleration
+    for i in range(3):
+        out[i] = load[0] * acceleration[i]
     out[3], out[4], out[5] = y * az - z * ay, z * ax - x * az, x * ay - y * ax
     return out
 
@@ -165,7 +167,10 @@ def _followed(
                 out[0, i, j] += R[i, k] * R_wrist_sensor[k, j]
             out[0, i, 3] += R[i, k] * p_wrist_sensor[k]
         out[0, i, 3] += p[i]
-    out[1:] = places[: len(out) - 1]
+    for s in range(1, len(out)):
+        for i in range(3):
+            for j in range(4):
+                out[s, i, j] = places[s - 1, i, j]
     return out
 
 
@@ -174,13 +179,13 @@ def _unladen(
     calibration: Array, sample: Array, load: Array, places: Array, free_fall: Array, older: float
 ) -> Array:
     """Return a sample (6,) without bias and weight, `older` periods before the newest place."""
-    before = places[min(1, len(places) - 1)]
-    up = np.zeros(3)
+    before, up = min(1, len(places) - 1), np.zeros(3)
     for i in range(3):
         for k in range(3):
-            up[i] -= ((1.0 - older) * places[0, k, i] + older * before[k, i]) * free_fall[k]
-    out = -_held(load, up)
+            up[i] -= ((1.0 - older) * places[0, k, i] + older * places[before, k, i]) * free_fall[k]
+    out = _held(load, up)
     for i in range(6):
+        out[i] = -out[i]
         for k in range(6):
             out[i] += calibration[i, k] * (sample[k] - load[4 + k])
     return out
@@ -194,20 +199,21 @@ def _inertial(load: Array, places: Array, ahead: float, period_s: float, bound: 
     itself holds all of `a + α × r + ω × (ω × r)`. `bound` is the greatest acceleration that is
     believed [m/s²].
     """
-    x = places[:, :, 3].copy()
-    for s in range(4):
-        for i in range(3):
+    x, a, size2 = np.empty((4, 3)), np.empty(3), 0.0
+    for i in range(3):
+        for s in range(4):
+            x[s, i] = places[s, i, 3]
             for k in range(3):
                 x[s, i] += places[s, i, k] * load[1 + k] / load[0]
-    newer, before = x[0] - 2.0 * x[1] + x[2], x[1] - 2.0 * x[2] + x[3]  # one, two periods ago
-    a = (newer + ahead * (newer - before)) / period_s**2
-    size = math.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
-    if size > bound:
-        a *= bound / size
+        newer = x[0, i] - 2.0 * x[1, i] + x[2, i]  # one period ago
+        before = x[1, i] - 2.0 * x[2, i] + x[3, i]  # two
+        a[i] = (newer + ahead * (newer - before)) / period_s**2
+        size2 += a[i] ** 2
+    share = min(1.0, bound / math.sqrt(size2)) if size2 > 0.0 else 1.0
     turned = np.zeros(3)
     for i in range(3):
         for k in range(3):
-            turned[i] += places[1, k, i] * a[k]
+            turned[i] += places[1, k, i] * share * a[k]
     return _held(load, turned)
 
 
@@ -241,9 +247,11 @@ def _seen(
     """
     at = _followed(R, p, R_wrist_sensor, p_wrist_sensor, places)
     newest = _unladen(calibration, sample, load, at, free_fall, older)
-    contact = newest
-    if inertia:
-        contact = 0.5 * (newest + last)
-        if len(at) == 4 and load[0] > 0.0:
-            contact -= _inertial(load, at, 1.0 - INERTIA_PERIODS - older, period_s, bound)
-    return before + smoothing * (contact - before), newest, at
+    carried = np.zeros(6)
+    if inertia and len(at) == 4 and load[0] > 0.0:
+        carried = _inertial(load, at, 1.0 - INERTIA_PERIODS - older, period_s, bound)
+    filtered = np.empty(6)
+    for i in range(6):
+        contact = 0.5 * (newest[i] + last[i]) - carried[i] if inertia else newest[i]
+        filtered[i] = before[i] + smoothing * (contact - before[i])
+    return filtered, newest, at
