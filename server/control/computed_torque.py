@@ -53,8 +53,11 @@ def damped(mobility: Array, wanted: Array, region: float, damping: float) -> Arr
     Van Loan 2013, 8.5), which turn the matrix and what is wanted alike, and are then undone.
     """
     m = len(wanted)
-    A, x = mobility.copy(), wanted.copy()
-    turns = np.empty((SWEEPS, m, m, 2))
+    A, x, turns = np.empty((m, m)), np.empty(m), np.empty((SWEEPS, m, m, 2))
+    for p in range(m):
+        x[p] = wanted[p]
+        for q in range(m):
+            A[p, q] = mobility[p, q]
     sweeps = 0
     for sweep in range(SWEEPS):
         beside, size = 0.0, 0.0
@@ -113,11 +116,14 @@ def acceleration(
     tool's mobility is judged against the `region` [1/kg].
     """
     n = len(q)
-    ahead = (dq_ahead - dq_c) / period_s
-    own = ahead + null_damping * (dq_c - dq) + null_stiffness * (q_c - q)
-    tool = drift(J_c, dq_c) - drift(J, dq) + stiffness * error
-    moved, mobility = np.zeros((6, n)), np.zeros((6, 6))
+    ahead, own = np.empty(n), np.empty(n)
+    for j in range(n):
+        ahead[j] = (dq_ahead[j] - dq_c[j]) / period_s
+        own[j] = ahead[j] + null_damping * (dq_c[j] - dq[j]) + null_stiffness * (q_c[j] - q[j])
+    drift_c, tool = drift(J_c, dq_c), drift(J, dq)
+    moved, mobility, wanted = np.zeros((6, n)), np.zeros((6, 6)), np.empty(6)
     for i in range(6):
+        tool[i] = drift_c[i] - tool[i] + stiffness * error[i]
         for j in range(n):
             tool[i] += J_c[i, j] * (ahead[j] + damping * dq_c[j])
             tool[i] -= J[i, j] * (own[j] + damping * dq[j])
@@ -127,7 +133,8 @@ def acceleration(
             for j in range(n):
                 mobility[i, k] += moved[i, j] * J[k, j] * weight[k]
             mobility[k, i] = mobility[i, k]
-    push = damped(mobility, weight * tool, region, singular_damping)
+        wanted[i] = weight[i] * tool[i]
+    push = damped(mobility, wanted, region, singular_damping)
     for i in range(6):
         for j in range(n):
             own[j] += moved[i, j] * push[i]
@@ -154,8 +161,9 @@ def computed_torque(
         inverse, J_c, J, error, q_c, dq_c, dq_ahead, q, dq, weight,
         period_s, damping, stiffness, null_damping, null_stiffness, region, singular_damping,
     )  # fmt: skip
-    tau = h + beside
+    tau = np.empty(len(h))
     for i in range(len(tau)):
+        tau[i] = h[i] + beside[i]
         for j in range(len(tau)):
             tau[i] += M[i, j] * ddq[j]
     return tau

@@ -5,6 +5,7 @@ De Luca, Albu-Schäffer, Haddadin, Hirzinger 2006: `r = K (p − ∫ (τ + Cᵀ 
 accelerations. What is not known is friction, errors of the model, and a collision.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -56,15 +57,19 @@ def observed(
     over the period that has passed [N·m]; `bandwidth` is K [1/s]. Integrated so that it is stable
     at any bandwidth (backward in r).
     """
-    return bandwidth * (momentum - (expected + period_s * known)) / (1.0 + bandwidth * period_s)
+    out, rate = np.empty(len(momentum)), bandwidth / (1.0 + bandwidth * period_s)
+    for i in range(len(out)):
+        out[i] = rate * (momentum[i] - (expected[i] + period_s * known[i]))
+    return out
 
 
 @compiled(VECTOR, VECTOR, NUMBER)
 def to_expect(momentum: Array, residual: Array, bandwidth: float) -> Array:
     """Return the momentum (n,) to be expected of an observer that goes on from a residual (n,)."""
-    if bandwidth <= 0.0:
-        return momentum.copy()
-    return momentum - residual / bandwidth
+    out = np.empty(len(momentum))
+    for i in range(len(out)):
+        out[i] = momentum[i] - (residual[i] / bandwidth if bandwidth > 0.0 else 0.0)
+    return out
 
 
 @compiled(VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
@@ -73,14 +78,20 @@ def _heading(q: Array, q_command: Array, dq_command: Array, lead: float, speed: 
 
     `speed` [rad/s] is what most of friction is full at, `lead` [1/s] turns an error into a speed.
     """
-    return np.tanh((dq_command + lead * (q_command - q)) / speed)
+    out = np.empty(len(q))
+    for i in range(len(q)):
+        out[i] = math.tanh((dq_command[i] + lead * (q_command[i] - q[i])) / speed)
+    return out
 
 
 @compiled(MATRIX)
 def _inverted(M: Array) -> Array:
     """Return the inverse of a symmetric positive definite matrix (n, n), by Gauss and Jordan."""
     n = len(M)
-    out = M.copy()
+    out = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = M[i, j]
     for k in range(n):
         pivot = 1.0 / out[k, k]
         out[k, k] = 1.0
@@ -107,8 +118,9 @@ def _times(A: Array, x: Array) -> Array:
 @compiled(VECTOR, VECTOR)
 def _within(x: Array, most: Array) -> Array:
     """Return x (n,), each part at most `most` (n,) in size; what is not a number stays."""
-    out = x.copy()
+    out = np.empty(len(x))
     for i in range(len(x)):
+        out[i] = x[i]
         if x[i] > most[i]:
             out[i] = most[i]
         elif x[i] < -most[i]:
@@ -142,25 +154,39 @@ def foreseen(
     `authority` (n,). `friction` (n,) is Coulomb's; `lead` and `speed` say, of the command, which
     way it will act.
     """
-    T, inverse = period_s, _inverted(M)
-    felt, h = _times(J.T, wrench), _times(C, rate) + g
+    n, T, inverse = len(q), period_s, _inverted(M)
+    felt, drag, turning = _times(J.T, wrench), _times(C, rate), _times(C.T, rate)
+    push, dq, known = np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        push[i] = acted[i] + (felt[i] + residual[i] - (drag[i] + g[i]))
+        known[i] = acted[i] + (turning[i] - g[i]) + felt[i]
     # The rate now: the encoders' own, half a period old, carried on by what acted since.
-    dq = rate + 0.5 * T * _times(inverse, acted + (felt + residual - h))
-    dq = rate_foreseen + trust * (dq - rate_foreseen)
-    momentum = _times(M, dq)
-    if settled or bandwidth <= 0.0:
-        found = np.zeros(len(q))
-    else:
-        known = acted + (_times(C.T, rate) - g) + felt
+    gained = _times(inverse, push)
+    for i in range(n):
+        dq[i] = rate[i] + 0.5 * T * gained[i]
+        dq[i] = rate_foreseen[i] + trust * (dq[i] - rate_foreseen[i])
+    momentum, found = _times(M, dq), np.zeros(n)
+    if not settled and bandwidth > 0.0:
         found = observed(expected, momentum, known, bandwidth, T)
         # Without what friction alone may hold of a standing joint: learnt at rest, it would be in
         # the way when the joint sets off, as friction turns round then. The fourth power: a joint
         # that creeps is not standing, and what is learnt there counts.
-        standing = (1.0 - np.abs(_heading(q, q_command, dq_command, lead, speed))) ** 4
-        found = found - _within(found, friction * standing)
-    ddq = _times(inverse, acting + felt + found - h)
-    q_next, dq_next = q + T * (dq + 0.5 * T * ddq), dq + T * ddq
-    answer = -_within(found, authority) - compensation * felt
-    rubbing = friction * _heading(q_next, q_command, dq_command, lead, speed)
+        heading, holds = _heading(q, q_command, dq_command, lead, speed), np.empty(n)
+        for i in range(n):
+            holds[i] = friction[i] * (1.0 - abs(heading[i])) ** 4
+        held = _within(found, holds)
+        for i in range(n):
+            found[i] -= held[i]
+    for i in range(n):
+        push[i] = acting[i] + felt[i] + found[i] - (drag[i] + g[i])
+    ddq, q_next, dq_next = _times(inverse, push), np.empty(n), np.empty(n)
+    for i in range(n):
+        q_next[i] = q[i] + T * (dq[i] + 0.5 * T * ddq[i])
+        dq_next[i] = dq[i] + T * ddq[i]
+    answer = _within(found, authority)
+    rubbing = _heading(q_next, q_command, dq_command, lead, speed)
+    for i in range(n):
+        answer[i] = -answer[i] - compensation * felt[i]
+        rubbing[i] *= friction[i]
     expect = to_expect(momentum, found, bandwidth)
     return Foreseen(inverse, q_next, dq_next, expect, found, answer, rubbing)

@@ -97,8 +97,12 @@ def _programme(
     is to be widened: what it falls short by. `length` weighs rotations [m/rad].
     """
     n, m = len(dq), len(least)
-    widened = np.flatnonzero(least > 0.0)
-    size, count = n + 1 + len(widened), m + len(widened)
+    widened, wide = np.empty(m, dtype=np.int64), 0
+    for i in range(m):
+        if least[i] > 0.0:
+            widened[wide] = i
+            wide += 1
+    size, count = n + 1 + wide, m + wide
     H, f, A = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
     x = np.zeros(6)
     for r in range(6):
@@ -123,23 +127,29 @@ def _programme(
         asked += LEAVE_PATH * x2
     H[n, n] = asked + slow
     f[n] = -slow
-    upper, lower = np.full(size + count, UNBOUNDED), np.zeros(size + count)
-    lower[:n], lower[n] = low, SLIDE
-    upper[:n], upper[n] = high, 1.0
-    A[:m, :n] = slopes
+    upper, lower = np.empty(size + count), np.zeros(size + count)
+    for i in range(size + count):
+        upper[i] = UNBOUNDED
+    for j in range(n):
+        lower[j], upper[j] = low[j], high[j]
+    lower[n], upper[n] = SLIDE, 1.0
     for i in range(m):
         lower[size + i] = min(least[i], 0.0)
-    for i in range(len(widened)):
+        for j in range(n):
+            A[i, j] = slopes[i, j]
+    for i in range(wide):
         gap = widened[i]
         H[n + 1 + i, n + 1 + i] = WIDEN
-        A[m + i, :n] = slopes[gap]
+        for j in range(n):
+            A[m + i, j] = slopes[gap, j]
         A[m + i, n + 1 + i] = 1.0
         lower[size + m + i] = least[gap]
     sense, led_back = np.zeros(size + count, dtype=np.int32), False
     for j in range(n):
         led_back = led_back or low[j] > 0.0 or high[j] < 0.0
     if led_back:
-        sense[size : size + m] = _SOFT
+        for i in range(m):
+            sense[size + i] = _SOFT
     return H, f, A, upper, lower, sense
 
 

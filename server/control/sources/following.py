@@ -108,11 +108,14 @@ def _felt(
     """Return the wrench (6,) without what is noise, and bounded; its direction stays."""
     out = np.empty(6)
     for first, dead, most in ((0, dead_force, most_force), (3, dead_moment, most_moment)):
-        part = wrench[first : first + 3]
-        size = max(math.sqrt(part[0] ** 2 + part[1] ** 2 + part[2] ** 2), 1e-12)
+        size2 = 0.0
+        for i in range(first, first + 3):
+            size2 += wrench[i] ** 2
+        size = max(math.sqrt(size2), 1e-12)
         beyond = 1.0 if dead <= 0.0 else min(1.0, max(0.0, size / dead - 1.0))
         smooth = beyond * beyond * (3.0 - 2.0 * beyond)
-        out[first : first + 3] = part * (smooth * min(1.0, most / size))
+        for i in range(first, first + 3):
+            out[i] = wrench[i] * (smooth * min(1.0, most / size))
     return out
 
 
@@ -130,14 +133,14 @@ def _led(
     The mass moves with `twist` (6,) in World, where R (3, 3) leads from the axes of `wrench` (6,)
     and `gain` (6,). `error` (6,) is the way from the command to the reference.
     """
-    force = share * gain * _felt(wrench, dead_force, dead_moment, most_force, most_moment)
+    felt = _felt(wrench, dead_force, dead_moment, most_force, most_moment)
     after, path, asked = np.empty(6), np.empty(6), np.empty(6)
     T = period_s
     for i in range(6):
         first, row = (0, i) if i < 3 else (3, i - 3)
         F = 0.0
         for k in range(3):
-            F += R[row, k] * force[first + k]
+            F += R[row, k] * (share * gain[first + k] * felt[first + k])
         M, B, v = mass[i], damping[i], twist[i]
         a1 = (F - B * v) / M
         v2 = v + 0.5 * T * a1
