@@ -178,7 +178,6 @@ class Cycle:
         """Watch what is to be watched, and return what a request may depend on."""
         watches = self._watches
         watches.look(
-            now_s,
             reading,
             self._memory,
             self.output,

@@ -31,7 +31,6 @@ class TouchWatch:
 
     def look(
         self,
-        now_s: float,
         reading: PlantReading,
         memory: Memory | None,
         output: Output | None,
@@ -57,7 +56,7 @@ class TouchWatch:
         free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
         self._touch.dynamics.fall(free_fall)
         self._state = self._touch.measure(
-            self._state, reading.q, reading.tau, seen, memory.load, now_s
+            self._state, reading.q, reading.tau, seen, memory.load, reading.sampled_s
         )
         found = self._touch.touched(self._state)
         if found is not None and moving and not self.stopping:

@@ -1,8 +1,9 @@
 """The rig at the pace of the wall clock, for a daemon in another process.
 
 Physics follows the bus. When this process was late and several SYNCs wait, up to one SYNC period
-of physics passes between two of them, so that setpoints keep their spacing in physics time. Time
-that was lost otherwise is skipped and counted, never made up in a burst.
+of physics passes between two of them, so that setpoints keep their spacing in physics time; and so
+does what was lost between two SYNCs, or an arm would seem to stop and jump. Time that was lost
+otherwise is skipped and counted, never made up in a burst.
 """
 
 import time
@@ -16,8 +17,6 @@ from ...protocols.rig import RigFault, RigTruth
 from .rig import Rig
 
 TRUTH_PERIOD_S = 0.01
-_MOST_LATE_STEPS = 5
-"""Steps of lateness that are still made up; more are skipped [1]."""
 
 
 class Judge(Protocol):
@@ -72,7 +71,7 @@ def run_realtime(
         late = clock() - deadline
         if late < 0:
             sleep(-late)
-        elif late > _MOST_LATE_STEPS * rig.dt:
+        elif late > rig.period_s:
             missed = int(late / rig.dt)
             pace.skipped += missed
             deadline += missed * rig.dt

@@ -3,9 +3,10 @@
 A joint moves by what its drive gives and by what pushes the arm: τ_ext = M q̈ + C q̇ + g + τ_f − τ.
 Of that, what the force/torque sensor sees at the tool is known; the rest, low-passed, is unseen
 contact. It is the momentum observer (De Luca & Mattone 2003) with the momentum's rate written out
-as a second difference, which is one period late and centred. The law of drives in CST has another
-(`momentum.py`): of what it sent and predicted, slower, and without what friction may hold, because
-it acts on what it finds; this one judges what drives report, and in every operation mode.
+as a second difference over the instants of the samples, which is one period late. The law of drives
+in CST has another (`momentum.py`): of what it sent and predicted, slower, and without what friction
+may hold, because it acts on what it finds; this one judges what drives report, and in every
+operation mode.
 
 What is not known counts as nobody's push: Coulomb friction near standstill, whose sign may be
 either, a part of the accelerating torque, and contact that the sensor is about to see. It passes
@@ -42,6 +43,9 @@ class TouchState:
     lasting_s: float = 0.0
     """How long some joint's has been beyond its bound [s]."""
     time_s: float = 0.0
+    """When the newest joints were sampled [s]."""
+    step_s: float = 0.0
+    """How long after those before them [s]."""
 
 
 @dataclass(frozen=True)
@@ -93,17 +97,22 @@ class Touch:
 
         `seen` (n,) [N·m] are the joint torques of the contact that the sensor reports, as it acts
         on the arm; `load` (10,) what the sensor carries, see `sources.force.load_of`;
-        `time_s` the tick's time [s].
+        `time_s` when the joints were sampled [s]: a SYNC that is late by a tenth of a period is
+        10 rad/s² at 1 rad/s to who takes it to be in time.
         """
-        if abs(time_s - state.time_s - self._period_s) > 0.5 * self._period_s:
-            # Ticks were missed, or a late one is followed by one in time: differences would be
-            # wrong. What was felt until then is kept.
+        T, step_s = self._period_s, time_s - state.time_s
+        if abs(step_s - T) > 0.5 * T:
+            # Ticks were missed, or a late one is followed by one in time: torques are the means of
+            # other periods. What was felt until then is kept.
             state = evolve(state, q=())
         if len(state.q) < 2 or state.tau is None or state.seen is None:
-            return evolve(state, q=(q, *state.q[:1]), tau=tau, seen=seen, time_s=time_s)
-        T, (q1, q2) = self._period_s, state.q
-        dq = (q - q2) / (2.0 * T)
-        ddq = (q - 2.0 * q1 + q2) / T**2
+            return evolve(
+                state, q=(q, *state.q[:1]), tau=tau, seen=seen, time_s=time_s, step_s=step_s
+            )
+        (q1, q2), before_s = state.q, state.step_s
+        rate, rate_before = (q - q1) / step_s, (q1 - q2) / before_s
+        dq = (before_s * rate + step_s * rate_before) / (step_s + before_s)
+        ddq = 2.0 * (rate - rate_before) / (step_s + before_s)
         mass = float(load[0])
         self.dynamics.carry(mass, load[1:4] / max(mass, 1e-9))
         needed = self.dynamics.torque(q1, dq, ddq)
@@ -120,7 +129,7 @@ class Touch:
             excused = state.excused + self._smoothing * (excused - state.excused)
         beyond = bool((np.abs(external) > self._bound + excused).any())
         lasting_s = state.lasting_s + T if beyond else 0.0
-        return TouchState((q, q1), tau, seen, external, excused, lasting_s, time_s)
+        return TouchState((q, q1), tau, seen, external, excused, lasting_s, time_s, step_s)
 
     def touched(self, state: TouchState) -> Touched | None:
         """Return which joint is pushed most, against its bound, if one is for long enough."""

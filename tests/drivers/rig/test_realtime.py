@@ -79,6 +79,19 @@ def test_lost_time_is_skipped_and_counted(master: Master) -> None:
     assert 0.19 < master.rig.time_s - before < 0.21
 
 
+def test_a_stall_between_two_syncs_is_made_up(master: Master) -> None:
+    """Or the arm would seem to stop, and its drives to push it."""
+    clock = Clock()
+    steps = iter(range(10_000))
+
+    def stall_once(seconds: float) -> None:
+        clock.time_s += 0.009 if next(steps) == 10 else seconds
+
+    pace = run_realtime(master.rig, after(clock, 0.1), None, clock=clock.now, sleep=stall_once)
+    assert pace.skipped == 0
+    assert abs(master.rig.time_s - 0.1) < 2e-3
+
+
 def test_syncs_in_the_backlog_keep_their_spacing_in_physics_time(master: Master) -> None:
     clock = Clock()
     run(master, clock, 0.05)
