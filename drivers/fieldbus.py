@@ -200,11 +200,13 @@ class Fieldbus:
             self._fail(Cause.SECOND_MASTER, f"someone else sent {can_id:#05x}", can_id=can_id)
             return
         handler = self._handlers.get(can_id)
+        # An interface that does not stamp leaves 0: what goes by instants has to have some.
+        stamp = message.timestamp or self.now
         try:
             if handler is not None:
-                handler(bytes(message.data), message.timestamp)
+                handler(bytes(message.data), stamp)
             else:
-                self.network.notify(can_id, message.data, message.timestamp)
+                self.network.notify(can_id, message.data, stamp)
         except (FrameError, struct.error, IndexError):
             self.malformed += 1
 

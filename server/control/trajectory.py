@@ -46,20 +46,15 @@ class TrajectoryError(Exception):
     """There is no way from a state, or under a bound: it says which."""
 
 
-@dataclass(frozen=True)
-class Profile:
-    """A planned motion, and how far along it is."""
+@dataclass(frozen=True, kw_only=True)
+class _UnderWay:
+    """How far along something that was planned is."""
 
-    trajectory: "ruckig.Trajectory"
-    elapsed_s: float
     duration_s: float
-
-    def at(self, ahead_s: float = 0.0) -> Motion:
-        """Return the motion `ahead_s` after now."""
-        return _state(self.trajectory.at_time(self.elapsed_s + ahead_s))
+    elapsed_s: float = 0.0
 
     def advanced(self, by_s: float) -> Self:
-        """Return the same profile, further along."""
+        """Return the same, further along."""
         return evolve(self, elapsed_s=self.elapsed_s + by_s)
 
     @property
@@ -74,8 +69,19 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Stop:
-    """A jerk-limited way to rest, and how far along it is."""
+class Profile(_UnderWay):
+    """A planned motion to a target."""
+
+    trajectory: "ruckig.Trajectory"
+
+    def at(self, ahead_s: float = 0.0) -> Motion:
+        """Return the motion `ahead_s` after now."""
+        return _state(self.trajectory.at_time(self.elapsed_s + ahead_s))
+
+
+@dataclass(frozen=True)
+class Stop(_UnderWay):
+    """A jerk-limited way to rest."""
 
     start: Motion
     """Where it began."""
@@ -85,13 +91,12 @@ class Stop:
     """Least position of each joint along the whole stop (n,)."""
     high: Array
     """Greatest position of each joint along the whole stop (n,)."""
-    duration_s: float
-    elapsed_s: float = 0.0
 
     @staticmethod
     def along(start: Motion, phases: Array) -> "Stop":
         """Return the stop from `start` that goes through phases (2, k, n)."""
-        return Stop(start, phases, *reach(*start, phases))
+        low, high, duration_s = reach(*start, phases)
+        return Stop(start, phases, low, high, duration_s=duration_s)
 
     def at(self, ahead_s: float = 0.0) -> Motion:
         """Return the motion `ahead_s` after now."""
@@ -100,20 +105,6 @@ class Stop:
     def postures(self, ahead_s: Array) -> Array:
         """Return the positions (s, n) at times (s,) after now."""
         return stop_postures(*self.start, self.phases, self.elapsed_s + ahead_s)
-
-    def advanced(self, by_s: float) -> "Stop":
-        """Return the same stop, further along."""
-        return evolve(self, elapsed_s=self.elapsed_s + by_s)
-
-    @property
-    def to_go_s(self) -> float:
-        """Time until rest [s]."""
-        return max(0.0, self.duration_s - self.elapsed_s)
-
-    @property
-    def finished(self) -> bool:
-        """True once at rest."""
-        return self.elapsed_s >= self.duration_s
 
 
 def _state(at_time: tuple[list[float], list[float], list[float]]) -> Motion:
@@ -214,4 +205,4 @@ class PositionPlanner:
         i.max_velocity, i.max_acceleration, i.max_jerk = bounds
         i.target_position = target
         trajectory = _calculated(self._ruckig, i, motion, "position", target)
-        return Profile(trajectory, 0.0, trajectory.duration)
+        return Profile(trajectory, duration_s=trajectory.duration)

@@ -38,6 +38,17 @@ def test_frames_go_to_the_decoder_of_their_identifier(cell: Any) -> None:
     assert got == [(b"\x01", 0.5, 0.75)]
 
 
+def test_a_frame_that_nobody_stamped_came_when_it_was_taken_in(cell: Any) -> None:
+    """Some interfaces leave 0, and whoever takes differences over stamps would never get one."""
+    got: list[float] = []
+    cell.fieldbus.listen(0x190, lambda _data, stamp: got.append(stamp))
+    cell.hub.time_s = 0.0
+    for now_s in (0.75, 0.76):
+        cell.played.send(0x190, b"\x01")
+        cell.fieldbus.receive(now_s)
+    assert got == [0.75, 0.76]
+
+
 @pytest.mark.parametrize("kind", ["is_remote_frame", "is_error_frame"])
 def test_only_data_frames_reach_a_decoder(cell: Any, kind: str) -> None:
     got: list[bytes] = []

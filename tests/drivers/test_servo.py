@@ -7,6 +7,7 @@ import pytest
 from telerobot.drivers.device import Cause
 from telerobot.protocols.can301 import EmcyCode, NmtState
 from telerobot.protocols.cia402 import Control, DriveState, Status
+from telerobot.server.plant import Plant
 
 ENABLED = DriveState.OPERATION_ENABLED
 DISABLED = DriveState.SWITCH_ON_DISABLED
@@ -281,3 +282,14 @@ def test_an_emergency_is_taken_back_by_the_drive_while_resetting(cell: Any) -> N
     assert causes(cell).cause is Cause.EMERGENCY
     cell.played.emcy(EmcyCode.NO_ERROR)
     assert causes(cell) is None
+
+
+def test_joints_were_sampled_when_the_first_drive_answered_not_when_they_are_read(
+    cell: Any,
+) -> None:
+    plant = Plant(cell.fieldbus, (cell.servo,), None, 0.1)
+    cell.enable()
+    cell.step()
+    at_s = cell.hub.time_s
+    cell.hub.time_s += 0.003
+    assert plant.read(cell.hub.time_s).sampled_s == at_s
