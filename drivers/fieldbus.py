@@ -26,6 +26,8 @@ Tap = Callable[[int, bytes], None]
 """Called with identifier and data of every frame that was sent."""
 
 SDO_TIMEOUT_S: Final = 0.3
+SYNC_DOUBT_S: Final = 2.5e-4
+"""A SYNC that took longer to send went out nobody knows when [s]."""
 _MOST_FRAMES_AT_ONCE: Final = 1000
 _SDO_ABORT: Final = 0x80
 _BUS_OFF: Final = 0x40  # socketcan's error class CAN_ERR_BUSOFF
@@ -61,6 +63,8 @@ class Fieldbus:
         self.taps: list[Tap] = []
         self.trouble: Trouble | None = None
         self.sync_count = 0
+        self.sync_s: float | None = None
+        """When the newest SYNC went out [s], on `clock`; None when that is not known well."""
         self.malformed = 0
         self.now = clock()
         """When the frames being dispatched were taken off the bus [s], on `clock`."""
@@ -94,9 +98,11 @@ class Fieldbus:
         return True
 
     def sync(self) -> None:
-        """Send SYNC and count it (CiA 301, 7.2.5)."""
+        """Send SYNC, count it and note when (CiA 301, 7.2.5)."""
+        before = self.clock()
         if self.send(can301.SYNC_ID, b""):
             self.sync_count += 1
+            self.sync_s = before if self.clock() - before <= SYNC_DOUBT_S else None
 
     def heartbeat(self) -> None:
         """Send the master's heartbeat: operational. Called by the tick, so it stops with it."""

@@ -38,6 +38,8 @@ class ServoReading:
     """It answered the newest SYNC."""
     age_syncs: int
     """SYNCs sent since the one that it last answered."""
+    sampled_s: float | None
+    """When it sampled, at the SYNC that it answered [s], on the bus' clock; None: not known."""
     position_rad: float | None
     torque_nm: float | None
     velocity_rad_s: float | None
@@ -102,6 +104,7 @@ class ServoDrive:
         self._feedback: cia402.Feedback | None = None
         self._state: DriveState | None = None
         self._answered_sync = self._bus.sync_count
+        self._sampled_s: float | None = None
         self._heartbeat_s: float | None = None
         self._was_operational = False
         self._restarted: int | None = None
@@ -151,12 +154,13 @@ class ServoDrive:
             self._trouble = wrong
         last, drive = self._feedback, self.drive
         if last is None:
-            return ServoReading(False, False, age, None, None, None, None, 0, self._trouble)
+            return ServoReading(False, False, age, None, None, None, None, None, 0, self._trouble)
         torque = last.torque * 1e-3 * drive.rated_torque * drive.direction
         return ServoReading(
             ready=True,
             fresh=age == 0,
             age_syncs=age,
+            sampled_s=self._sampled_s,
             position_rad=servo_setup.to_radians(drive, last.position),
             torque_nm=torque,
             velocity_rad_s=None,
@@ -282,6 +286,9 @@ class ServoDrive:
     def _on_feedback(self, data: bytes, stamp: float) -> None:
         self.answer_stamp = stamp
         self._feedback = feedback = cia402.unpack_feedback(data)
+        # After a SYNC without an answer this may be the one to that, late.
+        in_turn = self._bus.sync_count - self._answered_sync <= 1
+        self._sampled_s = self._bus.sync_s if in_turn else None
         self._answered_sync = self._bus.sync_count
         try:
             self._state = cia402.decode_state(feedback.statusword)

@@ -127,6 +127,10 @@ class Cycle:
         """The MRF that is in force."""
         return self._orders.places.T_wrist_mrf
 
+    def gather(self) -> None:
+        """Take in what has come by now: a late answer shall not pass for one to the next SYNC."""
+        self.plant.fieldbus.receive(self.clock.now())
+
     def begin(self) -> None:
         """Send SYNC, and now and then the heartbeat that only a living tick produces."""
         self.tick += 1

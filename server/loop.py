@@ -14,6 +14,9 @@ from .mode import Mode
 COLLECT_PART = 0.3
 """Part of a period in which the drives' answers are waited for [1]."""
 
+GATHER_S = 1e-3
+"""So long before a deadline the bus is emptied: it must not make SYNC late [s]."""
+
 SKIP_PART = 0.5
 """A tick later than this part of a period is skipped, not squeezed in [1]."""
 
@@ -75,6 +78,8 @@ def run(
     statistics = LoopStatistics()
     deadline = clock.now() + period_s
     while go_on(cycle):
+        clock.sleep_until(deadline - GATHER_S)
+        cycle.gather()
         clock.sleep_until(deadline)
         late = clock.now() - deadline
         cycle.begin()

@@ -25,8 +25,8 @@ class PlantReading:
 
     q: Array | None
     """Joint angles (n,) [rad]; None before every drive has told its own."""
-    sampled_s: float
-    """When they were sampled, by the bus' own stamps [s]."""
+    sampled_s: float | None
+    """When all of them were sampled [s], on the bus' clock; None when that is not known."""
     tau: Array
     """Joint torques (n,) [N·m]."""
     states: tuple[DriveState | None, ...]
@@ -108,10 +108,11 @@ class Plant:
         if self.gripper is not None:
             trouble = trouble or self.gripper.read().trouble
         wrench, age = self._wrench(now_s)
+        sampled_s = readings[0].sampled_s
+        together = all(r.sampled_s == sampled_s for r in readings)
         return PlantReading(
             q=np.array(angles, dtype=float) if heard else None,
-            # The first drive's answer comes right after the SYNC at which all of them sampled.
-            sampled_s=self.drives[0].answer_stamp,
+            sampled_s=sampled_s if together else None,
             tau=np.array([r.torque_nm or 0.0 for r in readings]),
             states=tuple(r.state for r in readings),
             wrench=wrench,
@@ -166,6 +167,7 @@ class Plant:
         if self.sensor is None or not self.opened:
             return None, None
         reading = self.sensor.read(now_s)
+        # The first drive's answer comes right after the SYNC at which all of them sampled.
         self._wrench_lag_s = self.drives[0].answer_stamp - reading.stamp
         fresh = (
             reading.wrench is not None

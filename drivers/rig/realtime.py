@@ -1,9 +1,8 @@
 """The rig at the pace of the wall clock, for a daemon in another process.
 
-Physics follows the bus. When this process was late and several SYNCs wait, up to one SYNC period
-of physics passes between two of them, so that setpoints keep their spacing in physics time; and so
-does what was lost between two SYNCs, or an arm would seem to stop and jump. Time that was lost
-otherwise is skipped and counted, never made up in a burst.
+Physics follows the bus: what a SYNC finds is the state of the instant at which it was sent, however
+late this process comes to see it, so that samples and setpoints keep their spacing in physics time.
+More time that was lost without a SYNC is skipped and counted, never made up in a burst.
 """
 
 import time
@@ -11,12 +10,18 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
+import can
+
 from ...protocols.can301 import SYNC_ID
 from ...protocols.moving import RigMotion
 from ...protocols.rig import RigFault, RigTruth
 from .rig import Rig
 
 TRUTH_PERIOD_S = 0.01
+LATE_PERIODS = 2
+"""Lateness of so many SYNC periods is made up when no SYNC waits, more is skipped [1]."""
+MOST_PERIODS = 5
+"""A SYNC that has waited for longer is taken to have come just now [SYNC periods]."""
 
 
 class Judge(Protocol):
@@ -47,10 +52,12 @@ def run_realtime(
     *,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
+    stamping: Callable[[], float] = time.time,
     on_refused: Callable[[str], None] | None = None,
 ) -> Pace:
     """Run the rig until `stop()`, one physics step per `rig.dt` of `clock` [s].
 
+    `stamping` is the clock of the stamps of the bus [s]; stamps of another one are no use.
     `on_refused` is told, in one line, why a fault was not injected. Raises `RigError` when another
     rig is on the bus.
     """
@@ -58,7 +65,16 @@ def run_realtime(
     deadline = clock()
     next_truth_s = rig.time_s
     while not stop():
-        deadline = _handle_backlog(rig, pace, deadline, clock)
+        while (message := rig.receive()) is not None:
+            sent_s = clock() - _age(message, rig, stamping)
+            if message.arbitration_id == SYNC_ID:
+                deadline = _catch_up(rig, pace, deadline, sent_s)
+            rig.handle(message, min(max(sent_s - deadline, -rig.dt), rig.dt))
+        late = clock() - deadline
+        if late > LATE_PERIODS * rig.period_s:
+            missed = int(late / rig.dt)
+            pace.skipped += missed
+            deadline += missed * rig.dt
         if judge is not None:
             for fault in judge.faults():
                 _inject(rig, fault, pace, on_refused)
@@ -68,26 +84,24 @@ def run_realtime(
             judge.publish(rig.truth())
             next_truth_s = rig.time_s + TRUTH_PERIOD_S - rig.dt / 2
         deadline += rig.dt
-        late = clock() - deadline
-        if late < 0:
-            sleep(-late)
-        elif late > rig.period_s:
-            missed = int(late / rig.dt)
-            pace.skipped += missed
-            deadline += missed * rig.dt
+        sleep(max(0.0, deadline - clock()))
     return pace
 
 
-def _handle_backlog(rig: Rig, pace: Pace, deadline: float, clock: Callable[[], float]) -> float:
-    """Handle all frames that wait; return the deadline after the steps that this took."""
-    while (message := rig.receive()) is not None:
-        if message.arbitration_id == SYNC_ID and rig.sync_stamps:
-            due = rig.sync_stamps[-1] + rig.period_s - rig.dt / 2
-            while rig.time_s < due and clock() - deadline >= rig.dt:
-                rig.step()
-                pace.steps += 1
-                deadline += rig.dt
-        rig.handle(message)
+def _age(message: can.Message, rig: Rig, stamping: Callable[[], float]) -> float:
+    """Return how long a frame has waited [s], 0 when its stamp does not tell."""
+    age = stamping() - message.timestamp
+    return age if 0.0 < age <= MOST_PERIODS * rig.period_s else 0.0
+
+
+def _catch_up(rig: Rig, pace: Pace, deadline: float, until_s: float) -> float:
+    """Step until `until_s` on the clock is less than a step away; return the new deadline."""
+    if until_s - deadline > MOST_PERIODS * rig.period_s:
+        return deadline
+    while until_s - deadline >= rig.dt:
+        rig.step()
+        pace.steps += 1
+        deadline += rig.dt
     return deadline
 
 

@@ -148,15 +148,19 @@ class Rig:
                 return message
         return None
 
-    def handle(self, message: can.Message) -> None:
-        """Handle one frame. Raises `RigError` for one that only a node of the same id sends."""
+    def handle(self, message: can.Message, ahead_s: float = 0.0) -> None:
+        """Handle one frame that was sent `ahead_s` after the newest step [s].
+
+        Raises `RigError` for one that only a node of the same id sends.
+        """
+        self.world.ahead_s = ahead_s
         can_id, data = message.arbitration_id, bytes(message.data)
         if can_id in self._own_beats:
             node = can_id - can301.heartbeat_id(0)
             raise RigError(f"another node {node} is on the bus: is a second rig running on it?")
         if can_id == can301.SYNC_ID:
             self.sync_count += 1
-            self.sync_stamps.append(self._time_s)
+            self.sync_stamps.append(self._time_s + ahead_s)
         links = self._routes.get(can_id)
         if links is None:
             if can_id <= can301.heartbeat_id(0):

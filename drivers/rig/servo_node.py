@@ -58,7 +58,7 @@ class SimulatedDrive(CanNode):
         self._cut = False
         live = self.objects.live
         live[Object.STATUSWORD, 0] = self.statusword
-        live[Object.POSITION_ACTUAL, 0] = lambda: self._to_counts(world.q[joint])
+        live[Object.POSITION_ACTUAL, 0] = lambda: self._to_counts(world.angle(joint))
         live[Object.VELOCITY_ACTUAL, 0] = lambda: round(self._scale * world.dq[joint])
         live[Object.TORQUE_ACTUAL, 0] = self._torque
         live[Object.RATED_TORQUE, 0] = lambda: round(drive.rated_torque * 1000)

@@ -56,6 +56,8 @@ class World:
         self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
         arm = slice(self._first, self._first + self.n)
         self._friction = self.model.dof_frictionloss[arm].copy()
+        self.ahead_s = 0.0
+        """How far the bus' time is ahead of the state [s]: a SYNC comes between two steps."""
         self._pushes: dict[int, Vector] = {}
         self._swell: tuple[float, float] | None = None
         """When the push on the tool began, and how long it takes [s]."""
@@ -70,6 +72,10 @@ class World:
     def time_s(self) -> float:
         """Physics time since the start [s]."""
         return float(self.data.time)
+
+    def angle(self, joint: int) -> float:
+        """Return a joint's angle [rad] at the bus' time."""
+        return float(self.q[joint] + self.ahead_s * self.dq[joint])
 
     def step(self, torque: Vector) -> None:
         """Advance by one physics step under joint torques (n,) [N·m]."""

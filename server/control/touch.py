@@ -91,15 +91,17 @@ class Touch:
         tau: Array,
         seen: Array,
         load: Array,
-        time_s: float,
+        time_s: float | None,
     ) -> TouchState:
         """Return the state after one reading: joints q (n,) [rad] and torques tau (n,) [N·m].
 
         `seen` (n,) [N·m] are the joint torques of the contact that the sensor reports, as it acts
         on the arm; `load` (10,) what the sensor carries, see `sources.force.load_of`;
-        `time_s` when the joints were sampled [s]: a SYNC that is late by a tenth of a period is
-        10 rad/s² at 1 rad/s to who takes it to be in time.
+        `time_s` when the joints were sampled [s], None if that is not known: a SYNC that is late by
+        a tenth of a period is 10 rad/s² at 1 rad/s to who takes it to be in time.
         """
+        if time_s is None:
+            return evolve(state, q=())
         T, step_s = self._period_s, time_s - state.time_s
         if abs(step_s - T) > 0.5 * T:
             # Ticks were missed, or a late one is followed by one in time: torques are the means of
@@ -124,12 +126,15 @@ class Touch:
         # What the sensor sees comes filtered: a contact that grows is seen up to a period late.
         excused = self._doubt * np.abs(accelerating) + np.abs(seen - state.seen)
         excused += self._friction * (1.0 - np.abs(certain))
-        if state.external is not None and state.excused is not None:
-            external = state.external + self._smoothing * (external - state.external)
-            excused = state.excused + self._smoothing * (excused - state.excused)
+        external = self._smoothed(state.external, external)
+        excused = self._smoothed(state.excused, excused)
         beyond = bool((np.abs(external) > self._bound + excused).any())
         lasting_s = state.lasting_s + T if beyond else 0.0
         return TouchState((q, q1), tau, seen, external, excused, lasting_s, time_s, step_s)
+
+    def _smoothed(self, before: Array | None, now: Array) -> Array:
+        """Low-pass, from nothing at first: brakes that open leave the drives' torques upset."""
+        return self._smoothing * now + (0.0 if before is None else (1.0 - self._smoothing) * before)
 
     def touched(self, state: TouchState) -> Touched | None:
         """Return which joint is pushed most, against its bound, if one is for long enough."""

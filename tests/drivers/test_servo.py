@@ -284,12 +284,47 @@ def test_an_emergency_is_taken_back_by_the_drive_while_resetting(cell: Any) -> N
     assert causes(cell) is None
 
 
-def test_joints_were_sampled_when_the_first_drive_answered_not_when_they_are_read(
-    cell: Any,
-) -> None:
-    plant = Plant(cell.fieldbus, (cell.servo,), None, 0.1)
+@pytest.fixture
+def plant(cell: Any) -> Plant:
     cell.enable()
-    cell.step()
+    return Plant(cell.fieldbus, (cell.servo,), None, 0.1)
+
+
+def sampled_s(cell: Any, plant: Plant, delay_s: float = 0.0) -> float | None:
+    """Send a SYNC, and read so much later."""
+    plant.sync()
+    cell.hub.time_s += delay_s
+    return plant.read(cell.hub.time_s).sampled_s
+
+
+def test_joints_were_sampled_at_the_sync_not_when_they_are_read(cell: Any, plant: Plant) -> None:
+    for _ in range(3):
+        at_s = cell.hub.time_s
+        assert sampled_s(cell, plant, 0.003) == at_s
+        cell.hub.time_s += 0.007
+
+
+def test_an_answer_after_a_missing_one_may_be_to_either_sync(cell: Any, plant: Plant) -> None:
     at_s = cell.hub.time_s
-    cell.hub.time_s += 0.003
-    assert plant.read(cell.hub.time_s).sampled_s == at_s
+    assert sampled_s(cell, plant) == at_s
+    cell.played.answers_sync = False
+    cell.hub.time_s += 0.01
+    assert sampled_s(cell, plant) == at_s
+    cell.played.answers_sync = True
+    cell.hub.time_s += 0.01
+    assert sampled_s(cell, plant) is None
+    cell.hub.time_s += 0.01
+    assert sampled_s(cell, plant) == cell.hub.time_s
+
+
+def test_a_sync_that_took_long_to_send_went_out_nobody_knows_when(cell: Any, plant: Plant) -> None:
+    send = cell.fieldbus.bus.send
+
+    def late(message: Any, timeout: float | None = None) -> None:
+        cell.hub.time_s += 0.001
+        send(message, timeout)
+
+    cell.fieldbus.bus.send = late
+    assert sampled_s(cell, plant) is None
+    cell.fieldbus.bus.send = send
+    assert sampled_s(cell, plant) == cell.hub.time_s

@@ -148,8 +148,9 @@ class Plant(LocalPlant):
             self.turn()
             if self.truth.time_s > seen_s:
                 seen_s, wall_s = self.truth.time_s, time.monotonic()
-            assert self.truth.time_s - start_s <= within_s, f"{why} within {within_s} s"
-            assert time.monotonic() - wall_s < STUCK_S, "the physics stand still"
+            late = self.truth.time_s - start_s > within_s
+            assert not late, f"{why} within {within_s} s; {self.told()}"
+            assert time.monotonic() - wall_s < STUCK_S, f"the physics stand still; {self.told()}"
 
     def run_for(self, physics_s):
         """Let so much physics time pass [s]."""
@@ -161,7 +162,16 @@ class Plant(LocalPlant):
         deadline_s = time.monotonic() + START_S
         while not done():
             self.turn()
-            assert time.monotonic() < deadline_s, why
+            assert time.monotonic() < deadline_s, f"{why}; {self.told()}"
+
+    def told(self):
+        """Return what the operators know, mode and newest events, for a failure's message."""
+        lines = [f"{self.truth.sync_count} SYNCs" if self.truth else "no truth"]
+        for operator in self.operators:
+            events = [f"{e.tick} {e.severity} {e.name} {e.values}" for e in operator.events[-8:]]
+            mode = operator.state.mode if operator.state else "no telemetry"
+            lines += [f"{operator.pilot.name} in {mode}:", *events]
+        return "\n".join(lines)
 
     def _read_truth(self):
         while (sample := self._truths.try_recv()) is not None:

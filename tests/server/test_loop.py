@@ -2,6 +2,7 @@ from itertools import pairwise
 
 import pytest
 from telerobot.server.clock import VirtualClock
+from telerobot.server.cycle import Cycle
 from telerobot.server.loop import next_deadline, run
 from telerobot.server.mode import Mode
 
@@ -70,6 +71,9 @@ class _Stalling:
     def __init__(self, clock):
         self.plant, self.clock, self.tick, self.told = _Plant(), clock, 0, []
 
+    def gather(self):
+        self.plant.answered()
+
     def begin(self):
         self.tick += 1
 
@@ -86,3 +90,53 @@ def test_the_cycle_is_told_how_many_deadlines_a_stall_has_cost():
     statistics = run(cycle, clock, 0.01, lambda cycle: cycle.tick < 5)
     assert cycle.told == [0, 0, 4, 0, 0]
     assert (statistics.ticks, statistics.skipped) == (5, 4)
+
+
+class _Bus:
+    """A plant of one drive whose answer to the third SYNC takes almost a period, others 1 ms."""
+
+    def __init__(self, clock):
+        self._clock, self._syncs, self._underway, self.fieldbus = clock, 0, [], self
+        self.newest, self.fresh = None, False
+
+    def sync(self):
+        self._syncs += 1
+        delay_s = 0.0085 if self._syncs == 3 else 0.001
+        self._underway.append((self._clock.time_s + delay_s, self._syncs))
+        self.fresh = False
+
+    def receive(self, now_s):
+        for arrival in [a for a in self._underway if a[0] <= now_s]:
+            self._underway.remove(arrival)
+            self.newest, self.fresh = arrival[1], True
+
+    def answered(self):
+        self.receive(self._clock.time_s)
+        return self.fresh
+
+    def wait(self, timeout_s):
+        self._clock.time_s += min(timeout_s, 1e-4)
+
+
+class _Listening(_Stalling):
+    """A cycle that notes which SYNC its samples are of."""
+
+    gather = Cycle.gather
+
+    def __init__(self, clock):
+        super().__init__(clock)
+        self.plant, self.used = _Bus(clock), []
+
+    def begin(self):
+        super().begin()
+        self.plant.sync()
+
+    def finish(self):
+        self.used.append(self.plant.newest)
+
+
+def test_an_answer_that_comes_late_once_does_not_make_all_samples_a_period_old():
+    clock = _Clock()
+    cycle = _Listening(clock)
+    run(cycle, clock, 0.01, lambda cycle: cycle.tick < 8)
+    assert cycle.used == [1, 2, 2, 4, 5, 6, 7, 8]

@@ -4,11 +4,16 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import can
+import numpy as np
+import pytest
+from telerobot.config.load import Cell
 from telerobot.drivers.rig.realtime import Pace, run_realtime
-from telerobot.protocols import can301
+from telerobot.protocols import can301, cia402
+from telerobot.protocols.can301 import NmtState
+from telerobot.protocols.cia402 import OperationMode
 from telerobot.protocols.rig import RigFault, RigTruth
 
-from .conftest import Master
+from .conftest import PACK, Master
 
 
 class Clock:
@@ -49,8 +54,8 @@ def sync(master: Master) -> None:
     master.bus.send(_frame(can301.SYNC_ID))
 
 
-def _frame(can_id: int) -> can.Message:
-    return can.Message(arbitration_id=can_id, data=b"", is_extended_id=False)
+def _frame(can_id: int, data: bytes = b"") -> can.Message:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
 
 
 def run(master: Master, clock: Clock, seconds: float, judge: Listener | None = None) -> Pace:
@@ -92,24 +97,84 @@ def test_a_stall_between_two_syncs_is_made_up(master: Master) -> None:
     assert abs(master.rig.time_s - 0.1) < 2e-3
 
 
-def test_syncs_in_the_backlog_keep_their_spacing_in_physics_time(master: Master) -> None:
+class Bus:
+    """Sends SYNC, heartbeat and setpoints at instants of its own while the rig sleeps or stalls."""
+
+    def __init__(self, master: Master, clock: Clock, at_s: list[float]) -> None:
+        self._master, self._clock, self._at_s = master, clock, list(at_s)
+        self.stall_s: dict[float, float] = {}
+        """By when it begins, how long the rig sleeps more than it means to."""
+
+    def sleep(self, seconds: float) -> None:
+        for begin_s in [b for b in self.stall_s if b <= self._clock.time_s]:
+            seconds += self.stall_s.pop(begin_s)
+        until_s = self._clock.time_s + seconds
+        while self._at_s and self._at_s[0] <= until_s:
+            self._master.bus.hub.time_s = self._at_s.pop(0)
+            self._cycle()
+        self._clock.time_s = until_s
+
+    def _cycle(self) -> None:
+        master = self._master
+        sync(master)
+        master.bus.send(_frame(can301.heartbeat_id(127), bytes((NmtState.OPERATIONAL,))))
+        for joint, target in master.targets.items():
+            data = PACK[master.mode](master.words[joint], target)
+            master.bus.send(_frame(can301.rpdo1_id(master.node(joint)), data))
+
+    def run(self, until_s: float) -> Pace:
+        clock = self._clock
+        return run_realtime(
+            self._master.rig,
+            lambda: clock.time_s >= until_s,
+            clock=clock.now,
+            sleep=self.sleep,
+            stamping=clock.now,
+        )
+
+
+UNEVEN_S = [0.01, 0.0208, 0.0299, 0.0403, 0.05, 0.0637, 0.0644, 0.08, 0.0901, 0.1]
+
+
+@pytest.mark.parametrize(
+    "stalls", [{}, {0.022: 0.016}, {0.0301: 0.009, 0.055: 0.019}, {0.03: 0.04}]
+)
+def test_syncs_keep_their_spacing_in_physics_time_however_late_they_are_seen(
+    master: Master, stalls: dict[float, float]
+) -> None:
     clock = Clock()
-    run(master, clock, 0.05)
-    sync(master)
-    run(master, clock, 0.002)
-    stamps = iter(range(10_000))
+    at_s = [clock.time_s + s for s in UNEVEN_S]
+    bus = Bus(master, clock, at_s)
+    bus.stall_s = {clock.time_s + begin_s: long_s for begin_s, long_s in stalls.items()}
+    pace = bus.run(clock.time_s + 0.12)
+    assert pace.skipped == 0
+    found = [b - a for a, b in pairwise(master.rig.sync_stamps)]
+    np.testing.assert_allclose(found, np.diff(at_s), atol=1e-9)
 
-    def stall_once(seconds: float) -> None:
-        if next(stamps) == 3:
-            clock.time_s += 0.045
-            for _ in range(4):
-                sync(master)
-        else:
-            clock.time_s += seconds
 
-    run_realtime(master.rig, after(clock, 0.1), None, clock=clock.now, sleep=stall_once)
-    spacing = [b - a for a, b in pairwise(master.rig.sync_stamps)]
-    assert [round(s, 6) for s in spacing] == [0.01] * 4
+def test_a_sample_is_of_the_instant_of_its_sync(cell: Cell) -> None:
+    """A millisecond of physics is a tenth of a period: an arm at 0.2 rad/s seems to jerk by it."""
+    master = Master(cell)
+    master.mode = OperationMode.CSV
+    master.enable(lambda m: m.targets.update(dict.fromkeys(m.drives, 0)))
+    speed = 0.2
+    drive = master.drives["s1"]
+    master.targets["s1"] = round(speed * drive.direction * drive.counts_per_radian)
+    master.cycle(50)
+    clock = Clock()
+    jitter = np.random.default_rng(3).uniform(-2e-3, 2e-3, 40)
+    at_s = [clock.time_s + 0.01 * k + float(late) for k, late in enumerate(jitter, 1)]
+    bus = Bus(master, clock, at_s)
+    bus.stall_s = {clock.time_s + 0.1: 0.012, clock.time_s + 0.2: 0.003}
+    master.frames.clear()
+    bus.run(at_s[-1] + 0.003)
+    master.listen()
+    wanted = can301.tpdo1_id(drive.node)
+    samples = [cia402.unpack_feedback(data).position for _, i, data in master.frames if i == wanted]
+    angles = np.array(samples) * drive.direction / drive.counts_per_radian
+    off = angles - np.polyval(np.polyfit(at_s, angles, 1), at_s)
+    assert np.abs(off).max() < 2e-5
+    master.close()
 
 
 def test_a_judge_is_told_the_truth_every_ten_milliseconds_and_may_inject(master: Master) -> None:

@@ -62,10 +62,11 @@ def test_what_is_carried_weighs_at_every_joint(cell, dynamics, rng):
         np.testing.assert_allclose(dynamics.torque(q, still, still), expected, atol=1e-6)
 
 
-def follow(touch, dynamics, push, friction, seconds=1.0, missed=(), late=None):
+def follow(touch, dynamics, push, friction, seconds=1.0, missed=(), late=None, unknown=()):
     """Feed a motion with its exact torques, plus a push (7,) that no sensor sees.
 
-    Ticks in `missed` are not served, those in `late` so much after their time [s].
+    Ticks in `missed` are not served, those in `late` so much after their time [s]; of those in
+    `unknown` nobody knows when they were, and they were late.
     """
     state = TouchState()
     load = load_of(0.0, np.zeros(3), np.zeros(6))
@@ -74,14 +75,15 @@ def follow(touch, dynamics, push, friction, seconds=1.0, missed=(), late=None):
     for k in range(int(seconds / T)):
         if k in missed:
             continue
-        t = k * T + (late or {}).get(k, 0.0)
+        t = k * T + (late or {}).get(k, 0.006 if k in unknown else 0.0)
         q = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0]) + size * np.sin(2 * t + phase)
         middle = t - T / 2  # the mean of the period before
         dq = 2 * size * np.cos(2 * middle + phase)
         ddq = -4 * size * np.sin(2 * middle + phase)
         at = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0]) + size * np.sin(2 * middle + phase)
         tau = dynamics.torque(at, dq, ddq) + friction * np.sign(dq) - push
-        state = touch.measure(state, q, tau, np.zeros(7), load, t)
+        known_s = None if k in unknown else t
+        state = touch.measure(state, q, tau, np.zeros(7), load, known_s)
     return state
 
 
@@ -126,6 +128,22 @@ def test_a_tick_that_was_late_in_motion_and_the_one_after_are_no_push(dynamics, 
         state = follow(touch, dynamics, np.zeros(7), 0.0, last * T, late={40: late_s})
         assert touch.touched(state) is None
         assert np.abs(state.external).max() < 0.5
+
+
+def test_a_sample_of_no_known_instant_is_no_push(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    for last in range(41, 50):
+        state = follow(touch, dynamics, np.zeros(7), 0.0, last * T, unknown=(40, 44))
+        assert touch.touched(state) is None
+        assert np.abs(state.external).max() < 0.5
+
+
+def test_the_first_estimate_is_no_more_certain_than_one_that_follows(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    push = np.full(7, 5.0)
+    first, second = (follow(touch, dynamics, push, 0.0, n * T).external for n in (3, 4))
+    assert (np.abs(first) < 0.5 * push).all()
+    assert (np.abs(second) > np.abs(first)).all()
 
 
 def test_a_push_is_felt_through_a_missed_tick(dynamics):
