@@ -5,7 +5,9 @@ event: `until` and `run_for` wait by the rig's physics time, and turn every oper
 that leases live. What the processes wrote is shown when a test fails.
 """
 
+import gc
 import json
+import math
 import signal
 import socket
 import time
@@ -25,6 +27,15 @@ START_S = 60.0
 
 STUCK_S = 60.0
 """Wall time after which physics that stand still are a failure [s]."""
+
+
+def pytest_collection_finish():
+    """Keep the collector off what is there by now: thousands of tests, and all libraries.
+
+    To go through it takes up to half a second, and so long without a word costs the lease.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def judge_config(endpoint, daemon):
@@ -65,6 +76,8 @@ class Plant(LocalPlant):
         self._faults = self._session.declare_publisher(t.RIG_FAULT.full_key(name))
         self.truth = None
         """What the physics say is true now: the newest `RigTruth`."""
+        self.pause_s, self._turned_s = 0.0, math.inf
+        """The longest time between two turns, in which no operator was alive [s]."""
         self.truths = []
         """Every truth that was read."""
 
@@ -136,6 +149,8 @@ class Plant(LocalPlant):
 
     def turn(self):
         """Let every operator send and read what is due, and read the rig's truth."""
+        now_s = time.monotonic()
+        self.pause_s, self._turned_s = max(self.pause_s, now_s - self._turned_s), now_s
         for operator in self.operators:
             operator.turn()
         self._read_truth()
@@ -166,7 +181,8 @@ class Plant(LocalPlant):
 
     def told(self):
         """Return what the operators know, mode and newest events, for a failure's message."""
-        lines = [f"{self.truth.sync_count} SYNCs" if self.truth else "no truth"]
+        syncs = self.truth.sync_count if self.truth else 0
+        lines = [f"{syncs} SYNCs, operators turned at least every {self.pause_s:.3f} s"]
         for operator in self.operators:
             events = [f"{e.tick} {e.severity} {e.name} {e.values}" for e in operator.events[-8:]]
             mode = operator.state.mode if operator.state else "no telemetry"

@@ -125,9 +125,11 @@ def test_a_publisher_that_is_killed_is_named_and_no_longer_followed_until_news_c
         )
         operator.inject(RigMotion(target="carrier", twist=(0.0, 0.08, 0.0, 0.0, 0.0, 0.0)))
         plant.run_for(1.5)
+        fed_forward = []
+        operator.on_state = lambda state: fed_forward.append(state.sources["frames"][1])
         error = np.array([on_carrier(tr) for tr in during(plant, 0.5)]) - ABOVE
         assert np.linalg.norm(error.mean(axis=0)) < 3e-3
-        assert operator.state.sources["frames"][1] == pytest.approx(0.08, abs=0.02)
+        assert np.mean(fed_forward) == pytest.approx(0.08, abs=0.01)
         publisher.kill()
         plant.until(lambda: len(events(operator, "frame_lost", "carrier")) == 2, 1.5, "not named")
         lost = events(operator, "frame_lost", "carrier")[-1]
