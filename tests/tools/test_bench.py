@@ -65,15 +65,21 @@ def test_growth_writes_a_row_for_each_count(tmp_path, monkeypatch, capsys):
     assert "3 obstacles" in capsys.readouterr().out
 
 
-def test_growth_is_drawn_with_a_line_for_each_percentile_and_panel():
-    row = {"free_us": {"p50": 100.0, "p99": 150.0}, "limited_us": {"p50": 120.0, "p99": 200.0}}
+def test_growth_is_drawn_with_lines_for_each_percentile_and_panel():
+    row = {
+        "free_us": {"p50": 100.0, "p99": 150.0},
+        "limited_us": {"p50": 120.0, "p99": 200.0},
+        "back_to_back_us": {"p50": 60.0, "p99": 90.0},
+    }
     picture = ElementTree.fromstring(svg({"obstacles": {1: row, 64: row}, "joints": {6: row}}))
     lines = [e for e in picture.iter() if e.tag.endswith("polyline")]
-    assert len(lines) == 4
+    assert len(lines) == 8
     # What took twice as long stands twice as high above the axis.
-    p99 = [tuple(map(float, pair.split(","))) for pair in lines[1].attrib["points"].split()]
-    p50 = [tuple(map(float, pair.split(","))) for pair in lines[0].attrib["points"].split()]
-    assert (BOTTOM - p99[0][1]) / (BOTTOM - p50[0][1]) == pytest.approx(200.0 / 120.0, rel=0.01)
+    above = [
+        BOTTOM - float(line.attrib["points"].split()[0].partition(",")[2]) for line in lines[:4]
+    ]
+    times = [120.0, 60.0, 200.0, 90.0]
+    assert above == pytest.approx([above[0] * us / times[0] for us in times], rel=0.01)
 
 
 def test_an_unknown_benchmark_is_bad_usage():

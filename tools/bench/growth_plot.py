@@ -1,4 +1,7 @@
-"""The growth of the tick's time as a picture: SVG, two panels, p50 and p99."""
+"""The growth of the tick's time as a picture: SVG, two panels, p50 and p99.
+
+Whole lines are of ticks after pauses, the slower of both phases; dashed ones of ticks back to back.
+"""
 
 from typing import Final
 
@@ -12,7 +15,7 @@ COLOURS: Final = {"p50": "#1f6fb4", "p99": "#c8502d"}
 
 
 def svg(grown: Figures) -> str:
-    """Return the picture of what `growth` measured: the slower of both phases at each count."""
+    """Return the picture of what `growth` measured."""
     parts = []
     for i, (of, rows) in enumerate(grown.items()):
         parts.append(f'<g transform="translate({i * WIDTH} 0)">{"".join(_panel(of, rows))}</g>')
@@ -26,11 +29,14 @@ def svg(grown: Figures) -> str:
 
 def _panel(of: str, rows: Figures) -> list[str]:
     counts = [int(count) for count in rows]
-    times: dict[str, list[float]] = {
+    paused: dict[str, list[float]] = {
         name: [max(row["free_us"][name], row["limited_us"][name]) for row in rows.values()]
         for name in COLOURS
     }
-    top = 100.0 * (1 + max(TARGET_US, *times["p99"]) // 100)
+    warm: dict[str, list[float]] = {
+        name: [row["back_to_back_us"][name] for row in rows.values()] for name in COLOURS
+    }
+    top = 100.0 * (1 + max(TARGET_US, *paused["p99"], *warm["p99"]) // 100)
     low, high = min(counts), max(counts)
 
     def x(count: int) -> float:
@@ -55,10 +61,15 @@ def _panel(of: str, rows: Figures) -> list[str]:
                 f'<text x="{x(count):.1f}" y="{BOTTOM + 18}" text-anchor="middle">{count}</text>'
             )
     for i, (name, colour) in enumerate(COLOURS.items()):
-        pairs = zip(counts, times[name], strict=True)
-        points = " ".join(f"{x(count):.1f},{y(us):.1f}" for count, us in pairs)
+        for times, dashes in ((paused[name], "none"), (warm[name], "6 3")):
+            pairs = zip(counts, times, strict=True)
+            points = " ".join(f"{x(count):.1f},{y(us):.1f}" for count, us in pairs)
+            parts.append(
+                f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2" '
+                f'stroke-dasharray="{dashes}"/>'
+            )
+        legend = f"{name}; dashed: back to back"
         parts.append(
-            f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"/>'
+            f'<text x="{LEFT + 12}" y="{TOP + 14 + 16 * i}" fill="{colour}">{legend}</text>'
         )
-        parts.append(f'<text x="{LEFT + 12}" y="{TOP + 14 + 16 * i}" fill="{colour}">{name}</text>')
     return parts
