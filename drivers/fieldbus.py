@@ -127,7 +127,7 @@ class Fieldbus:
             return True
         try:
             descriptor = self.bus.fileno()
-        except NotImplementedError:
+        except NotImplementedError:  # not every interface has something to select on
             descriptor = -1
         if descriptor >= 0:
             return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
