@@ -46,7 +46,8 @@ class Operator(Motions):
     **Nothing runs in the background.** The lease is renewed, streams are sent and telemetry is
     read inside `spin` and the calls that wait. Call one of them at least every 0.1 s, or the
     lease runs out (0.5 s in most cells) and the arm stops and holds: that is meant, a script that
-    hangs shall not keep an arm moving. Not for use from several threads.
+    hangs shall not keep an arm moving. In a large program a garbage collection may take that long:
+    `gc.freeze()` once everything is set up. Not for use from several threads.
 
     Raises `OperatorError` when nobody answers, `ConfigError` for a cell that is wrong.
     """
