@@ -13,6 +13,9 @@ from .control.tree import Moved
 from .events import Events
 from .plant import PlantReading
 
+LOST_S = 0.5
+"""Without an estimate for longer than this, it is said that nothing is felt [s]."""
+
 
 class TouchWatch:
     """Collision detection of one cell; idle where the cell does not ask for it."""
@@ -21,6 +24,8 @@ class TouchWatch:
         self._events, self._mechanism, self._joints = events, mechanism, p.joints
         self._touch = _touch(cell, p, mechanism)
         self._state = TouchState()
+        self._lost_after = round(LOST_S / p.period_s)
+        self._blind_ticks = 0
         self.stopping = False
         """True while something pushes that the arm has stopped for."""
 
@@ -45,7 +50,7 @@ class TouchWatch:
         if self._touch is None:
             return
         if reading.q is None or not reading.enabled or memory is None or memory.load is None:
-            self._state, self.stopping = TouchState(), False
+            self._state, self.stopping, self._blind_ticks = TouchState(), False, 0
             return
         seen = np.zeros(len(reading.q))
         if output is not None and output.wrench_mrf is not None:
@@ -55,9 +60,11 @@ class TouchWatch:
         base = moved.T_world_base_measured
         free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
         self._touch.dynamics.fall(free_fall)
+        before = self._state.external
         self._state = self._touch.measure(
             self._state, reading.q, reading.tau, seen, memory.load, reading.sampled_s
         )
+        self._tell_blind(self._state.external is before)
         found = self._touch.touched(self._state)
         if found is not None and moving and not self.stopping:
             self._events.warning(
@@ -69,6 +76,18 @@ class TouchWatch:
                 bound_nm=found.bound,
             )
         self.stopping = found is not None and (moving or self.stopping)
+
+    def _tell_blind(self, blind: bool) -> None:
+        was_lost = self._blind_ticks > self._lost_after
+        self._blind_ticks = self._blind_ticks + 1 if blind else 0
+        if self._blind_ticks == self._lost_after + 1:
+            self._events.warning(
+                "touch_lost",
+                f"contact is not felt: for {LOST_S:g} s there were no three samples in a row"
+                " of which it is known when they were taken",
+            )
+        elif was_lost and not blind:
+            self._events.info("touch_found", "contact is felt again")
 
 
 def _touch(cell: Cell, p: Parameters, mechanism: Mechanism) -> Touch | None:

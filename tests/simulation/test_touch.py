@@ -2,6 +2,10 @@
 
 import pytest
 from telerobot.tools.campaign import touch
+from telerobot.tools.script import Script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import Run
 
 MOVING = {
     "at_s": 0.3,
@@ -48,3 +52,24 @@ def test_pressing_a_wall_with_the_tool_is_seen_and_no_push(play):
     )
     assert max(abs(f) for f in run.states[-1].wrench_mrf[:3]) > 5.0
     assert run.events("touched") == []
+
+
+def test_an_arm_that_cannot_feel_says_so_and_that_it_can_again(pa10):
+    """Two SYNCs of known instants in a row are too few: an acceleration takes three."""
+    script = Script.model_validate({"duration_s": 5.0, "step": [MOVING]})
+    simulation = Simulation(pa10, script)
+    fieldbus = simulation.cycle.plant.fieldbus
+    sync = fieldbus.sync
+
+    def late_now_and_then():
+        sync()
+        if fieldbus.sync_count % 3 == 0 and 2.0 < simulation.clock.now() < 4.0:
+            fieldbus.sync_s = None
+
+    fieldbus.sync = late_now_and_then
+    run = Run(simulation, simulation.run())
+    (lost,), (found,) = run.events("touch_lost"), run.events("touch_found")
+    assert 2.5 <= lost.time_s < 2.6
+    assert 4.0 <= found.time_s < 4.1
+    assert run.events("touched") == []
+    assert run.states[-1].mode == "enabled"
