@@ -244,4 +244,5 @@ def event_line(event: m.Event) -> str:
     shown = {key: value for key, value in event.values.items() if str(value) not in event.detail}
     values = "".join(f" {key}={value}" for key, value in shown.items())
     mark = {"info": " ", "warning": "!", "error": "#"}[event.severity]
-    return f"{mark} {event.time_s:9.2f} s {event.name}: {event.detail}{values}"
+    said = f": {event.detail}" if event.detail else ""
+    return f"{mark} {event.time_s:9.2f} s {event.name}{said}{values}"
