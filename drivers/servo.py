@@ -39,7 +39,8 @@ class ServoReading:
     age_syncs: int
     """SYNCs sent since the one that it last answered."""
     sampled_s: float | None
-    """When it sampled, at the SYNC that it answered [s], on the bus' clock; None: not known."""
+    """When it sampled, at the SYNC that it answered [s], on `Fieldbus.clock`; None: not
+    known. Stamps of the bus have another clock."""
     position_rad: float | None
     torque_nm: float | None
     velocity_rad_s: float | None

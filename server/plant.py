@@ -26,7 +26,7 @@ class PlantReading:
     q: Array | None
     """Joint angles (n,) [rad]; None before every drive has told its own."""
     sampled_s: float | None
-    """When all of them were sampled [s], on the bus' clock; None when that is not known."""
+    """When all of them were sampled [s], on the fieldbus' clock; None when that is not known."""
     tau: Array
     """Joint torques (n,) [N·m]."""
     states: tuple[DriveState | None, ...]

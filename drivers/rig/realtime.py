@@ -21,7 +21,7 @@ TRUTH_PERIOD_S = 0.01
 LATE_PERIODS = 2
 """Lateness of so many SYNC periods is made up when no SYNC waits, more is skipped [1]."""
 MOST_PERIODS = 5
-"""A SYNC that has waited for longer is taken to have come just now [SYNC periods]."""
+"""No more is made up for a SYNC; a frame that seems older has just come [SYNC periods]."""
 
 
 class Judge(Protocol):

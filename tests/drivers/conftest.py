@@ -114,9 +114,12 @@ class PlayedDrive:
             if self.state is DriveState.OPERATION_ENABLED and following:
                 self.position = target
         if self.answers_sync:
-            word = cia402.STATE_BITS[self.state] | self.status
-            data = cia402.pack_feedback(word, self.position, self.torque)
-            self.send(can301.tpdo1_id(NODE), data)
+            self.answer()
+
+    def answer(self) -> None:
+        word = cia402.STATE_BITS[self.state] | self.status
+        data = cia402.pack_feedback(word, self.position, self.torque)
+        self.send(can301.tpdo1_id(NODE), data)
 
 
 class PlayedSensor:

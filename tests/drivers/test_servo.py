@@ -290,18 +290,24 @@ def plant(cell: Any) -> Plant:
     return Plant(cell.fieldbus, (cell.servo,), None, 0.1)
 
 
-def sampled_s(cell: Any, plant: Plant, delay_s: float = 0.0) -> float | None:
-    """Send a SYNC, and read so much later."""
+def sampled_s(cell: Any, plant: Plant) -> float | None:
+    """Send a SYNC, and read at once."""
     plant.sync()
-    cell.hub.time_s += delay_s
     return plant.read(cell.hub.time_s).sampled_s
 
 
-def test_joints_were_sampled_at_the_sync_not_when_they_are_read(cell: Any, plant: Plant) -> None:
-    for _ in range(3):
+def test_joints_were_sampled_at_the_sync_not_when_the_answer_came_or_is_read(
+    cell: Any, plant: Plant
+) -> None:
+    cell.played.answers_sync = False
+    for late_s in (0.001, 0.004, 0.002):
         at_s = cell.hub.time_s
-        assert sampled_s(cell, plant, 0.003) == at_s
-        cell.hub.time_s += 0.007
+        plant.sync()
+        cell.hub.time_s += late_s
+        cell.played.answer()
+        cell.hub.time_s += 0.001
+        assert plant.read(cell.hub.time_s).sampled_s == at_s
+        cell.hub.time_s = at_s + 0.01
 
 
 def test_an_answer_after_a_missing_one_may_be_to_either_sync(cell: Any, plant: Plant) -> None:

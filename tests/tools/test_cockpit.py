@@ -8,9 +8,9 @@ from telerobot.tools.cockpit import event_line
 @pytest.mark.parametrize(
     ("detail", "values", "line"),
     [
-        ("", {}, "      2.50 s posture_reached"),
-        ("ready -> enabled", {"mode": "enabled"}, "      2.50 s posture_reached: ready -> enabled"),
-        ("", {"epoch": 1}, "      2.50 s posture_reached epoch=1"),
+        ("", {}, "2.50 s posture_reached"),
+        ("ready -> enabled", {"mode": "enabled"}, "2.50 s posture_reached: ready -> enabled"),
+        ("", {"epoch": 1}, "2.50 s posture_reached epoch=1"),
     ],
 )
 def test_an_event_is_a_line_that_says_nothing_twice(detail, values, line):
@@ -23,4 +23,4 @@ def test_an_event_is_a_line_that_says_nothing_twice(detail, values, line):
         detail=detail,
         values=values,
     )
-    assert event_line(event).strip() == line.strip()
+    assert event_line(event).strip() == line
