@@ -4,7 +4,6 @@ Everything is polled. Commands wait in ring channels, newest wins, so no backlog
 and no Python thread but the loop's own runs in the daemon.
 """
 
-import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Protocol
 import zenoh
 
 from ..drivers.device import DeviceError
+from ..drivers.network.sessions import router_config
 from ..protocols.topics import COMMANDS, PREFIX, REQUESTS, SENSORS, Topic
 
 REQUEST_BOX = 32
@@ -46,21 +46,6 @@ class Link(Protocol):
     def close(self) -> None:
         """Let go of the network."""
         ...
-
-
-def router_config(listen: str) -> "zenoh.Config":
-    """Return the daemon's Zenoh configuration: a router that is found only where it listens."""
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "router",
-        "listen/endpoints": [listen],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/link/tx/lease": 1000,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
 
 
 class ZenohLink:

@@ -1,36 +1,18 @@
 """An operator's Zenoh session: puts, asks and listens. Polled: nothing runs in the background."""
 
-import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import zenoh
 
+from ..drivers.network.sessions import client_config
 from ..protocols import requests
 from ..protocols import topics as t
 from ..protocols.codec import encode
 
 REPLY_TIMEOUT_S = 5.0
 """A request that is not answered by then will not be [s]."""
-
-LINK_LEASE_MS = 1000
-"""Zenoh takes a peer that is silent for this long for dead [ms]."""
-
-
-def client_config(endpoint: str) -> "zenoh.Config":
-    """Return a Zenoh client's configuration: it talks to the daemon and to nobody else."""
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "client",
-        "connect/endpoints": [endpoint],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/link/tx/lease": LINK_LEASE_MS,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
 
 
 class Inbox:

@@ -5,7 +5,6 @@ rig dials the daemon's router, which may not be there yet, or no longer: the ses
 it for ever, and the rig runs on without it.
 """
 
-import json
 from collections.abc import Iterator
 from typing import TypeVar
 
@@ -16,37 +15,12 @@ from ...protocols.messages import State
 from ...protocols.moving import FrameNews, RigMotion
 from ...protocols.rig import RigFault, RigTruth
 from ..device import DeviceError
+from ..network.sessions import dialling_config
 
 _Kind = TypeVar("_Kind", RigFault, RigMotion, State)
 
 _MAILBOX = 64
 """Unread faults kept; older ones are dropped for newer ones."""
-
-
-def dialling_config(endpoint: str) -> "zenoh.Config":
-    """Return the configuration of a session that dials `endpoint`, again and again, and no other.
-
-    Zenoh's client mode fails where nobody answers; a peer that listens nowhere keeps trying.
-    """
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "peer",
-        "connect/endpoints": [endpoint],
-        "listen/endpoints": [],
-        "connect/timeout_ms": -1,
-        "connect/exit_on_failure": False,
-        "connect/retry": {
-            "period_init_ms": 200,
-            "period_max_ms": 1000,
-            "period_increase_factor": 2,
-        },
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/link/tx/lease": 1000,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
 
 
 class RigSession:

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import pytest
 import zenoh
+from telerobot.drivers.network.sessions import router_config
 from telerobot.drivers.rig.session import RigSession
 from telerobot.protocols import codec, topics
 from telerobot.protocols.rig import RigFault, RigTruth
-from telerobot.server.link import router_config
 
 TRIES = 100_000
 TRUTH = RigTruth(

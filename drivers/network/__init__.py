@@ -1,0 +1,1 @@
+"""The network that daemon, operators, sensors and the rig's judge share: Zenoh's sessions."""
