@@ -39,6 +39,14 @@ def obstacle_disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
             f"avoidance.near_distance: value {near:g}: must be above {promised:g}, clearance and "
             "margin"
         )
+    if config.keeps_clear:
+        shaped = {capsule.link for capsule in avoidance.capsules}
+        for link in robot.unshaped_links():
+            if link not in shaped:
+                yield (
+                    f"avoidance.capsules: link '{link}' of {robot.urdf} has mass but no "
+                    "<collision>: nothing would keep it clear; give it capsules here"
+                )
     links = robot.links()
     for i, pair in enumerate(avoidance.allowed_contacts):
         # What it may touch can be an obstacle that only comes while the arm works.

@@ -11,17 +11,11 @@ from pathlib import Path
 from typing import Final
 
 from .errors import ConfigError, nearest
+from .urdf_elements import check_bodies, check_elements, unshaped_links
 
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
 
-_NUMBERS: Final = {
-    "origin": (("xyz", 3), ("rpy", 3)),
-    "axis": (("xyz", 3),),
-    "mass": (("value", 1),),
-    "inertia": tuple((name, 1) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")),
-}
-"""How many numbers stand in which attribute; parsers drop what they cannot read, mass and all."""
 _MOVABLE: Final = ("revolute", "continuous", "prismatic")
 
 
@@ -55,6 +49,10 @@ class Robot:
     def links(self) -> list[str]:
         """Return the names of all links in the file."""
         return [link.get("name", "") for link in _parse(self.urdf).findall("link")]
+
+    def unshaped_links(self) -> list[str]:
+        """Return the names of links that have mass but no shape to keep clear by."""
+        return list(unshaped_links(_parse(self.urdf)))
 
     def description(self) -> str:
         """Return the URDF's text with each continuous joint of the chain as a bounded revolute one.
@@ -93,7 +91,7 @@ def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
     roots = [link for link in links if link not in parent_joint]
     if len(roots) > 1:
         raise ConfigError(f"{urdf}: links '{roots[0]}' and '{roots[1]}': only one can be the root")
-    _check_numbers(root, urdf)
+    check_elements(root, urdf)
     joints: list[UrdfJoint] = []
     visited = {tip_link}
     link = tip_link
@@ -109,6 +107,7 @@ def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
         visited.add(link)
     if not joints:
         raise ConfigError(f"{asked_by}: value '{tip_link}': no movable joint leads to it in {urdf}")
+    check_bodies(root, urdf, [joint.name for joint in joints], parent_joint)
     return Robot(urdf, tuple(reversed(joints)))
 
 
@@ -122,25 +121,6 @@ def _parse(urdf: Path) -> ET.Element:
     if root.tag != "robot":
         raise ConfigError(f"{urdf}: not a URDF: the outer element is <{root.tag}>, not <robot>")
     return root
-
-
-def _check_numbers(root: ET.Element, urdf: Path) -> None:
-    for part in (*root.findall("link"), *root.findall("joint")):
-        for element in part.iter():
-            for attribute, count in _NUMBERS.get(element.tag, ()):
-                text = element.get(attribute)
-                if text is None:
-                    continue
-                try:
-                    values = [float(word) for word in text.split()]
-                except ValueError:
-                    values = []
-                if len(values) != count or not all(map(math.isfinite, values)):
-                    expected = "a number" if count == 1 else f"{count} numbers"
-                    raise ConfigError(
-                        f"{urdf}: {part.tag} '{part.get('name')}': <{element.tag} {attribute}>: "
-                        f"value {text!r}: must be {expected}"
-                    )
 
 
 def _end(joint: ET.Element, which: str, urdf: Path) -> str:
@@ -164,15 +144,9 @@ def _joint(element: ET.Element, urdf: Path) -> UrdfJoint:
 
     def number(attribute: str, default: float | None = None) -> float:
         text = limit.get(attribute)
-        if text is None and default is not None:
-            return default
-        try:
-            value = float(text or "")
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise ConfigError(f"{where}: <limit {attribute}>: value {text!r}: must be a number")
-        return value
+        if text is None and default is None:
+            raise ConfigError(f"{where}: <limit {attribute}>: value None: must be a number")
+        return float(text) if text is not None else default or 0.0
 
     if kind == "continuous":
         lower, upper = number("lower", -CONTINUOUS_RANGE), number("upper", CONTINUOUS_RANGE)

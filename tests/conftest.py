@@ -9,7 +9,8 @@ from telerobot.drivers.device import DeviceError
 
 _LINK = (
     '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" '
-    'iyz="0" izz="0.01"/></inertial></link>'
+    'iyz="0" izz="0.01"/></inertial>'
+    '<collision><geometry><sphere radius="0.05"/></geometry></collision></link>'
 )
 _JOINT = (
     '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'

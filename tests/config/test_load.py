@@ -111,12 +111,81 @@ def test_what_a_person_gets_wrong_is_named_with_key_value_and_bound(small, old, 
         ('xyz="0 1 0"', 'xyz="0 1"', r"joint 'j2': <axis xyz>: value '0 1': must be 3 numbers"),
         ("</robot>", '<link name="stray"/></robot>', r"links 'base' and 'stray': only one can be"),
         ('<axis xyz="0 0 1"/>', '<mimic joint="j2"/>', r"joint 'j1': <mimic>"),
+        ('effort="100"', 'effort="1_0"', r"<limit effort>: value '1_0': must be a number"),
+        ('effort="100"/>', 'effort="1"/><dynamics damping="x"/>', r"<dynamics damping>: value 'x'"),
+        (
+            'xyz="0 1 0"',
+            'xyz="0 0 0"',
+            r"joint 'j2': <axis xyz>: value '0 0 0': must not be of len",
+        ),
+        ('<axis xyz="0 1 0"/>', "<axis/>", r"joint 'j2': <axis xyz>: is missing"),
+        ('xyz="0 0 0.4"', 'xyz="0 0 1e9"', r"joint 'j1': <origin xyz>: value '0 0 1e9': .* 10000"),
+        ('<mass value="1"/>', "", r"link 'base': <inertial>: <mass> is missing"),
+        ('<mass value="1"/>', "<mass/>", r"link 'base': <mass value>: is missing"),
+        (
+            '<mass value="1"/>',
+            '<mass value="-1"/>',
+            r"<mass value>: value '-1': must be at least 0",
+        ),
+        (
+            '<mass value="1"/>',
+            '<mass value="nan"/>',
+            r"<mass value>: value 'nan': must be a number",
+        ),
+        ('ixx="0.01"', 'ixx="-0.01"', r"link 'base': <inertia>: least principal moment -0\.01"),
+        ('iyz="0"', "", r"link 'base': <inertia iyz>: is missing"),
+        ('izz="0.01"/>', 'izz="0.01"/><inertia/>', r"link 'base': <inertia ixx>: is missing"),
+        ('<link name="l2">', '<link name="l1">', r"link 'l1': is there twice"),
     ],
 )
 def test_a_urdf_that_we_cannot_drive_is_refused(small, old, new, expected):
     text = refusal(small.replace_in_urdf(old, new))
     assert text.startswith(f"{small.urdf}: ")
     assert re.search(expected, text), text
+
+
+INERTIAL = (
+    '<inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" '
+    'izz="0.01"/></inertial>'
+)
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        ('<sphere radius="abc"/>', r"<sphere radius>: value 'abc': must be a number"),
+        ('<sphere radius="nan"/>', r"<sphere radius>: value 'nan': must be a number"),
+        ('<sphere radius="-0.06"/>', r"<sphere radius>: value '-0\.06': must be above 0"),
+        ('<sphere radius="0"/>', r"<sphere radius>: value '0': must be above 0"),
+        ('<sphere radius="1e5"/>', r"<sphere radius>: value '1e5': .* at most 10000"),
+        ("<sphere/>", r"<sphere radius>: is missing"),
+        ('<cylinder radius="0.1"/>', r"<cylinder length>: is missing"),
+        ('<capsule radius="0.1" length="-1"/>', r"<capsule length>: value '-1'"),
+        ('<box size="1 2"/>', r"<box size>: value '1 2': must be 3 numbers"),
+        ('<box size="1 2 0"/>', r"<box size>: value '1 2 0': must be above 0"),
+        ("<mesh/>", r"<collision>: <mesh filename=…> is missing"),
+        ('<cone radius="0.1"/>', r"<collision>: <geometry> holds cone: must be one of"),
+        ("", r"<collision>: <geometry> holds nothing"),
+    ],
+)
+def test_a_shape_that_a_parser_would_drop_is_refused(small, shape, expected):
+    small.replace_in_urdf(
+        '<link name="l2">',
+        f'<link name="l2"><collision><geometry>{shape}</geometry></collision>',
+    )
+    text = refusal(small.cell)
+    assert text.startswith(f"{small.urdf}: link 'l2': ")
+    assert re.search(expected, text), text
+
+
+def test_a_joint_that_moves_nothing_of_any_mass_is_refused(small):
+    small.replace_in_urdf(f'<link name="l2">{INERTIAL}', '<link name="l2">')
+    assert "link 'l2': <inertial> is missing or of mass 0: joint 'j2'" in refusal(small.cell)
+
+
+def test_a_frame_without_mass_is_no_mistake_where_something_heavy_hangs_on_it(small):
+    small.replace_in_urdf(f'<link name="l3">{INERTIAL}', '<link name="l3">')
+    assert len(load_cell(small.cell).robot.joints) == 3
 
 
 def test_xml_that_is_no_urdf_is_refused(small):

@@ -91,3 +91,29 @@ def load_cell_links(path):
     text = path.read_text().split("[[avoidance")[0]
     path.write_text(text)
     return load_cell(path).robot.links()
+
+
+SHAPE = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+
+
+def test_a_heavy_link_without_a_shape_is_refused_where_clearances_are_kept(furnished):
+    furnished.replace_in_urdf(f"{SHAPE}</link>", "</link>")
+    with pytest.raises(ConfigError, match=r"avoidance\.capsules: link 'base' of .* no <collision>"):
+        load_cell(furnished.cell)
+
+
+def test_a_capsule_in_the_cell_is_a_shape_too(furnished):
+    furnished.replace_in_urdf(f"{SHAPE}</link>", "</link>")
+    links = ("base", "l1", "l2", "l3", "tip", "finger")
+    capsules = "".join(
+        f'[[avoidance.capsules]]\nlink = "{link}"\nstart = [0.0, 0.0, 0.0]\nend = [0.0, 0.0, 0.1]\n'
+        "radius = 0.05\n"
+        for link in links
+    )
+    furnished.cell.write_text(furnished.cell.read_text() + capsules)
+    assert len(load_cell(furnished.cell).config.avoidance.capsules) == len(links)
+
+
+def test_shapes_are_no_matter_where_no_clearance_is_kept(small):
+    small.replace_in_urdf(f"{SHAPE}</link>", "</link>")
+    assert not load_cell(small.cell).config.keeps_clear

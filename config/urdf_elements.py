@@ -1,0 +1,182 @@
+"""The elements of a URDF, judged one by one before any library reads them.
+
+Parsers drop an inertia or a shape that they cannot read, and say so on stderr at best: a link would
+lose its weight or its clearance. So every number that they would read is read here first.
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from .errors import ConfigError
+
+FARTHEST: Final = 1e4
+"""No part of a robot is longer, or farther from its joint, than this [m]."""
+HEAVIEST: Final = 1e6
+"""No link has more mass [kg], or more inertia [kg·m²]."""
+
+
+class _Rule(NamedTuple):
+    """How many numbers an attribute holds, whether it may be absent, and their bounds."""
+
+    numbers: int
+    needed: bool
+    low: float
+    high: float
+    positive: bool = False
+    """True where the lower bound itself is too little."""
+
+
+_PLACE: Final = _Rule(3, False, -FARTHEST, FARTHEST)
+_ANGLES: Final = _Rule(3, False, -100.0, 100.0)
+_LENGTH: Final = _Rule(1, True, 0.0, FARTHEST, positive=True)
+_ANY: Final = _Rule(1, False, -1e12, 1e12)
+_MOMENT: Final = _Rule(1, True, -HEAVIEST, HEAVIEST)
+_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_RULES: Final[Mapping[str, Mapping[str, _Rule]]] = {
+    "origin": {"xyz": _PLACE, "rpy": _ANGLES},
+    "axis": {"xyz": _Rule(3, True, -FARTHEST, FARTHEST)},
+    "mass": {"value": _Rule(1, True, 0.0, HEAVIEST)},
+    "inertia": dict.fromkeys(_MOMENTS, _MOMENT),
+    "sphere": {"radius": _LENGTH},
+    "cylinder": {"radius": _LENGTH, "length": _LENGTH},
+    "capsule": {"radius": _LENGTH, "length": _LENGTH},
+    "box": {"size": _Rule(3, True, 0.0, FARTHEST, positive=True)},
+    "mesh": {"scale": _Rule(3, False, -FARTHEST, FARTHEST)},
+    "color": {"rgba": _Rule(4, False, 0.0, 1e3)},
+    "limit": dict.fromkeys(("lower", "upper", "velocity", "effort"), _ANY),
+    "dynamics": dict.fromkeys(("damping", "friction"), _ANY),
+    "mimic": dict.fromkeys(("multiplier", "offset"), _ANY),
+    "calibration": dict.fromkeys(("rising", "falling"), _ANY),
+    "safety_controller": dict.fromkeys(
+        ("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), _ANY
+    ),
+}
+SHAPES: Final = ("box", "cylinder", "sphere", "capsule", "mesh")
+
+
+def check_elements(root: ET.Element, urdf: Path) -> None:
+    """Raise `ConfigError`, with file, link or joint, and value, for what a parser would drop."""
+    for kind in ("link", "joint"):
+        names: set[str | None] = set()
+        for part in root.findall(kind):
+            name = part.get("name")
+            if name in names:
+                raise ConfigError(f"{urdf}: {kind} '{name}': is there twice")
+            names.add(name)
+            _check_part(part, f"{urdf}: {kind} '{name}'")
+
+
+def check_bodies(
+    root: ET.Element, urdf: Path, moved: Collection[str], parents: Mapping[str, ET.Element]
+) -> None:
+    """Raise `ConfigError` for a joint in `moved` that moves nothing of any mass.
+
+    `parents` are the joints of which a link is the child. What hangs on a joint by others that do
+    not move is one body with it.
+    """
+    mass = dict.fromkeys(moved, 0.0)
+    for link in root.findall("link"):
+        weight = link.find("inertial/mass")
+        joint = parents.get(link.get("name", ""))
+        while joint is not None and joint.get("name") not in mass:
+            above = joint.find("parent")
+            joint = None if above is None else parents.get(above.get("link", ""))
+        if joint is not None and weight is not None:
+            mass[joint.get("name", "")] += float(weight.get("value", "0"))
+    for element in parents.values():
+        name, child = element.get("name", ""), element.find("child")
+        if mass.get(name, 1.0) <= 0.0 and child is not None:
+            raise ConfigError(
+                f"{urdf}: link '{child.get('link')}': <inertial> is missing or of mass 0: "
+                f"joint '{name}' would move nothing; give mass and inertia"
+            )
+
+
+def unshaped_links(root: ET.Element) -> Iterator[str]:
+    """Yield the names of links that have mass and no `<collision>`: nothing keeps them clear."""
+    for link in root.findall("link"):
+        mass = link.find("inertial/mass")
+        heavy = mass is not None and float(mass.get("value", "0")) > 0.0
+        if heavy and link.find("collision") is None:
+            yield link.get("name", "")
+
+
+def _check_part(part: ET.Element, where: str) -> None:
+    for element in part.iter():
+        for attribute, rule in _RULES.get(element.tag, {}).items():
+            _check_numbers(element, attribute, rule, where)
+    for shape in (*part.findall("collision"), *part.findall("visual")):
+        geometry = shape.find("geometry")
+        found = [] if geometry is None else [e.tag for e in geometry]
+        if len(found) != 1 or found[0] not in SHAPES:
+            shown = ", ".join(found) or "nothing"
+            raise ConfigError(
+                f"{where}: <{shape.tag}>: <geometry> holds {shown}: must be one of "
+                f"{', '.join(SHAPES)}"
+            )
+        mesh = shape.find("geometry/mesh")
+        if mesh is not None and not mesh.get("filename"):
+            raise ConfigError(f"{where}: <{shape.tag}>: <mesh filename=…> is missing")
+    inertial = part.find("inertial")
+    if inertial is not None:
+        _check_inertial(inertial, where)
+    axis = part.find("axis")
+    if axis is not None and part.get("type") != "fixed":
+        length = math.hypot(*(float(x) for x in axis.get("xyz", "").split()))
+        if length < 1e-6:
+            raise ConfigError(
+                f"{where}: <axis xyz>: value {axis.get('xyz')!r}: must not be of length 0"
+            )
+
+
+def _check_inertial(inertial: ET.Element, where: str) -> None:
+    for needed in ("mass", "inertia"):
+        if inertial.find(needed) is None:
+            raise ConfigError(f"{where}: <inertial>: <{needed}> is missing")
+    inertia = inertial.find("inertia")
+    if inertia is None:
+        return
+    xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "")) for name in _MOMENTS)
+    least = float(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0])
+    if least < -1e-9 * max(xx, yy, zz, 0.0) - 1e-300:
+        raise ConfigError(
+            f"{where}: <inertia>: least principal moment {least:g} kg·m²: must not be negative"
+        )
+
+
+def _check_numbers(element: ET.Element, attribute: str, rule: _Rule, where: str) -> None:
+    text = element.get(attribute)
+    place = f"{where}: <{element.tag} {attribute}>"
+    if text is None:
+        if rule.needed:
+            raise ConfigError(f"{place}: is missing")
+        return
+    expected = "a number" if rule.numbers == 1 else f"{rule.numbers} numbers"
+    values = _numbers(text)
+    if len(values) != rule.numbers or not all(map(math.isfinite, values)):
+        raise ConfigError(f"{place}: value {_shown(text)}: must be {expected}")
+    for value in values:
+        if value < rule.low or value > rule.high or (rule.positive and value == rule.low):
+            least = f"above {rule.low:g}" if rule.positive else f"at least {rule.low:g}"
+            raise ConfigError(
+                f"{place}: value {_shown(text)}: must be {least} and at most {rule.high:g}"
+            )
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers of an attribute, none if one word is no number to XML's readers."""
+    if not text.isascii() or "_" in text:
+        return []
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:59] + "…")
