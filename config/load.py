@@ -5,7 +5,6 @@ and bound. What needs numbers to judge (bus load, stability) is `telerobot check
 """
 
 import json
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -16,6 +15,7 @@ from pydantic_core import ErrorDetails
 from .agree import check_agreement
 from .errors import ConfigError, nearest
 from .schema import CellConfig
+from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
 
 __all__ = [
@@ -124,18 +124,6 @@ def _find(kind: str, name_or_path: str | Path, base: Path, where: str) -> Path:
             f"{suffix}; shipped: {listed}{nearest(text, names)}"
         )
     return HERE / kind / f"{text}{suffix}"
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return what a TOML file says. Raises `ConfigError` for one that cannot be read."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start}: not UTF-8 text") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not TOML: {error}") from None
 
 
 def _validated(path: Path, document: dict[str, Any]) -> CellConfig:

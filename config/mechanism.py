@@ -23,18 +23,20 @@ class Drive(Section):
         0.0, ge=-100, le=100, description="joint angle at encoder count zero [rad]"
     )
     rated_torque: float = Field(
-        gt=0, le=1e5, description="torque at the joint that 6077h reports as 1000 [N·m]"
+        ge=1e-6, le=1e5, description="torque at the joint that 6077h reports as 1000 [N·m]"
     )
-    max_torque: float = Field(gt=0, le=1e5, description="torque limit of the drive [N·m]")
+    max_torque: float = Field(ge=1e-6, le=1e5, description="torque limit of the drive [N·m]")
     rotor_inertia: float = Field(
         0.0, ge=0, le=1e4, description="what its rotor adds at the joint, for dynamics [kg·m²]"
     )
     friction: float = Field(
         0.0, ge=0, le=1e5, description="Coulomb friction at the joint, for dynamics [N·m]"
     )
-    max_velocity: float = Field(gt=0, le=50, description="joint speed bound V [rad/s]")
-    max_acceleration: float = Field(gt=0, le=500, description="joint acceleration bound A [rad/s²]")
-    max_jerk: float = Field(gt=0, le=50_000, description="joint jerk bound J [rad/s³]")
+    max_velocity: float = Field(ge=1e-3, le=50, description="joint speed bound V [rad/s]")
+    max_acceleration: float = Field(
+        ge=1e-3, le=500, description="joint acceleration bound A [rad/s²]"
+    )
+    max_jerk: float = Field(ge=1e-3, le=50_000, description="joint jerk bound J [rad/s³]")
     position_margin: float = Field(
         0.01, ge=0, le=1, description="kept from the URDF's position limits on either side [rad]"
     )
@@ -48,7 +50,7 @@ class Drive(Section):
         None, gt=0, le=1e7, description="what a commanded torque may change by in CST [N·m/s]"
     )
     quick_stop_deceleration: float = Field(
-        10.0, gt=0, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
+        10.0, ge=1e-6, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
     )
 
     @model_validator(mode="after")

@@ -16,6 +16,10 @@ from .urdf_elements import check_bodies, check_elements, unshaped_links
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
 
+LARGEST_FILE: Final = 1 << 24
+"""A URDF of more bytes holds meshes, or is none [1]."""
+DEEPEST: Final = 32
+"""Elements are not nested more deeply than this [1]."""
 _MOVABLE: Final = ("revolute", "continuous", "prismatic")
 
 
@@ -113,14 +117,27 @@ def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
 
 def _parse(urdf: Path) -> ET.Element:
     try:
+        size = urdf.stat().st_size
+        if size > LARGEST_FILE:
+            raise ConfigError(f"{urdf}: {size} bytes: must be at most {LARGEST_FILE}")
         root = ET.parse(urdf).getroot()
     except OSError as error:
         raise ConfigError(f"{urdf}: cannot be read: {error.strerror}") from None
     except (ET.ParseError, UnicodeError, LookupError) as error:
         raise ConfigError(f"{urdf}: not well-formed XML: {error}") from None
+    if _depth(root) > DEEPEST:
+        raise ConfigError(f"{urdf}: elements are nested more than {DEEPEST} deep")
     if root.tag != "robot":
         raise ConfigError(f"{urdf}: not a URDF: the outer element is <{root.tag}>, not <robot>")
     return root
+
+
+def _depth(root: ET.Element) -> int:
+    """Return how deeply elements are nested, as far as `DEEPEST` and one more."""
+    layer, depth = [root], 0
+    while layer and depth <= DEEPEST:
+        layer, depth = [child for element in layer for child in element], depth + 1
+    return depth
 
 
 def _end(joint: ET.Element, which: str, urdf: Path) -> str:

@@ -8,6 +8,7 @@ from ..config.load import Cell, load_cell
 from .checks.bus_load import bus_load
 from .checks.drives import drives
 from .checks.following import following
+from .checks.holding import holding
 from .checks.postures import postures
 from .checks.reflection import reflection
 from .checks.stability import stability
@@ -22,6 +23,7 @@ CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
     stability,
     reflection,
     postures,
+    holding,
     torque,
     following,
 )

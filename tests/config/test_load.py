@@ -303,3 +303,46 @@ def test_a_sound_gripper_is_taken(small):
     block = GRIPPER.format(20, 'open_payload = "bare"')
     cell = load_cell(small.replace("[rig.drive]", f"{block}\n[rig.drive]"))
     assert cell.config.mechanism.gripper.open_payload == "bare"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("port = " + "9" * 5000, r"not TOML: Exceeds the limit"),
+        ("port = 0x" + "f" * 5000, r"port: an integer of more than 64 bits"),
+        ("port = 9223372036854775808", r"port: an integer of more than 64 bits"),
+        ("a = " + "[" * 3000 + "]" * 3000, r"nested more than 24 deep"),
+        ("a = " + "{a = " * 3000 + "1" + "}" * 3000, r"nested more than 24 deep"),
+        (".".join(["a"] * 3000) + " = 1", r"a\.a\.a.*: nested more than 24 deep"),
+        ("[" + ".".join(["a"] * 3000) + "]", r"nested more than 24 deep"),
+        ("# " + "x" * (1 << 20), r"1048\d+ bytes: must be at most 1048576"),
+    ],
+)
+def test_absurd_toml_is_refused_in_one_line(small, text, expected):
+    small.cell.write_text(text)
+    found = refusal(small.cell)
+    assert found.startswith(f"{small.cell}: ")
+    assert re.search(expected, found), found
+    assert len(found) < 300 + len(str(small.cell))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("max_jerk", "200.0"), ("max_acceleration", "10.0"), ("max_velocity", "1.5")],
+)
+def test_a_denormal_bound_is_refused(small, key, value):
+    text = refusal(small.replace(f"{key} = {value}", f"{key} = 5e-324"))
+    assert f"mechanism.drives[0].{key}: value 5e-324: " in text
+
+
+def test_a_urdf_nested_without_end_is_refused(small):
+    small.replace_in_urdf("</robot>", "<a>" * 3000 + "</a>" * 3000 + "</robot>")
+    assert refusal(small.cell) == f"{small.urdf}: elements are nested more than 32 deep"
+
+
+def test_xml_that_blows_up_is_refused(small):
+    levels = "".join(
+        f"<!ENTITY e{i} '{f'&e{i - 1};' * 10}'>" if i else "<!ENTITY e0 'ha'>" for i in range(12)
+    )
+    small.urdf.write_text(f"<!DOCTYPE robot [{levels}]><robot>&e11;</robot>")
+    assert "not well-formed XML: limit on input amplification" in refusal(small.cell)

@@ -91,7 +91,7 @@ def test_a_torque_that_6077h_cannot_tell_is_an_error(small):
 
 def test_a_weak_quick_stop_is_a_warning(small):
     small.replace("max_acceleration = 10.0", "max_acceleration = 20.0")
-    assert findings(small.cell)["j1 quick stop"].status is Status.WARN
+    assert findings(small.cell)["j1 stops"].status is Status.WARN
 
 
 def grows(gain, delay, ticks=6000):
@@ -181,3 +181,29 @@ def test_a_urdf_that_the_kinematics_refuses_is_one_line(small, monkeypatch, caps
     monkeypatch.setattr(Mechanism, "__init__", refuse)
     assert main(["check", str(small.cell)]) == 2
     assert capsys.readouterr().err == f"telerobot: {small.urdf}: first line second line\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "check", "value"),
+    [
+        ("node = 1", "node = 1\nquick_stop_deceleration = 1e-5", "j1 stops", "1.5e+05 s"),
+        ("max_jerk = 200.0", "max_jerk = 0.1", "j1 stops", "7.75 s"),
+        ("max_acceleration = 10.0", "max_acceleration = 0.1", "j1 stops", "15 s"),
+        ("max_torque = 80.0", "max_torque = 1e-3", "holding start", "of 0.001 N·m"),
+    ],
+)
+def test_a_drive_that_could_not_stop_or_hold_the_arm_is_an_error(small, old, new, check, value):
+    small.cell.write_text(small.cell.read_text().replace(old, new))
+    found = findings(small.cell)[check]
+    assert found.status is Status.ERROR
+    assert value in found.text
+
+
+def test_the_heaviest_declared_payload_has_to_be_held(small):
+    text = small.cell.read_text()
+    small.cell.write_text(
+        text.replace("[rig.drive]", "[mechanism.payloads]\nanvil = { mass = 60.0 }\n[rig.drive]")
+    )
+    found = findings(small.cell)["holding start"]
+    assert found.status is Status.ERROR
+    assert found.text.endswith("with payload anvil")

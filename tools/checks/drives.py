@@ -1,5 +1,6 @@
 """Are the drives' bounds within the robot's, and fine enough for what is asked of them?"""
 
+import math
 from collections.abc import Iterator
 
 from ...config.load import Cell
@@ -11,6 +12,10 @@ QUANTISATION_NOTICE = 0.25
 """Part of the jerk bound that the encoder's steps may look like before it is worth a word [1]."""
 TORQUE_PER_MILLE_MAX = 32767
 """Greatest value of 6077h, in thousandths of the rated torque [1]."""
+LONG_STOP_S = 0.5
+"""A stop from full speed that takes longer is worth a word [s]."""
+ENDLESS_STOP_S = 2.0
+"""One that takes longer than this is none [s]."""
 
 
 def drives(cell: Cell) -> Iterator[Finding]:
@@ -21,7 +26,7 @@ def drives(cell: Cell) -> Iterator[Finding]:
         yield _speed(drive, joint)
         yield _torque(drive, joint)
         yield _encoder(drive, cell.config.timing.period_s)
-        yield _ramp(drive)
+        yield _stop(drive)
 
 
 def _speed(drive: Drive, joint: UrdfJoint) -> Finding:
@@ -60,15 +65,30 @@ def _encoder(drive: Drive, period_s: float) -> Finding:
     )
 
 
-def _ramp(drive: Drive) -> Finding:
-    weak = drive.quick_stop_deceleration < drive.max_acceleration
-    text = f"{drive.quick_stop_deceleration:g} rad/s², bound A {drive.max_acceleration:g}"
+def _stop(drive: Drive) -> Finding:
+    """Judge how long a stop from full speed takes: on the drive's own ramp, and verified."""
+    V, A, J = drive.max_velocity, drive.max_acceleration, drive.max_jerk
+    ramp_s = V / drive.quick_stop_deceleration
+    verified_s = V / A + A / J if V * J > A**2 else 2.0 * math.sqrt(V / J)
+    longest_s = max(ramp_s, verified_s)
+    text = (
+        f"quick stop {ramp_s:.3g} s at {drive.quick_stop_deceleration:g} rad/s², "
+        f"verified stop {verified_s:.3g} s"
+    )
+    status = graded(longest_s, LONG_STOP_S, ENDLESS_STOP_S)
+    if longest_s > LONG_STOP_S:
+        text += f": a stop from {V:g} rad/s may take at most {ENDLESS_STOP_S:g} s"
+    elif drive.quick_stop_deceleration < A:
+        status = Status.WARN
+        text += ": the ramp takes longer than the bound A would"
     return Finding(
-        f"{drive.joint} quick stop",
-        Status.WARN if weak else Status.OK,
-        text + (": takes longer than the verified stop" if weak else ""),
+        f"{drive.joint} stops",
+        status,
+        text,
         {
             "quick_stop_deceleration": drive.quick_stop_deceleration,
-            "max_acceleration": drive.max_acceleration,
+            "max_acceleration": A,
+            "quick_stop_s": ramp_s,
+            "verified_stop_s": verified_s,
         },
     )
