@@ -1,8 +1,9 @@
 """The CAN master on one bus: SYNC, heartbeat, dispatch of frames, and SDO without a thread.
 
-Cyclic PDOs go to their decoder by identifier; everything else goes to canopen, whose network is
-used without its Notifier thread: an SDO request pumps the bus until its reply has been handed
-over, so that canopen finds it in its queue. Nothing here blocks but SDOs, `wait` and `wait_until`.
+Cyclic PDOs go to their decoder by identifier; heartbeats, emergencies and the SDO replies that were
+asked for go to canopen, whose network is used without its Notifier thread: an SDO request pumps the
+bus until its reply has been handed over, so that canopen finds it in its queue. Frames of other
+identifiers are dropped. Nothing here blocks but SDOs, `wait` and `wait_until`.
 """
 
 import logging
@@ -71,6 +72,9 @@ class Fieldbus:
         self.now = clock()
         """When the frames being dispatched were taken off the bus [s], on `clock`."""
         self._handlers: dict[int, Handler] = {}
+        self._for_canopen: set[int] = set()
+        self._awaited: int | None = None
+        """Identifier of the SDO reply that a request waits for."""
         self._masters: set[int] = {
             can301.NMT_ID,
             can301.SYNC_ID,
@@ -83,6 +87,9 @@ class Fieldbus:
         node = canopen.RemoteNode(node_id, dictionary)
         node.sdo.RESPONSE_TIMEOUT = 0.0  # the reply is there before canopen looks for it
         self.network.add_node(node)
+        # canopen keeps every emergency message that it was ever handed, for ever.
+        node.emcy.add_callback(lambda _emcy: node.emcy.reset())
+        self._for_canopen |= {can301.heartbeat_id(node_id), can301.emcy_id(node_id)}
         self._masters |= {can301.rpdo1_id(node_id), can301.sdo_request_id(node_id)}
         return node
 
@@ -170,9 +177,11 @@ class Fieldbus:
             replies.append(bytes(reply))
 
         self.network.subscribe(reply_id, note)
+        self._awaited = reply_id
         try:
             self.wait_until(lambda: bool(replies), SDO_TIMEOUT_S)
         finally:
+            self._awaited = None
             self.network.unsubscribe(reply_id, note)
 
     def clear_trouble(self) -> None:
@@ -215,7 +224,8 @@ class Fieldbus:
         try:
             if handler is not None:
                 handler(bytes(message.data), stamp)
-            else:
+            elif can_id in self._for_canopen or can_id == self._awaited:
+                # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.
                 self.network.notify(can_id, message.data, stamp)
         except (FrameError, struct.error, IndexError):
             self.malformed += 1

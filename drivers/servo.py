@@ -308,8 +308,6 @@ class ServoDrive:
             self._booted = True
 
     def _on_emcy(self, emcy: EmcyError) -> None:
-        self._node.emcy.log.clear()  # canopen would keep them all
-        self._node.emcy.active.clear()
         if emcy.code & 0xFF00 != EmcyCode.NO_ERROR:
             self._emcy = emcy
         elif self._reset_sync is not None:

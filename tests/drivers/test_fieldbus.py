@@ -2,6 +2,7 @@
 
 import random
 import threading
+import tracemalloc
 from typing import Any
 
 import can
@@ -214,3 +215,41 @@ def test_a_flood_does_not_hold_the_tick_for_ever(cell: Any) -> None:
         cell.played.send(0x191, b"")
     assert cell.fieldbus.receive(0.0) == 1000
     assert cell.fieldbus.receive(0.0) == 500
+
+
+def test_frames_that_nobody_asked_for_leave_nothing_behind() -> None:
+    """Of every identifier that is not the master's own: SDO and LSS replies, emergencies …"""
+    hub = Hub()
+    fieldbus, stranger = Fieldbus(InProcessBus(hub)), InProcessBus(hub)
+    fieldbus.add_node(5, canopen.import_od(None))
+    own = {0x000, 0x080, 0x77F, 0x205, 0x605}
+    frames = [
+        frame(can_id, bytes((0x43, 0, 0x10, 0, 1, 2, 3, 4)))
+        for can_id in range(0x800)
+        if can_id not in own
+    ]
+
+    def flood() -> None:
+        for message in frames:
+            stranger.send(message)
+            fieldbus.receive(0.0)
+
+    flood()
+    tracemalloc.start()
+    flood()
+    before, _ = tracemalloc.get_traced_memory()
+    for _ in range(10):
+        flood()
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert fieldbus.trouble is None
+    assert after - before < len(frames), "bytes, after ten more rounds"
+    stranger.shutdown()
+    fieldbus.close()
+
+
+def test_a_reply_that_came_unasked_is_not_taken_for_the_next_one(cell: Any) -> None:
+    cell.played.send(can301.sdo_reply_id(5), b"\x43\x02\x65\x00\xff\xff\xff\xff")
+    cell.fieldbus.receive(0.0)
+    data = cell.fieldbus.network[5].sdo.upload(0x6502, 0)
+    assert data != b"\xff" * 4
