@@ -87,8 +87,7 @@ class Fieldbus:
         node = canopen.RemoteNode(node_id, dictionary)
         node.sdo.RESPONSE_TIMEOUT = 0.0  # the reply is there before canopen looks for it
         self.network.add_node(node)
-        # canopen keeps every emergency message that it was ever handed, for ever.
-        node.emcy.add_callback(lambda _emcy: node.emcy.reset())
+        node.emcy.add_callback(lambda _emcy: _forget(node))
         self._for_canopen |= {can301.heartbeat_id(node_id), can301.emcy_id(node_id)}
         self._masters |= {can301.rpdo1_id(node_id), can301.sdo_request_id(node_id)}
         return node
@@ -233,3 +232,9 @@ class Fieldbus:
     def _fail(self, cause: Cause, detail: str, **values: int) -> None:
         if self.trouble is None:
             self.trouble = Trouble(cause, self.name, detail, dict(values))
+
+
+def _forget(node: canopen.RemoteNode) -> None:
+    """Clear the lists in which canopen keeps every emergency of a node."""
+    node.emcy.log.clear()
+    node.emcy.active.clear()

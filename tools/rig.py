@@ -7,7 +7,9 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from types import FrameType
+from typing import TextIO
 
 from ..config.load import ConfigError
 from ..drivers.bus import open_bus
@@ -20,6 +22,25 @@ from .frame_sensors import FrameSensors
 
 PRIORITY = 50
 """SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines."""
+
+
+class Refusals:
+    """Prints why faults were refused, once a second at most, and how many more there were."""
+
+    def __init__(self, clock: Callable[[], float], stream: TextIO) -> None:
+        self._clock, self._stream = clock, stream
+        self._next_s = -math.inf
+        self._left_out = 0
+
+    def __call__(self, why: str) -> None:
+        """Tell of one refusal, now or as a part of the next line's count."""
+        now_s = self._clock()
+        if now_s < self._next_s:
+            self._left_out += 1
+            return
+        more = f" (and {self._left_out} more before)" if self._left_out else ""
+        print(f"telerobot: fault refused: {why}{more}", file=self._stream)
+        self._next_s, self._left_out = now_s + 1.0, 0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
                 rig,
                 lambda: bool(asked) or time.monotonic() > end_s,
                 session,
-                on_refused=lambda why: print(f"telerobot: fault refused: {why}", file=sys.stderr),
+                on_refused=Refusals(time.monotonic, sys.stderr),
             )
         finally:
             session.close()

@@ -20,6 +20,7 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...config.mechanism import Drive
 from ...protocols.can301 import EmcyCode
@@ -31,6 +32,15 @@ from .world import World
 
 SENSOR = "force_torque"
 """The target that names the sensor, and the tool."""
+
+MOST_FORCE = 2000.0
+"""The physics is not pushed harder along an axis: it would break before the arm does [N]."""
+MOST_FRICTION = 1e4
+"""Nor is a joint braked harder [N·m]."""
+LONGEST_DELAY_S = 10.0
+"""A frame that is later than this might as well be lost [s]."""
+FARTHEST = 100.0
+"""Nothing is put farther from World's origin along an axis [m]."""
 
 
 class Faults:
@@ -86,13 +96,11 @@ class Faults:
         if fault.kind == "silence":
             link.silent = fault.on
         elif fault.kind == "delay":
-            if fault.on and (fault.value is None or fault.value < 0):
-                raise ValueError("fault delay: give its value in seconds, 0 or more")
-            link.delay_s = (fault.value or 0.0) if fault.on else 0.0
+            if fault.on and fault.value is None:
+                raise ValueError("fault delay: give its value in seconds")
+            link.delay_s = _value(fault, 0.0, LONGEST_DELAY_S, "s") if fault.on else 0.0
         else:
-            share = 1.0 if fault.value is None else fault.value
-            if not 0 <= share <= 1:
-                raise ValueError(f"fault {fault.kind}: value {share} is no probability")
+            share = _value(fault, 0.0, 1.0, "of all frames", default=1.0)
             setattr(link, fault.kind, share if fault.on else 0.0)
 
     def _freeze(self, fault: RigFault) -> None:
@@ -101,15 +109,11 @@ class Faults:
         self._force_torque(fault).freeze(fault.on, mute=bool(fault.value))
 
     def _stick(self, fault: RigFault, joint: int, drive: SimulatedDrive) -> None:
-        torque = _half_torque(drive.drive) if fault.value is None else fault.value
-        if torque < 0:
-            raise ValueError(f"fault stick: value {torque} N·m is below 0")
+        torque = _value(fault, 0.0, MOST_FRICTION, "N·m", default=_half_torque(drive.drive))
         self._world.set_extra_friction(joint, torque if fault.on else 0.0)
 
     def _push(self, fault: RigFault) -> None:
-        if fault.on and fault.vector is None:
-            raise ValueError("fault push: give its vector [N], in World")
-        force = np.array(fault.vector) if fault.on and fault.vector is not None else None
+        force = vector_of(fault, MOST_FORCE, "N") if fault.on else None
         if fault.target == SENSOR:
             self._world.push_tool(force)
         else:
@@ -118,20 +122,39 @@ class Faults:
     def _guide(self, fault: RigFault) -> None:
         if fault.target != SENSOR:
             raise ValueError(f"fault hand: its target is {SENSOR}, not a joint")
-        if fault.on and fault.vector is None:
-            raise ValueError("fault hand: give its vector [N], in World")
-        if fault.value is not None and fault.value <= 0:
-            raise ValueError(f"fault hand: value {fault.value} s is not above 0")
-        force = np.array(fault.vector) if fault.on and fault.vector is not None else None
-        self._world.push_tool(force, fault.value)
+        force = vector_of(fault, MOST_FORCE, "N") if fault.on else None
+        duration_s = None if fault.value is None else _value(fault, 0.01, 3600.0, "s")
+        self._world.push_tool(force, duration_s)
+
+
+def vector_of(fault: RigFault, most: float, unit: str) -> NDArray[np.float64]:
+    """Return a fault's vector (3,), in World.
+
+    Raises `ValueError`, in one line, for none, and for one beyond `most` along an axis.
+    """
+    if fault.vector is None:
+        raise ValueError(f"fault {fault.kind}: give its vector [{unit}], in World")
+    for x in fault.vector:
+        if not abs(x) <= most:
+            raise ValueError(
+                f"fault {fault.kind}: value {x:g} {unit}: must be at most {most:g} along an axis"
+            )
+    return np.array(fault.vector)
+
+
+def _value(
+    fault: RigFault, low: float, high: float, unit: str, default: float | None = None
+) -> float:
+    """Return a fault's value, or the default. Raises `ValueError` for one out of bounds."""
+    value = default if fault.value is None else fault.value
+    if value is None or not low <= value <= high:
+        raise ValueError(f"fault {fault.kind}: value {value:g} {unit}: must be {low:g} to {high:g}")
+    return value
 
 
 def _emcy(fault: RigFault, _joint: int, drive: SimulatedDrive) -> None:
     if fault.on:
-        code = EmcyCode.OVERTEMPERATURE if fault.value is None else round(fault.value)
-        if not 0 <= code <= 0xFFFF:
-            raise ValueError(f"fault emcy: value {code} is no error code of 16 bits")
-        drive.emergency(code)
+        drive.emergency(round(_value(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)))
 
 
 def _half_torque(drive: Drive) -> float:

@@ -12,6 +12,8 @@ from ...protocols.moving import RigMotion
 
 Vector = NDArray[np.float64]
 
+MOST_ACCELERATION = 50.0
+"""What a sway may ask for at its turning points [m/s², rad/s²]."""
 _TAKE_UP = 4.0
 """Natural frequency with which a sway is taken up and laid down [rad/s]."""
 
@@ -69,10 +71,19 @@ class Movers:
             mover.move(getattr(rig.frames, name))
 
     def move(self, motion: RigMotion) -> None:
-        """Move one of them. Raises `ValueError`, in one line, where the cell has it not."""
+        """Move one of them.
+
+        Raises `ValueError`, in one line, where the cell has it not, and for a sway that is absurd.
+        """
         if motion.target not in self.by_name:
             table = {"platform": "frames.base", "carrier": "frames.carrier"}[motion.target]
             raise ValueError(f"motion: no {motion.target} in a cell without [{table}]")
+        peak = max(abs(x) for x in motion.sway) * (2.0 * math.pi / motion.period_s) ** 2
+        if peak > MOST_ACCELERATION:
+            raise ValueError(
+                f"motion: a sway of {max(abs(x) for x in motion.sway):g} in {motion.period_s:g} s "
+                f"accelerates by {peak:.3g}: must be at most {MOST_ACCELERATION:g} m/s², rad/s²"
+            )
         self.by_name[motion.target].move(motion)
 
     def step(self) -> None:

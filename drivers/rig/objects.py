@@ -1,5 +1,6 @@
 """A simulated node's object dictionary: the EDS, the values, and the SDO server on them."""
 
+import logging
 import struct
 from collections.abc import Callable
 from functools import cache
@@ -11,6 +12,10 @@ from canopen.sdo.exceptions import SdoAbortedError
 from canopen.sdo.server import SdoServer
 
 EDS = Path(__file__).resolve().parents[2] / "config" / "devices" / "simulated_drive.eds"
+
+LONGEST_TRANSFER = 1024
+"""No object of a node is longer; a download that goes on beyond is given up [byte]."""
+logging.getLogger("canopen").addHandler(logging.NullHandler())  # its errors are answered, too
 
 _NO_OBJECT = 0x06020000
 _NO_SUBINDEX = 0x06090011
@@ -129,6 +134,8 @@ class NodeSdoServer(SdoServer):
         if data[0] & 0xE0 in (0x20, 0x40, 0xA0, 0xC0):
             self._index, self._subindex = struct.unpack_from("<HB", data, 1)
         super().on_request(can_id, bytearray(data), timestamp)  # type: ignore[no-untyped-call]  # its stubs
+        if self._buffer is not None and len(self._buffer) > LONGEST_TRANSFER:
+            self._buffer = None
 
     def send_response(self, response: bytes) -> None:
         """Send an answer."""

@@ -17,7 +17,7 @@ from ...protocols.moving import RigMotion
 from ...protocols.rig import RigFault, RigTruth
 from .can_node import CanNode
 from .drive_loops import DriveLoops
-from .faults import Faults
+from .faults import FARTHEST, Faults, vector_of
 from .force_torque_node import SimulatedForceTorque
 from .geoms import quaternion
 from .gripper_node import SimulatedGripper
@@ -224,9 +224,7 @@ class Rig:
         if isinstance(fault, RigMotion):
             self._movers.move(fault)
         elif fault.kind == "place":
-            if fault.vector is None:
-                raise ValueError("fault place: give its vector [m], in World")
-            self.world.place(fault.target, np.array(fault.vector))
+            self.world.place(fault.target, vector_of(fault, FARTHEST, "m"))
         elif fault.kind in KINDS:
             self.tags.inject(fault)
         elif fault.kind == "silence" and fault.target in self._moving:

@@ -21,6 +21,8 @@ _Kind = TypeVar("_Kind", RigFault, RigMotion, State)
 
 _MAILBOX = 64
 """Unread faults kept; older ones are dropped for newer ones."""
+_AT_ONCE = 4
+"""Messages of one kind that are looked at in a physics step: a flood shall not slow it down."""
 
 
 class RigSession:
@@ -82,10 +84,13 @@ class RigSession:
         kind: type[_Kind],
         max_bytes: int = 4096,
     ) -> Iterator[_Kind]:
-        for _ in range(_MAILBOX):
+        for _ in range(_AT_ONCE):
             sample = box.try_recv()
             if sample is None:
                 return
+            if len(sample.payload) > max_bytes:  # before it is copied
+                self.refused += 1
+                continue
             try:
                 yield codec.decode_as(kind, sample.payload.to_bytes(), max_bytes)
             except codec.CodecError:

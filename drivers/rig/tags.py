@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from ...config.cameras import RigTag
 from ...protocols.messages import Vector6
 from ...protocols.rig import RigFault
+from .faults import FARTHEST, vector_of
 
 KINDS = ("cover", "move")
 """Kinds of faults whose target is a tag."""
@@ -46,7 +47,6 @@ class Tags:
             raise ValueError(f"fault move: the arm carries tag {name}")
         if not fault.on:
             self._moved.pop(name, None)
-        elif fault.vector is None:
-            raise ValueError("fault move: give its vector [m], in World")
         else:
-            self._moved[name] = (*fault.vector, *home[3:])
+            x, y, z = vector_of(fault, FARTHEST, "m").tolist()
+            self._moved[name] = (x, y, z, *home[3:])
