@@ -97,6 +97,8 @@ class Allow:
             held = leash is not None and bool(leash.left_by(dq))
             found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length, rows)
             dq, share = found.dq, share * found.share
+            if found.fallback:
+                limits += (found.fallback,)
             pace = share if held else pace * found.pace
         if watch is None or broken is None or self.guard is None:
             return Allowed(dq, share, limits, pace)

@@ -6,6 +6,7 @@ from .part import Part
 from .peg_runs import PEG
 from .reflection import REFLECTION
 from .touch import TOUCH
+from .wedges import WEDGES
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
@@ -13,4 +14,5 @@ PARTS: dict[str, Part] = {
     "scenes": SCENES,
     "touch": TOUCH,
     "reflection": REFLECTION,
+    "wedges": WEDGES,
 }

@@ -10,10 +10,16 @@ of the motion but what approaches, the arm stands.
 Barriers are hard, where standing keeps them all; where a joint is to be led back into its limits,
 those of the joint rates are, and the others as well as can be. That a gap which is inside its bound
 is widened has a price: as well as it can be, and never by closing another.
+
+The solver is not trusted. Opposed or nearly dependent barriers make it find no solution where
+standing is one, or one that breaks barriers by its tolerance. So what it finds is looked at; if it
+fails, it is asked once more with soft barriers; and then the nearest rates are taken that keep
+every barrier to rounding (`settle.py`). What is left in the end is to stand, or to do no more than
+leads joints back.
 """
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import daqp
 import numpy as np
@@ -21,6 +27,7 @@ from numpy.typing import NDArray
 
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled
 from ..frames import Array
+from .settle import KEPT, settled, shortfall
 
 LEAVE_PATH = 1000.0
 """Cost of tool motion off the path, per (m/s)²."""
@@ -42,6 +49,18 @@ UNASKED = 1e-9
 
 _SOFT = 8
 """DAQP's sign of a soft constraint."""
+_SOLVED = (1, 2)
+"""DAQP's signs of an optimum, of hard and of soft constraints."""
+
+
+_BY_TOLERANCE = 2e-6
+"""Barriers of unit slope are broken by less than this where the solver did its work [m/s]."""
+_SLOWED = 0.999
+"""Rates that keep this share were not slowed but for rounding [1]."""
+
+Fallback = Literal["", "barriers_softened", "barriers_slow", "barriers_stand"]
+"""What was done where the solver failed: nothing; barriers were soft to it, and then kept by the
+nearest rates that do; those were slowed towards standing; the arm stands, or just leads back."""
 
 
 class Nearest(NamedTuple):
@@ -54,10 +73,12 @@ class Nearest(NamedTuple):
     pace: float
     """Share of its asked speed at which the path itself may go on: that of the motion whose
     projection this is, `SLIDE` at least."""
+    fallback: Fallback = ""
+    """What was done where the solver failed."""
 
 
 class BarrierError(Exception):
-    """The programme has no solution: carries the solver's flag and the bounds."""
+    """Something to be resolved is not a finite number: carries what."""
 
 
 def nearest(
@@ -72,16 +93,37 @@ def nearest(
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
     J (6, n) is the task's Jacobian and `velocity` (n,) the joint speed bounds; `rows` are A (m, n)
-    and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened.
+    and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. There always are
+    such rates; raises `BarrierError` where an argument is not finite.
     """
     n = len(dq)
     slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
     length = ATTITUDE * characteristic_length
     H, f, A, upper, lower, sense = _programme(dq, J, low, high, velocity, slopes, least, length)
-    solution, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
-    if flag not in (1, 2):
-        raise BarrierError(f"solver flag {flag}, bounds {low} to {high}")
-    return Nearest(*_granted(solution, dq, J, low, high, length))
+    found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
+    wrong = shortfall(slopes, least, found[:n])
+    fallback: Fallback = ""
+    if flag not in _SOLVED or wrong > KEPT:
+        led_back = bool((low > 0.0).any() or (high < 0.0).any())
+        if not led_back or flag not in _SOLVED or wrong == math.inf:
+            _check_finite(dq=dq, J=J, low=low, high=high, slopes=slopes, least=least)
+            if flag not in _SOLVED or wrong > _BY_TOLERANCE:
+                fallback = "barriers_softened"
+                sense[len(f) : len(f) + len(least)] = _SOFT
+                found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
+            if flag not in _SOLVED or not np.isfinite(found).all():
+                found, fallback = np.append(np.clip(0.0, low, high), SLIDE), "barriers_stand"
+            elif not led_back:
+                found[:n], share = settled(found[:n], slopes, least, low, high, H[:n, :n])
+                if share < _SLOWED:
+                    fallback = "barriers_slow"
+    return Nearest(*_granted(found, dq, J, low, high, length), fallback)
+
+
+def _check_finite(**arguments: Array) -> None:
+    for name, values in arguments.items():
+        if not np.isfinite(values).all():
+            raise BarrierError(f"{name} is not finite: {values}")
 
 
 @compiled(VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER)
