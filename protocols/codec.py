@@ -5,7 +5,6 @@ Enums travel as strings, tuples as arrays, absent optional fields as nil or not 
 may stand where a float is expected; nothing else is converted: "1" is not 1, true is not 1.
 """
 
-from collections.abc import Mapping
 from enum import Enum, StrEnum
 from functools import cache
 from typing import Any, Final, TypeVar, get_args
@@ -44,7 +43,7 @@ class Reason(StrEnum):
 
 
 class CodecError(ValueError):
-    """Bytes refused: `reason` for programs, `detail` for people, one line, never the token."""
+    """Bytes refused: `reason` for programs, `detail` for people, one line."""
 
     def __init__(self, reason: Reason, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
@@ -79,13 +78,13 @@ def decode_as(kind: type[MessageT], payload: bytes, max_bytes: int = 4096) -> Me
             if value not in members:
                 raise CodecError(
                     Reason.OUT_OF_RANGE,
-                    f"{name}: {_show(value, fields)} is not one of {', '.join(members)}",
+                    f"{name}: {_show(value)} is not one of {', '.join(members)}",
                 )
             fields[name] = members[value]
     try:
         message: MessageT = kind.__pydantic_validator__.validate_python(fields, strict=True)
     except ValidationError as error:
-        raise _refusal(error, fields) from None
+        raise _refusal(error) from None
     return message
 
 
@@ -136,7 +135,7 @@ def _enum_fields(kind: type[Message]) -> dict[str, dict[str, Enum]]:
     return found
 
 
-def _refusal(error: ValidationError, fields: Mapping[str, Any]) -> CodecError:
+def _refusal(error: ValidationError) -> CodecError:
     complaints = error.errors(include_url=False, include_context=False)
     judged = [(_reason(c["type"], c["loc"]), c) for c in complaints]
     # a field that may be of several types complains once for each: not finite says most
@@ -149,8 +148,8 @@ def _refusal(error: ValidationError, fields: Mapping[str, Any]) -> CodecError:
     words = first["msg"].splitlines()[0]
     if first["type"] == "missing":
         words = "the array is too short"
-    elif path and first["loc"][0] != "token":
-        words = f"{words}, not {_show(first['input'], fields)}"
+    elif path:
+        words = f"{words}, not {_show(first['input'])}"
     return CodecError(reason, f"{path}: {words}" if path else words)
 
 
@@ -176,13 +175,10 @@ def _printable(text: str) -> str:
     return plain if len(plain) <= _LONGEST_VALUE else plain[:_LONGEST_VALUE] + "…"
 
 
-def _show(value: object, fields: Mapping[str, Any]) -> str:
-    """Return a refused value for the detail: short, flat, and never the lease's token."""
+def _show(value: object) -> str:
+    """Return a refused value for the detail: short and flat."""
     if isinstance(value, (int, float)) or value is None:
         return _printable(repr(value))
     if isinstance(value, str):
-        token = fields.get("token")
-        if isinstance(token, str) and token in value:
-            return "the token"
         return repr(_printable(value))
     return f"a {type(value).__name__}"

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-VERSION = 1
+VERSION = 2
 """Protocol version; a message of any other version is refused."""
 
 Vector3 = tuple[float, float, float]
@@ -30,7 +30,7 @@ Wrench = tuple[Newtons, Newtons, Newtons, NewtonMetres, NewtonMetres, NewtonMetr
 Gains = tuple[Gain, Gain, Gain, Gain, Gain, Gain]
 JointVector = Annotated[tuple[float, ...], Field(min_length=1, max_length=64)]
 Joules = Annotated[float, Field(ge=0, le=1e6)]
-Token = Annotated[str, Field(min_length=1, max_length=64)]
+Key = Annotated[bytes, Field(min_length=32, max_length=32)]
 OperatorName = Annotated[str, Field(min_length=1, max_length=64)]
 Count = Annotated[int, Field(ge=0, le=2**63 - 1)]
 
@@ -69,15 +69,12 @@ class Message(BaseModel):
 
 
 class Command(Message):
-    """The envelope of everything that needs the lease.
+    """Everything that needs the lease: it travels with a proof of it (`proof.py`).
 
-    `token` and `epoch` come with the lease; `seq` grows with every message on one key;
-    `seen_tick` is the newest telemetry tick that the sender had seen.
+    The proof holds the lease's epoch and a sequence number that grows with every message on one
+    key; `seen_tick` is the newest telemetry tick that the sender had seen.
     """
 
-    token: Token
-    epoch: Count
-    seq: Count
     seen_tick: Count
 
 

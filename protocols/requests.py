@@ -7,13 +7,17 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Command, Count, Gains, Message, OperatorName, Place, SourceName, Token, Wrench
+from .messages import Command, Count, Gains, Key, Message, OperatorName, Place, SourceName, Wrench
 
 
 class LeaseRequest(Message):
-    """Asks for the right to command. The reply carries token and epoch."""
+    """Asks for the right to command, with a public key that is made for this lease.
+
+    The reply carries the daemon's and the epoch; `agreement.py` says how they make the secret.
+    """
 
     operator: OperatorName
+    key: Key
 
 
 class LeaseRelease(Command):
@@ -27,16 +31,25 @@ class ModeRequest(Command):
 
 
 class ProtectiveStop(Message):
-    """Stops the arm; anyone may ask, lease or not. Latched until cleared."""
+    """Stops the arm; anyone may ask, lease or not. Latched until cleared.
+
+    `seal` is the SHA-256 of 32 random bytes, made for this one stop and kept: showing them clears
+    it. A stop without a seal is the lease holder's to clear.
+    """
 
     operator: OperatorName
+    seal: Key | None = None
 
 
 class ProtectiveClear(Message):
-    """Clears the protective stop: by the one who asked, or by the lease holder with its token."""
+    """Clears protective stops: all of them with a proof of the lease, else the one whose `opens`.
+
+    `opens` are the 32 bytes whose SHA-256 was that stop's seal. Whoever hears them can clear
+    nothing with them that is not cleared by them anyway.
+    """
 
     operator: OperatorName
-    token: Token | None = None
+    opens: Key | None = None
 
 
 class GainRequest(Command):
@@ -99,5 +112,6 @@ class Reply(Message):
     reason: str = Field("", max_length=64)
     detail: str = Field("", max_length=500)
     tick: Count = 0
-    token: str | None = None
+    key: Key | None = None
+    """The daemon's public key, with a lease."""
     epoch: Count | None = None

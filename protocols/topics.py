@@ -1,7 +1,8 @@
 """The one table of what crosses Zenoh. No key is spelled anywhere else.
 
-A full key is `telerobot/<cell>/<key>`. With this table, a Zenoh and a MessagePack library, any
-language can drive an arm.
+A full key is `telerobot/<cell>/<key>`. With this table, a Zenoh, a MessagePack and a cryptography
+library, any language can drive an arm: `agreement.py` says how the lease's secret is agreed,
+`proof.py` what a message of its holder carries.
 """
 
 from dataclasses import dataclass
@@ -22,9 +23,9 @@ class Flow(Enum):
     """Who sends on a topic, and how."""
 
     COMMAND = auto()
-    """Put by the operator; newest wins; no answer."""
+    """Put by the operator who holds the lease, with a proof of it; newest wins; no answer."""
     REQUEST = auto()
-    """Queried by the operator; always answered with a `Reply`."""
+    """Queried by an operator, most with a proof of the lease; answered with a `Reply`."""
     SENSOR = auto()
     """Put by a sensor's process, read by the daemon without a lease: it is no order. It moves
     nothing until the lease holder switches the source on that uses it, and it is used only as
@@ -65,6 +66,11 @@ class Topic:
     """Longer payloads are refused unread."""
     unread: int = 8
     """So many unread messages are kept; older ones are dropped for newer ones."""
+
+    @property
+    def needs_proof(self) -> bool:
+        """True where only the lease's holder is heard, and has to prove the lease (`proof.py`)."""
+        return issubclass(self.message, m.Command)
 
     def full_key(self, cell: str) -> str:
         """Return the Zenoh key of this topic in a cell."""

@@ -23,6 +23,7 @@ from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
 from .desk import Desk, View
 from .events import Events
+from .grants import Grants
 from .intake import Intake
 from .link import Link
 from .mode import Mode, Situation, Wish, next_mode
@@ -58,7 +59,7 @@ class Cycle:
         plant: Plant,
         link: Link,
         clock: Clock,
-        new_token: Callable[[], str],
+        new_key: Callable[[], bytes],
         gain_bound: Callable[[str, tuple[float, ...]], str | None],
     ) -> None:
         timing = cell.config.timing
@@ -77,10 +78,11 @@ class Cycle:
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
         self._events = Events()
         self._admission = Admission(
-            timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
+            cell.config.name, timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
         )
         self._orders = Orders(cell)
-        self._desk = Desk(self._admission, self._orders, self._events, new_token)
+        grants = Grants(cell.config.name, self._admission, new_key)
+        self._desk = Desk(self._admission, self._orders, self._events, grants)
         self._memory: Memory | None = None
         self._last_q: Array | None = None
         self._enabled_since: int | None = None

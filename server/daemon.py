@@ -1,6 +1,5 @@
 """The daemon: builds a cell from its config and runs it. The one file that knows every class."""
 
-import secrets
 import signal
 import sys
 import time
@@ -15,6 +14,7 @@ from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import RobotousSensor
 from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
+from ..protocols.agreement import random_key
 from ..protocols.cia402 import OperationMode
 from .clock import Clock, MonotonicClock
 from .control.avoidance.guard import Guard
@@ -37,7 +37,7 @@ RETIRE_S = 3.0
 
 
 def build(
-    cell: Cell, fieldbus: Fieldbus, link: Link, clock: Clock, new_token: Callable[[], str]
+    cell: Cell, fieldbus: Fieldbus, link: Link, clock: Clock, new_key: Callable[[], bytes]
 ) -> Cycle:
     """Return the cycle of a cell over a bus and an operators' link; no device is opened yet."""
     config = cell.config
@@ -68,7 +68,7 @@ def build(
     )
     parameters = Parameters.from_cell(cell)
     control = Control(parameters, Mechanism.from_cell(cell), guard_of(cell, parameters))
-    return Cycle(cell, control, plant, link, clock, new_token, gain_judge(cell))
+    return Cycle(cell, control, plant, link, clock, new_key, gain_judge(cell))
 
 
 def guard_of(cell: Cell, p: Parameters) -> Guard | None:
@@ -120,7 +120,7 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     clock = MonotonicClock()
     link = ZenohLink(cell.config.name, cell.config.zenoh.listen)
     fieldbus = Fieldbus(open_bus(cell.config.bus), clock.now)
-    cycle = build(cell, fieldbus, link, clock, lambda: secrets.token_hex(16))
+    cycle = build(cell, fieldbus, link, clock, random_key)
     ending = Ending(seconds)
     try:
         cycle.warm_up()

@@ -14,15 +14,19 @@ from ..protocols import motion, requests
 from ..protocols.codec import encode
 from ..protocols.moving import FrameRequest
 from ..protocols.obstacles import AvoidanceRequest
+from ..protocols.proof import Proof
 from ..protocols.reflection import ReflectionRequest
 from ..protocols.sightings import StoreView
+from ..protocols.topics import PROTECTIVE_CLEAR
 from .admission import Admission, Now, Refused, Why
 from .control.frames import Array, Pose
 from .events import Events
 from .frame_watch import FrameWatch
+from .grants import Grants
 from .link import Asked
 from .mode import Mode, Wish
 from .orders import Orders
+from .protective import ProtectiveStops
 from .vision_watch import VisionWatch
 from .world import World
 
@@ -73,18 +77,22 @@ class Desk:
         admission: Admission,
         orders: Orders,
         events: Events,
-        new_token: Callable[[], str],
+        grants: Grants,
     ) -> None:
         self._admission = admission
         self._orders = orders
         self._events = events
-        self._new_token = new_token
+        self._grants = grants
         self.wish = Wish.NONE
         self.hold = False
         self.resume = False
-        self.protective_stop: str | None = None
-        """Name of the operator who asked for the protective stop that is latched."""
+        self._stops = ProtectiveStops()
         self._pending: _Pending | None = None
+
+    @property
+    def protective_stop(self) -> str | None:
+        """Name of the operator who asked for the protective stop that is latched, if any."""
+        return self._stops.asked_by
 
     def begin_tick(self) -> None:
         """Forget what was asked for one tick only."""
@@ -93,8 +101,11 @@ class Desk:
     def serve(self, asked: Asked, view: View) -> None:
         """Answer one request, or keep it until its wish has come about."""
         try:
-            message = self._admission.admit(asked.topic, asked.payload, view.now)
-            reply = self._act(message, asked, view)
+            proof = None
+            if asked.topic.needs_proof or (asked.proof and asked.topic is PROTECTIVE_CLEAR):
+                proof = self._admission.prove(asked.topic, asked.payload, asked.proof, view.now)
+            message = self._admission.admit(asked.topic, asked.payload, proof, view.now)
+            reply = self._act(message, asked, proof, view)
         except Refused as refused:
             self._events.warning(
                 "request_refused",
@@ -146,23 +157,25 @@ class Desk:
 
     # --- one method per request --------------------------------------------------------------
 
-    def _act(self, message: m.Message, asked: Asked, view: View) -> requests.Reply | None:
+    def _act(
+        self, message: m.Message, asked: Asked, proof: Proof | None, view: View
+    ) -> requests.Reply | None:
         ok = requests.Reply(ok=True, tick=view.now.tick)
         match message:
             case requests.LeaseRequest():
-                lease = self._admission.grant(message.operator, self._new_token(), view.now)
-                self._events.info("lease_granted", message.operator, epoch=lease.epoch)
-                return ok.model_copy(update={"token": lease.token, "epoch": lease.epoch})
+                granted = self._grants.grant(message, view.now)
+                self._events.info("lease_granted", message.operator, epoch=granted.epoch)
+                return granted
             case requests.LeaseRelease():
                 self._events.info("lease_released", self._admission.lease.holder or "")
                 self._admission.end()
             case requests.ModeRequest():
                 return self._mode(message, asked, view)
             case requests.ProtectiveStop():
-                self.protective_stop = message.operator
+                self._stops.latch(message.operator, message.seal)
                 self._events.warning("protective_stop", f"asked by {message.operator}")
             case requests.ProtectiveClear():
-                self._clear(message, view)
+                return self._clear(message, proof, view)
             case requests.GainRequest():
                 reason = view.gain_bound(message.source, message.gain)
                 if reason is not None:
@@ -266,19 +279,19 @@ class Desk:
         if view.touched:
             raise Refused(Why.TOUCHED, "what pushes the arm is still there")
 
-    def _clear(self, message: requests.ProtectiveClear, view: View) -> None:
-        lease = self._admission.lease
-        holder = (
-            message.token is not None
-            and lease.alive(view.now.time_s)
-            and lease.proves(message.token)
-        )
-        if self.protective_stop is not None and not holder:
-            asker = self.protective_stop
-            if message.operator != asker:
-                raise Refused(Why.NOT_YOURS, f"asked by {asker}: {asker} or the lease holder may")
-        self.protective_stop = None
-        self._events.info("protective_stop_cleared", f"by {message.operator}")
+    def _clear(
+        self, message: requests.ProtectiveClear, proof: Proof | None, view: View
+    ) -> requests.Reply:
+        if self._stops.asked_by is None:
+            return requests.Reply(ok=True, tick=view.now.tick)
+        if self._admission.holds(proof, view.now):
+            self._stops.clear()
+        else:
+            self._stops.open(message.opens)
+        left = self._stops.asked_by
+        detail = f"by {message.operator}" + (f"; that of {left} is latched" if left else "")
+        self._events.info("protective_stop_cleared", detail)
+        return requests.Reply(ok=True, tick=view.now.tick, detail=detail[:500])
 
     def _tell_frame(self, request: FrameRequest) -> None:
         there = request.relative_to or ("wrist" if request.frame == "mrf" else "world")

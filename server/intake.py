@@ -38,7 +38,7 @@ class Intake:
         commands = self._admitted(view)
         if T_world_mrf is not None:
             # Topics arrive apart; what one operator said within a period is taken as it was said.
-            for topic, command in sorted(commands, key=lambda item: item[1].seq):
+            for topic, command, _ in sorted(commands, key=lambda item: item[2]):
                 try:
                     self._orders.take(command, now_s, T_world_mrf)
                 except Refused as refused:
@@ -49,11 +49,14 @@ class Intake:
         for name in self._orders.expired(now_s):
             self._events.info("stream_expired", name)
 
-    def _admitted(self, view: View) -> list[tuple[Topic, Command]]:
-        admitted: list[tuple[Topic, Command]] = []
-        for topic, payload in self._link.commands():
+    def _admitted(self, view: View) -> list[tuple[Topic, Command, int]]:
+        admitted: list[tuple[Topic, Command, int]] = []
+        for topic, payload, attached in self._link.commands():
             try:
-                message = self._admission.admit(topic, payload, view.now)
+                proof = None
+                if topic.needs_proof:
+                    proof = self._admission.prove(topic, payload, attached, view.now)
+                message = self._admission.admit(topic, payload, proof, view.now)
                 if isinstance(message, Sighting):
                     view.vision.take(message, view.now.tick)
                 elif isinstance(message, ObstacleNews):
@@ -65,8 +68,8 @@ class Intake:
                 continue
             if isinstance(message, Keepalive):
                 self._admission.renew(view.now)
-            elif isinstance(message, Command):
-                admitted.append((topic, message))
+            elif isinstance(message, Command) and proof is not None:
+                admitted.append((topic, message, proof.seq))
         return admitted
 
     def _look_at_energy(self) -> None:

@@ -1,7 +1,8 @@
 """The right to command: held by one operator at a time, renewed or lost. Pure."""
 
-import hmac
 from dataclasses import dataclass, replace
+
+from ..protocols.proof import Proof
 
 
 @dataclass(frozen=True)
@@ -9,7 +10,7 @@ class Lease:
     """Who may command until when; `epoch` counts every lease ever granted."""
 
     holder: str | None = None
-    token: str = ""
+    secret: bytes = b""
     epoch: int = 0
     expires_s: float = 0.0
 
@@ -17,9 +18,9 @@ class Lease:
         """Return whether somebody holds the lease now."""
         return self.holder is not None and now_s < self.expires_s
 
-    def granted(self, operator: str, token: str, now_s: float, timeout_s: float) -> "Lease":
+    def granted(self, operator: str, secret: bytes, now_s: float, timeout_s: float) -> "Lease":
         """Return the lease of a new holder, with a new epoch."""
-        return Lease(operator, token, self.epoch + 1, now_s + timeout_s)
+        return Lease(operator, secret, self.epoch + 1, now_s + timeout_s)
 
     def renewed(self, now_s: float, timeout_s: float) -> "Lease":
         """Return the same lease, good for another timeout."""
@@ -29,8 +30,10 @@ class Lease:
         """Return the lease that nobody holds."""
         return Lease(epoch=self.epoch)
 
-    def proves(self, token: str) -> bool:
-        """Return whether `token` is the holder's; takes the same time for any wrong one."""
-        return self.holder is not None and hmac.compare_digest(
-            self.token.encode(), token.encode("utf-8", "surrogatepass")
+    def proven_by(self, proof: Proof, key: str, payload: bytes) -> bool:
+        """Return whether the holder made this proof, for this payload on this full key."""
+        return (
+            self.holder is not None
+            and proof.epoch == self.epoch
+            and proof.holds(self.secret, key, payload)
         )

@@ -7,7 +7,7 @@ and no Python thread but the loop's own runs in the daemon.
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import zenoh
 
@@ -26,12 +26,23 @@ class Asked:
     topic: Topic
     payload: bytes
     answer: Callable[[bytes], None]
+    proof: bytes = b""
+    """What was attached: a proof of the lease, judged by nobody yet."""
+
+
+class Put(NamedTuple):
+    """A command or a sensor's reading."""
+
+    topic: Topic
+    payload: bytes
+    proof: bytes = b""
+    """What was attached: a proof of the lease, judged by nobody yet."""
 
 
 class Link(Protocol):
     """The network as the cycle uses it; nothing here blocks."""
 
-    def commands(self) -> Iterator[tuple[Topic, bytes]]:
+    def commands(self) -> Iterator[Put]:
         """Yield the commands and sensor readings that came in, oldest first on each topic."""
         ...
 
@@ -72,14 +83,14 @@ class ZenohLink:
         self._cell = cell
         self._publishers: dict[str, zenoh.Publisher] = {}
 
-    def commands(self) -> Iterator[tuple[Topic, bytes]]:
+    def commands(self) -> Iterator[Put]:
         """Yield the commands and sensor readings that came in, oldest first on each topic."""
         for topic, subscriber in self._commands:
             for _ in range(topic.unread):
                 sample = subscriber.try_recv()
                 if sample is None:
                     break
-                yield topic, sample.payload.to_bytes()
+                yield Put(topic, sample.payload.to_bytes(), _bytes(sample.attachment))
 
     def requests(self) -> Iterator[Asked]:
         """Yield the requests that came in, oldest first."""
@@ -92,8 +103,7 @@ class ZenohLink:
             if topic is None:
                 query.drop()  # type: ignore[no-untyped-call]  # its stubs
                 continue
-            payload = query.payload.to_bytes() if query.payload is not None else b""
-            yield Asked(topic, payload, _answer(query, key))
+            yield Asked(topic, _bytes(query.payload), _answer(query, key), _bytes(query.attachment))
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
@@ -112,6 +122,10 @@ class ZenohLink:
     def close(self) -> None:
         """Close the session."""
         self._session.close()  # type: ignore[no-untyped-call]  # its stubs
+
+
+def _bytes(content: "zenoh.ZBytes | None") -> bytes:
+    return b"" if content is None else content.to_bytes()
 
 
 def _answer(query: "zenoh.Query", key: str) -> Callable[[bytes], None]:

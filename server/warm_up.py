@@ -42,5 +42,5 @@ def warm_up(cell: Cell, control: Control) -> None:
             )
             memory, _ = control.tick(memory, inputs)
     decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
-    command = JoystickTwist(token="-", epoch=0, seq=0, seen_tick=0, twist=(0.0,) * 6)
+    command = JoystickTwist(seen_tick=0, twist=(0.0,) * 6)
     decode_as(t.JOYSTICK.message, encode(command), t.JOYSTICK.max_bytes)

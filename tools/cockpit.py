@@ -13,7 +13,7 @@ from ..protocols import requests
 from ..protocols import topics as t
 from .keyboard import HeldKeys
 from .operator import Operator
-from .pilot import PilotError
+from .pilot import OnReply, PilotError
 from .stick import AXES, JOINT_SIGNS, Stick, opposites
 
 HELP = """\
@@ -178,12 +178,10 @@ class Cockpit:
         self._request(action, t.MODE, action=action)
 
     def _protective_stop(self) -> None:
-        self._request("protective stop", t.PROTECTIVE_STOP, operator=self._pilot.name)
+        self._pilot.protective_stop(self._answered("protective stop"))
 
     def _protective_clear(self) -> None:
-        self._request(
-            "clear", t.PROTECTIVE_CLEAR, operator=self._pilot.name, token=self._pilot.token
-        )
+        self._pilot.clear_protective_stop(self._answered("clear"))
 
     def _toggle_force(self) -> None:
         state = self._operator.state
@@ -191,13 +189,16 @@ class Cockpit:
         self._request(f"force {'on' if on else 'off'}", t.SWITCH, source=m.SourceName.FORCE, on=on)
 
     def _request(self, what: str, topic: t.Topic, **fields: Any) -> None:
+        self._pilot.request(topic, self._answered(what), **fields)
+
+    def _answered(self, what: str) -> OnReply:
         def answered(reply: requests.Reply) -> None:
             if reply.ok:
                 self._say(f"{what}: done")
             else:
                 self._say(f"{what}: refused: {reply.reason}: {reply.detail}")
 
-        self._pilot.request(topic, answered, **fields)
+        return answered
 
     # --- what is seen ------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ class MovingTarget:
         self,
         now_s: float,
         tick: int,
-        put: Callable[[t.Topic, bytes], None],
+        put: Callable[[t.Topic, bytes, bytes], None],
         inject: Callable[[RigFault], None],
     ) -> None:
         """Move the tag and tell the daemon, when that is due; news is of telemetry tick `tick`."""
@@ -39,7 +39,7 @@ class MovingTarget:
         inject(RigFault(kind="move", target=self._step.tag, vector=place))
         if self._step.sight_line is not None:
             news = ObstacleNews(name=self._step.sight_line, tick=tick, to=place)
-            put(t.OBSTACLE, encode(news))
+            put(t.OBSTACLE, encode(news), b"")
 
     def place(self, now_s: float) -> tuple[Place, bool]:
         """Return where the target is at `now_s` [m], and whether it has arrived."""

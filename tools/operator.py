@@ -64,7 +64,7 @@ class Operator(Motions):
             raise OperatorError("no_daemon", str(error)) from None
         depths = {t.STATE: 1, t.REFLECTION: 1, t.EVENT: 256, t.DESCRIPTION: 1}
         self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
-        self.pilot = Pilot(name, self._put, self.session.ask)
+        self.pilot = Pilot(name, self.cell, self._put, self.session.ask)
         self.description: m.Description | None = None
         """What the daemon says of its cell; comes within a second."""
         self.round_trip = RoundTrip()
@@ -104,7 +104,7 @@ class Operator(Motions):
     @property
     def holds_lease(self) -> bool:
         """True from the grant of the lease until it is released or telemetry shows it lost."""
-        return self.pilot.token is not None
+        return self.pilot.secret is not None
 
     def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
         """Keep the session alive for a while, or until something holds; return whether it did."""
@@ -176,11 +176,11 @@ class Operator(Motions):
 
     def protective_stop(self) -> None:
         """Stop the arm; works without the lease."""
-        self.request(t.PROTECTIVE_STOP, operator=self.pilot.name)
+        self._wait(self.pilot.protective_stop)
 
     def clear_protective_stop(self) -> None:
-        """Clear a protective stop that this operator asked for, or any with the lease."""
-        self.request(t.PROTECTIVE_CLEAR, operator=self.pilot.name, token=self.pilot.token)
+        """Clear all protective stops with the lease, else the newest of one's own."""
+        self._wait(self.pilot.clear_protective_stop)
 
     def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
         """Send any request and return its reply. Raises `OperatorError` when refused."""
@@ -265,11 +265,11 @@ class Operator(Motions):
 
     def close(self) -> None:
         """Release the lease, if held, and end the session."""
-        if self.pilot.token is not None and not self.pilot.mute:
+        if self.holds_lease and not self.pilot.mute:
             try:
                 self.release()
             except OperatorError:
-                self.pilot.token = None  # it has run out already: there is nothing to release
+                self.pilot.secret = None  # it has run out already: there is nothing to release
         self.session.close()
 
     def _take(self, topic: t.Topic, payload: bytes) -> None:
@@ -321,6 +321,6 @@ class Operator(Motions):
             raise OperatorError(replies[0].reason, replies[0].detail)
         return replies[0]
 
-    def _put(self, topic: t.Topic, payload: bytes) -> None:
+    def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
         self.round_trip.sent(topic.key, self.pilot.seq, time.monotonic())
-        self.session.put(topic, payload)
+        self.session.put(topic, payload, proof)

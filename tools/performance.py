@@ -30,6 +30,7 @@ class Performance:
     def __init__(self, operator: Operator, script: Script, say: Callable[[str], None]) -> None:
         self.player = Player(
             script,
+            operator.cell,
             operator.session.put,
             operator.session.ask,
             operator.inject,
@@ -86,7 +87,7 @@ class Performance:
 
     def _release(self) -> None:
         answered: list[requests.Reply] = []
-        if self.player.pilot.token is not None:
+        if self.player.pilot.secret is not None:
             self.player.pilot.mute = False
             self.player.pilot.release(answered.append)
             self.player.run(time.monotonic())

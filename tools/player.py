@@ -9,6 +9,7 @@ from ..config.reflection import Reflection as ReflectionConfig
 from ..protocols import messages as m
 from ..protocols import requests
 from ..protocols import topics as t
+from ..protocols.agreement import random_key
 from ..protocols.codec import encode
 from ..protocols.moving import RigMotion
 from ..protocols.obstacles import ObstacleNews
@@ -47,10 +48,12 @@ class Player:
     def __init__(
         self,
         script: Script,
+        cell: str,
         put: Put,
         ask: Ask,
         inject: Inject,
         reflection: ReflectionConfig | None = None,
+        new_key: Callable[[], bytes] = random_key,
     ) -> None:
         self.script = script
         self.phase = Phase.WAITING
@@ -59,6 +62,7 @@ class Player:
         self.refused: list[str] = []
         """What the daemon refused, and why."""
         self.failure = ""
+        self._cell, self._new_key = cell, new_key
         self._put, self._ask, self._inject = put, ask, inject
         self._links: dict[str, DelayLine] = {}
         self._pilots: dict[str, Pilot] = {}
@@ -168,17 +172,19 @@ class Player:
         conditions = Conditions(0.5 * network.rtt_s, network.jitter, network.loss)
         line = self._links[name] = DelayLine(network.seed + len(self._links), conditions)
 
-        def put(topic: t.Topic, payload: bytes) -> None:
+        def put(topic: t.Topic, payload: bytes, proof: bytes) -> None:
             self.handles.sent(name, topic, pilot.seq, self._now_s)
-            line.carry(lambda: self._put(topic, payload), self._now_s, topic.key)
+            line.carry(lambda: self._put(topic, payload, proof), self._now_s, topic.key)
 
-        def ask(topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
+        def ask(
+            topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes
+        ) -> None:
             def back(reply: bytes) -> None:
                 line.carry(lambda: answer(reply), self._now_s)
 
-            line.carry(lambda: self._ask(topic, payload, back), self._now_s)
+            line.carry(lambda: self._ask(topic, payload, back, proof), self._now_s)
 
-        pilot = Pilot(name, put, ask)
+        pilot = Pilot(name, self._cell, put, ask, self._new_key)
         return pilot
 
     def _do(self, step: Step) -> None:
@@ -205,9 +211,9 @@ class Player:
         if step.mode is not None:
             ask(t.MODE, action=step.mode)
         if step.protective_stop is True:
-            ask(t.PROTECTIVE_STOP, operator=pilot.name)
+            pilot.protective_stop(self._note(step, t.PROTECTIVE_STOP))
         elif step.protective_stop is False:
-            ask(t.PROTECTIVE_CLEAR, operator=pilot.name, token=pilot.token)
+            pilot.clear_protective_stop(self._note(step, t.PROTECTIVE_CLEAR))
         if step.speed is not None:
             ask(t.SPEED, factor=step.speed)
         if step.store_view is not None:
@@ -239,7 +245,10 @@ class Player:
             self._targets.append(MovingTarget(step.target, self._now_s))
         if step.raw is not None:
             topic = next(x for x in t.TOPICS if x.key == step.raw.topic)
-            self._put(topic, bytes.fromhex(step.raw.hex))
+            payload, proof = bytes.fromhex(step.raw.hex), step.raw.proof
+            proven = proof == "lease"
+            attached = pilot.prove(topic, payload) if proven else bytes.fromhex(proof)
+            self._put(topic, payload, attached)
         if step.avoidance is not None:
             ask(t.AVOIDANCE, on=step.avoidance)
         if step.obstacle is not None:
@@ -294,7 +303,7 @@ class Player:
         pilot.stream_made(t.MASTER_POSE, master.fields)
 
     def _tell(self, news: ObstacleNews) -> None:
-        self._put(t.OBSTACLE, encode(news))
+        self._put(t.OBSTACLE, encode(news), b"")
 
     def _note(self, step: Step, topic: t.Topic) -> Callable[[requests.Reply], None]:
         def note(reply: requests.Reply) -> None:

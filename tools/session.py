@@ -61,7 +61,7 @@ class Session:
         ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
         return Inbox(self._session.declare_subscriber(topic.full_key(self.cell), ring))
 
-    def put(self, topic: t.Topic, payload: bytes) -> None:
+    def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send a command; a congested link drops it."""
         publisher = self._publishers.get(topic.key)
         if publisher is None:
@@ -71,13 +71,19 @@ class Session:
                 congestion_control=zenoh.CongestionControl.DROP,
             )
             self._publishers[topic.key] = publisher
-        publisher.put(payload)
+        publisher.put(payload, attachment=proof or None)
 
-    def ask(self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None]) -> None:
+    def ask(
+        self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
+    ) -> None:
         """Send a request; `poll` hands its reply, or one that says nobody answered, to `answer`."""
         channel: zenoh.handlers.FifoChannel[zenoh.Reply] = zenoh.handlers.FifoChannel(2)
         replies = self._session.get(
-            topic.full_key(self.cell), channel, payload=payload, timeout=REPLY_TIMEOUT_S
+            topic.full_key(self.cell),
+            channel,
+            payload=payload,
+            attachment=proof or None,
+            timeout=REPLY_TIMEOUT_S,
         )
         self._waiting.append(_Waiting(replies, answer, time.monotonic() + REPLY_TIMEOUT_S))
 

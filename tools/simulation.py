@@ -5,7 +5,6 @@ codec, lease and mailboxes as a real one; only the network and the wall clock ar
 """
 
 import hashlib
-import itertools
 import math
 import struct
 import sys
@@ -36,6 +35,7 @@ from .observer import Observer
 from .player import Phase, Player
 from .record import Recorder
 from .script import Script, load_script
+from .seeded_keys import seeded_keys
 from .view_judge import ViewJudge
 
 JUDGED_S = 0.5
@@ -99,12 +99,17 @@ class Simulation:
         self.hub.pump = self._pump
         InProcessBus(self.hub, self._on_frame)
         self.link = MemoryLink()
-        tokens = (f"simulated-{n}" for n in itertools.count(1))
         self.cycle = build(
-            cell, Fieldbus(bus, self.clock.now), self.link, self.clock, lambda: next(tokens)
+            cell, Fieldbus(bus, self.clock.now), self.link, self.clock, seeded_keys("daemon")
         )
         self.player = Player(
-            script, self.link.put, self.link.ask, self.rig.inject, cell.config.reflection
+            script,
+            cell.config.name,
+            self.link.put,
+            self.link.ask,
+            self.rig.inject,
+            cell.config.reflection,
+            seeded_keys("operators"),
         )
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)

@@ -155,10 +155,14 @@ class ReflectionStep(Part):
 
 
 class Raw(Part):
-    """Bytes put on a topic as they are, to see them refused."""
+    """Bytes put on a topic as they are, to see them refused.
+
+    `proof` is what is attached: bytes again, or "lease" for a proof of the operator's lease.
+    """
 
     topic: str
     hex: str = Field(pattern="^([0-9a-fA-F]{2})*$")
+    proof: str = Field("", pattern="^(lease|([0-9a-fA-F]{2})*)$")
 
     @field_validator("topic")
     @classmethod

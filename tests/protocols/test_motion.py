@@ -5,7 +5,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import CodecError, decode, encode
 from telerobot.protocols.motion import MOST, PathMotion
 
-ENVELOPE = {"token": "t" * 64, "epoch": 2**40, "seq": 2**40, "seen_tick": 2**40}
+ENVELOPE = {"seen_tick": 2**40}
 POSE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 
 

@@ -1,21 +1,31 @@
+import itertools
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 
 import numpy as np
 import pytest
 from telerobot.protocols import messages as m
 from telerobot.protocols import requests
 from telerobot.protocols import topics as t
+from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode_as, encode
+from telerobot.protocols.proof import prove
 from telerobot.server.admission import Admission, Now, Why
 from telerobot.server.control.frames import Pose
 from telerobot.server.desk import ENABLE_TIMEOUT_S, Desk, View
 from telerobot.server.events import Events
 from telerobot.server.frame_watch import FrameWatch
+from telerobot.server.grants import Grants
 from telerobot.server.link import Asked
 from telerobot.server.mode import Mode, Wish
 from telerobot.server.orders import Orders
 from telerobot.server.vision_watch import VisionWatch
 from telerobot.server.world import World
+from telerobot.tools.seeded_keys import seeded_keys
+
+CELL = "cell"
+OPENS = b"o" * 32
+SEAL = sha256(OPENS).digest()
 
 
 @dataclass
@@ -29,26 +39,35 @@ class Counter:
     view: View
     replies: list[requests.Reply] = field(default_factory=list)
     seq: int = 0
-    token: str = ""
+    secret: bytes = b""
+    keys: itertools.count = field(default_factory=lambda: itertools.count(1))
 
     def ask(self, topic, **fields):
         """Ask as the lease's holder; return the answer, or None while it waits."""
         if issubclass(topic.message, m.Command):
-            self.seq += 1
-            envelope = {"token": self.token, "seq": self.seq, "seen_tick": self.view.now.tick}
-            fields = {**envelope, "epoch": self.admission.lease.epoch, **fields}
+            fields = {"seen_tick": self.view.now.tick, **fields}
+            return self.ask_proving(topic, **fields)
         return self.put(topic, encode(topic.message(**fields)))
 
-    def put(self, topic, payload):
+    def ask_proving(self, topic, secret=None, **fields):
+        """Ask with a proof of the lease, by its secret or another."""
+        self.seq += 1
+        payload, key = encode(topic.message(**fields)), topic.full_key(CELL)
+        epoch = self.admission.lease.epoch
+        return self.put(topic, payload, prove(secret or self.secret, key, epoch, self.seq, payload))
+
+    def put(self, topic, payload, proof=b""):
         before = len(self.replies)
         answer = lambda reply: self.replies.append(decode_as(requests.Reply, reply))  # noqa: E731
-        self.desk.serve(Asked(topic, payload, answer), self.view)
+        self.desk.serve(Asked(topic, payload, answer, proof), self.view)
         return self.replies[-1] if len(self.replies) > before else None
 
     def lease(self, operator="ann"):
-        reply = self.ask(t.LEASE, operator=operator)
+        pair = KeyPair(bytes([next(self.keys)]) * 32)
+        reply = self.ask(t.LEASE, operator=operator, key=pair.public)
         if reply.ok:
-            self.token = reply.token
+            lease_key = t.LEASE.full_key(CELL)
+            self.secret = pair.agree_with_daemon(reply.key, lease_key, reply.epoch)
         return reply
 
     def see(self, **changes):
@@ -67,8 +86,8 @@ class Counter:
 
 @pytest.fixture
 def counter(pa10):
-    tokens = iter(f"token{i}" for i in range(100))
-    admission, orders, events = Admission(0.01, 0.5, 0.5), Orders(pa10.cell), Events()
+    admission, orders, events = Admission(CELL, 0.01, 0.5, 0.5), Orders(pa10.cell), Events()
+    grants = Grants(CELL, admission, seeded_keys("daemon"))
     view = View(
         now=Now(10.0, 1000, None),
         mode=Mode.READY,
@@ -81,7 +100,7 @@ def counter(pa10):
         frames=FrameWatch(pa10.cell, events),
         T_world_mrf=Pose.identity(),
     )
-    desk = Desk(admission, orders, events, lambda: next(tokens))
+    desk = Desk(admission, orders, events, grants)
     return Counter(desk, admission, orders, events, view)
 
 
@@ -99,35 +118,43 @@ def names(counter):
 # --- the lease ------------------------------------------------------------------------------------
 
 
-def test_the_lease_is_granted_with_token_and_epoch(counter):
+def test_the_lease_is_granted_with_a_secret_that_both_sides_know_and_neither_sends(counter):
     reply = counter.lease("ann")
     assert reply.ok
-    assert (reply.token, reply.epoch) == ("token0", 1)
-    assert counter.admission.lease.holder == "ann"
+    assert reply.epoch == 1
+    lease = counter.admission.lease
+    assert (lease.holder, lease.secret) == ("ann", counter.secret)
+    assert lease.secret not in encode(reply)
     assert names(counter) == ["lease_granted"]
 
 
-def test_a_second_operator_is_told_who_holds_the_lease_and_gets_no_token(ann):
+def test_a_second_operator_is_told_who_holds_the_lease_and_gets_no_key(ann):
     reply = ann.lease("bob")
-    assert (reply.ok, reply.reason, reply.token) == (False, Why.LEASE_TAKEN, None)
+    assert (reply.ok, reply.reason, reply.key) == (False, Why.LEASE_TAKEN, None)
     assert "ann" in reply.detail
     assert ann.admission.lease.holder == "ann"
 
 
-def test_what_is_given_back_can_be_taken_at_once_and_the_old_token_is_dead(ann):
-    old = ann.token
+def test_a_key_that_makes_no_secret_is_refused_and_the_lease_stays_free(counter):
+    reply = counter.ask(t.LEASE, operator="ann", key=bytes(32))
+    assert (reply.ok, reply.reason) == (False, Why.WRONG_KEY)
+    assert counter.admission.lease.holder is None
+
+
+def test_what_is_given_back_can_be_taken_at_once_and_the_old_secret_is_dead(ann):
+    old = ann.secret
     assert ann.ask(t.RELEASE).ok
     assert ann.lease("bob").epoch == 2
-    reply = ann.ask(t.SPEED, factor=0.5, token=old)
-    assert (reply.ok, reply.reason) == (False, Why.WRONG_TOKEN)
+    reply = ann.ask(t.SPEED, factor=0.5, secret=old)
+    assert (reply.ok, reply.reason) == (False, Why.WRONG_PROOF)
 
 
-def test_tokens_are_in_no_event(ann):
-    ann.ask(t.SPEED, factor=0.5, token="stolen")
+def test_secrets_are_in_no_event(ann):
+    ann.ask(t.SPEED, factor=0.5, secret=b"s" * 32)
     ann.lease("bob")
     told = " ".join(str(e) for e in ann.events.take())
-    assert ann.token not in told
-    assert "stolen" not in told
+    assert ann.secret.hex() not in told
+    assert str(ann.secret) not in told
 
 
 @pytest.mark.parametrize("topic", [t.MODE, t.GAIN, t.SWITCH, t.FRAME, t.SPEED, t.TARE, t.RELEASE])
@@ -140,7 +167,7 @@ def test_without_the_lease_nothing_is_changed(counter, topic):
         t.SPEED: {"factor": 0.5},
     }.get(topic, {})
     before = counter.orders.settings()
-    reply = counter.ask(topic, token="x", **fields)
+    reply = counter.ask(topic, **fields)
     assert (reply.ok, reply.reason) == (False, Why.NO_LEASE)
     assert counter.desk.wish is Wish.NONE
     after = counter.orders.settings()
@@ -271,41 +298,86 @@ def test_anybody_may_ask_for_the_protective_stop_and_it_stays(ann):
 
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
 def test_nothing_moves_while_the_protective_stop_is_latched(ann, action, mode):
-    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
     ann.see(mode=mode)
     reply = ann.ask(t.MODE, action=action)
     assert (reply.ok, reply.reason) == (False, Why.PROTECTIVE_STOP)
     assert "bystander" in reply.detail
-    ann.ask(t.PROTECTIVE_CLEAR, operator="bystander")
+    ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
     ann.ask(t.MODE, action=action)
     assert ann.desk.resume or ann.desk.wish is Wish.ENABLE
 
 
-def test_who_asked_may_clear_it(ann):
-    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
-    assert ann.ask(t.PROTECTIVE_CLEAR, operator="bystander").ok
+def test_who_asked_may_clear_it_by_opening_its_seal(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
+    assert ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS).ok
     assert ann.desk.protective_stop is None
 
 
-def test_the_lease_holder_may_clear_it_with_the_token(ann):
-    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
-    assert ann.ask(t.PROTECTIVE_CLEAR, operator="ann", token=ann.token).ok
+def test_the_lease_holder_may_clear_all_of_them_by_proof(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
+    ann.ask(t.PROTECTIVE_STOP, operator="another")
+    assert ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
     assert ann.desk.protective_stop is None
 
 
-@pytest.mark.parametrize("token", [None, "guess"])
-@pytest.mark.parametrize("operator", ["stranger", "ann"])
-def test_a_stranger_may_not_clear_it_nor_who_merely_has_the_holders_name(ann, operator, token):
-    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
-    reply = ann.ask(t.PROTECTIVE_CLEAR, operator=operator, token=token)
+@pytest.mark.parametrize("opens", [None, b"g" * 32, SEAL])
+@pytest.mark.parametrize("operator", ["stranger", "bystander", "ann"])
+def test_no_name_clears_it_and_no_guess_nor_what_was_heard(ann, operator, opens):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
+    reply = ann.ask(t.PROTECTIVE_CLEAR, operator=operator, opens=opens)
     assert (reply.ok, reply.reason) == (False, Why.NOT_YOURS)
     assert ann.desk.protective_stop == "bystander"
 
 
-def test_the_token_of_a_lease_that_ran_out_clears_nothing(ann):
+def test_a_clear_that_was_heard_opens_no_later_stop(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
+    ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=sha256(b"p" * 32).digest())
+    assert not ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS).ok
+    assert ann.desk.protective_stop == "bystander"
+
+
+def test_a_holders_clear_that_was_heard_clears_no_later_stop(ann):
+    heard = encode(requests.ProtectiveClear(operator="ann"))
+    key = t.PROTECTIVE_CLEAR.full_key(CELL)
+    proof = prove(ann.secret, key, ann.admission.lease.epoch, 1, heard)
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    assert ann.put(t.PROTECTIVE_CLEAR, heard, proof).ok
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander")
+    assert not ann.put(t.PROTECTIVE_CLEAR, heard, proof).ok
+    assert ann.desk.protective_stop == "bystander"
+
+
+def test_who_asks_for_a_stop_and_clears_it_clears_nobody_elses(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
+    theirs = b"t" * 32
+    ann.ask(t.PROTECTIVE_STOP, operator="attacker", seal=sha256(theirs).digest())
+    reply = ann.ask(t.PROTECTIVE_CLEAR, operator="attacker", opens=theirs)
+    assert reply.ok
+    assert "bystander" in reply.detail
+    assert ann.desk.protective_stop == "bystander"
+
+
+def test_a_flood_of_stops_is_remembered_in_little_and_lets_nobody_clear_another(ann):
+    ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
+    theirs = [n.to_bytes(32, "big") for n in range(200)]
+    for opens in theirs:
+        ann.ask(t.PROTECTIVE_STOP, operator="attacker", seal=sha256(opens).digest())
+    for opens in theirs:
+        ann.ask(t.PROTECTIVE_CLEAR, operator="attacker", opens=opens)
+    assert ann.desk.protective_stop is not None
+    ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
+    assert ann.desk.protective_stop == "attacker"  # one beyond those that are kept apart
+    assert ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
+    assert ann.desk.protective_stop is None
+
+
+def test_the_proof_of_a_lease_that_ran_out_clears_nothing(ann):
     ann.ask(t.PROTECTIVE_STOP, operator="bystander")
     ann.see(now=Now(ann.view.now.time_s + 5.0, 1500, None))
-    assert not ann.ask(t.PROTECTIVE_CLEAR, operator="ann", token=ann.token).ok
+    assert not ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
+    assert ann.desk.protective_stop == "bystander"
 
 
 # --- settings -------------------------------------------------------------------------------------
@@ -328,7 +400,7 @@ def test_a_source_is_switched_off_and_on(ann):
 
 
 def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
-    envelope = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+    envelope = {"seen_tick": 1}
     target = m.PositionTarget(**envelope, xyz=(0.1, 0, 0), rpy=(0, 0, 0))
     ann.orders.take(target, 0.0, ann.orders.places.T_world_crf)
     attempt = ann.orders.goal.attempt

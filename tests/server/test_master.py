@@ -5,7 +5,7 @@ from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, pose_error, rotation_log, rotation_rpy
 from telerobot.server.master import SLIP, Master
 
-ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+ENVELOPE = {"seen_tick": 1}
 MRF = Pose.from_xyz_rpy((0.7, 0.1, 0.4), (0.2, -0.5, 1.1))
 AXES = rotation_rpy(0.0, 0.0, np.pi / 2)
 AWAY = (5.0, -3.0, 2.0), (0.4, 0.1, -2.0)

@@ -7,7 +7,7 @@ def test_commands_come_oldest_first_and_only_once():
     link = MemoryLink()
     link.put(t.JOYSTICK, b"1")
     link.put(t.JOYSTICK, b"2")
-    assert list(link.commands()) == [(t.JOYSTICK, b"1"), (t.JOYSTICK, b"2")]
+    assert list(link.commands()) == [(t.JOYSTICK, b"1", b""), (t.JOYSTICK, b"2", b"")]
     assert list(link.commands()) == []
 
 
@@ -17,8 +17,8 @@ def test_of_a_backlog_only_the_newest_are_kept_and_no_topic_crowds_out_another()
     for i in range(100):
         link.put(t.JOYSTICK, bytes([i]))
     got = list(link.commands())
-    assert (t.KEEPALIVE, b"alive") in got
-    sticks = [payload for topic, payload in got if topic is t.JOYSTICK]
+    assert (t.KEEPALIVE, b"alive", b"") in got
+    sticks = [payload for topic, payload, _ in got if topic is t.JOYSTICK]
     assert sticks == [bytes([i]) for i in range(100 - t.JOYSTICK.unread, 100)]
 
 
@@ -29,10 +29,11 @@ def test_what_is_no_command_is_not_put():
 
 def test_a_request_brings_its_answer_to_who_asked():
     link, answers = MemoryLink(), []
-    link.ask(t.LEASE, b"please", answers.append)
+    link.ask(t.LEASE, b"please", answers.append, b"proof")
     (asked,) = link.requests()
     asked.answer(b"yes")
-    assert (asked.topic, asked.payload, answers) == (t.LEASE, b"please", [b"yes"])
+    assert (asked.topic, asked.payload, asked.proof) == (t.LEASE, b"please", b"proof")
+    assert answers == [b"yes"]
     assert list(link.requests()) == []
 
 

@@ -13,7 +13,7 @@ from telerobot.server.control.frames import Pose, rotation_rpy
 from telerobot.server.control.tree import Mount
 from telerobot.server.orders import Orders
 
-ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+ENVELOPE = {"seen_tick": 1}
 BASE = Pose.from_xyz_rpy((1.0, 2.0, 0.5), (0.0, 0.0, np.pi / 2))
 CRF = Pose.from_xyz_rpy((0.3, -0.2, 0.1), (np.pi / 2, 0.0, 0.0))
 MRF = Pose.from_xyz_rpy((0.7, 0.1, 0.4), (0.2, -0.5, 1.1))
@@ -327,7 +327,7 @@ def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
     cell = load_cell(small.replace("\n[mechanism.force_torque]", block))
     orders = Orders(cell)
     assert orders.settings().payload.mass == 0.0
-    envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
+    envelope = {"seen_tick": 0}
     orders.tuning.set_payload(requests.PayloadRequest(**envelope, name="empty"))
     assert orders.settings().payload.mass == 0.4
 
@@ -335,7 +335,7 @@ def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
 def test_a_cell_without_a_sensor_takes_no_payload(small):
     bare = small.replace("[mechanism.force_torque]\nrate_hz = 200", "")
     orders = Orders(load_cell(bare))
-    envelope = {"token": "-", "epoch": 0, "seq": 0, "seen_tick": 0}
+    envelope = {"seen_tick": 0}
     with pytest.raises(Refused) as refused:
         orders.tuning.set_payload(requests.PayloadRequest(**envelope, mass=1.0))
     assert refused.value.reason == Why.NOT_NOW

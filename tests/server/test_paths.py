@@ -17,7 +17,7 @@ from telerobot.server.control.paths.goals import Pursuit, Route, TwistRoute
 from telerobot.server.control.tree import Mount
 from telerobot.server.orders import Orders
 
-ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+ENVELOPE = {"seen_tick": 1}
 MRF = Pose.from_xyz_rpy((0.7, 0.1, 0.4), (0.2, -0.5, 1.1))
 WAYPOINTS = ((0.1, -0.2, 0.3, 0.3, 0.2, -0.4), (0.0, 0.1, 0.0, 0.0, 0.0, 0.5))
 TWIST = (0.1, 0.2, 0.0, 0.0, 0.0, 0.3)

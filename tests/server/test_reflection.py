@@ -11,7 +11,7 @@ from telerobot.server.master import Master
 from telerobot.server.orders import Orders
 from telerobot.server.reflection import Reflector, pose_stiffness
 
-ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+ENVELOPE = {"seen_tick": 1}
 PUSH = np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
 """10 N on the environment along the tool's axis."""
 R_TOOL = rotation_rpy(0.0, np.pi / 2, 0.0)

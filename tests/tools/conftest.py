@@ -6,8 +6,11 @@ import pytest
 from telerobot.protocols import messages as m
 from telerobot.protocols import requests
 from telerobot.protocols import topics as t
+from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode, encode
+from telerobot.protocols.proof import Proof
 
+CELL = "cell"
 ZERO = (0.0,) * 6
 
 
@@ -32,29 +35,50 @@ def state(tick=1, mode="ready", epoch=0, holder=None, **more):
 
 @dataclass
 class FakeDaemon:
-    """Grants everything but what `refusals` names by topic key; enables at once."""
+    """Grants everything but what `refusals` names by topic key; enables at once.
+
+    Commands, and requests that need the lease, have to prove it.
+    """
 
     refusals: dict = field(default_factory=dict)
     heard: list = field(default_factory=list)
     mode: str = "ready"
     epoch: int = 0
+    secret: bytes = b""
+    proofs: list = field(default_factory=list)
 
-    def put(self, topic, payload):
+    def put(self, topic, payload, attached):
+        if topic.needs_proof:
+            self.judge(topic, payload, attached)
         self.heard.append((topic, decode(topic, payload)))
 
-    def ask(self, topic, payload, answer):
+    def ask(self, topic, payload, answer, attached):
         message = decode(topic, payload)
+        if topic.needs_proof or attached:
+            self.judge(topic, payload, attached)
         self.heard.append((topic, message))
         if topic.key in self.refusals:
             reply = requests.Reply(ok=False, reason=self.refusals[topic.key], detail="by the test")
         elif topic is t.LEASE:
             self.epoch += 1
-            reply = requests.Reply(ok=True, token=f"token of {message.operator}", epoch=self.epoch)
+            pair = KeyPair(bytes([self.epoch]) * 32)
+            self.secret = pair.agree_with_operator(message.key, t.LEASE.full_key(CELL), self.epoch)
+            reply = requests.Reply(ok=True, key=pair.public, epoch=self.epoch)
         else:
             reply = requests.Reply(ok=True)
             if topic is t.MODE and message.action == "enable":
                 self.mode = "enabled"
         answer(encode(reply))
+
+    def judge(self, topic, payload, attached):
+        proof = Proof.read(attached)
+        assert proof.epoch == self.epoch
+        assert proof.holds(self.secret, topic.full_key(CELL), payload)
+        self.proofs.append((topic, proof))
+
+    def numbers(self, topic):
+        """Return the sequence numbers that came on a topic."""
+        return [proof.seq for heard, proof in self.proofs if heard is topic]
 
     def of(self, topic):
         """Return what came on a topic."""

@@ -8,7 +8,7 @@ from telerobot.server.control.frames import rotation_exp, rotation_rpy
 from telerobot.tools.master import MovingMaster
 from telerobot.tools.motions import Motions
 
-ENVELOPE = {"token": "t", "epoch": 1, "seq": 1, "seen_tick": 1}
+ENVELOPE = {"seen_tick": 1}
 
 
 class Said(Motions):

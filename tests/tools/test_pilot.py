@@ -1,8 +1,10 @@
 import math
+from hashlib import sha256
 
 import pytest
 from telerobot.protocols import requests
 from telerobot.protocols import topics as t
+from telerobot.protocols.codec import encode
 from telerobot.tools.pilot import Pilot, PilotError
 from telerobot.tools.round_trip import RoundTrip
 
@@ -11,7 +13,7 @@ PUSH = (0.02, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @pytest.fixture
 def pilot(daemon):
-    return Pilot("ann", daemon.put, daemon.ask)
+    return Pilot("ann", "cell", daemon.put, daemon.ask)
 
 
 @pytest.fixture
@@ -34,10 +36,30 @@ def test_without_the_lease_nothing_is_sent_and_commands_say_so(pilot, daemon):
     assert daemon.heard == []
 
 
-def test_the_lease_brings_token_and_epoch_that_every_command_carries(holder, daemon):
-    holder.command(t.CANCEL)
-    (cancel,) = daemon.of(t.CANCEL)
-    assert (cancel.token, cancel.epoch) == ("token of ann", 1)
+def test_the_lease_brings_a_secret_that_every_command_proves_and_none_carries(daemon):
+    payloads = []
+    pilot = Pilot(
+        "ann",
+        "cell",
+        lambda *sent: payloads.append(sent[1] + sent[2]) or daemon.put(*sent),
+        lambda *sent: payloads.append(sent[1] + sent[3]) or daemon.ask(*sent),
+    )
+    pilot.acquire(lambda reply: None)
+    pilot.command(t.CANCEL)
+    pilot.request(t.MODE, lambda reply: None, action="hold")
+    assert pilot.secret == daemon.secret
+    assert [topic for topic, _ in daemon.proofs] == [t.CANCEL, t.MODE]  # judged by the daemon
+    assert not any(pilot.secret in payload for payload in payloads)
+
+
+def test_a_reply_without_a_usable_key_brings_no_lease(daemon):
+    for key in (None, bytes(32)):
+        reply = requests.Reply(ok=True, key=key, epoch=1)
+        heard = []
+        pilot = Pilot("ann", "cell", daemon.put, lambda t, p, answer, a: answer(encode(reply)))  # noqa: B023
+        pilot.acquire(heard.append)
+        assert [r.reason for r in heard] == ["wrong_key"]
+        assert pilot.secret is None
 
 
 def test_a_refused_lease_is_told_and_not_held(pilot, daemon):
@@ -45,7 +67,7 @@ def test_a_refused_lease_is_told_and_not_held(pilot, daemon):
     replies = []
     pilot.acquire(replies.append)
     assert [reply.reason for reply in replies] == ["lease_taken"]
-    assert pilot.token is None
+    assert pilot.secret is None
 
 
 def test_a_lease_is_kept_alive_ten_times_a_second(holder, daemon):
@@ -86,15 +108,35 @@ def test_sequence_numbers_grow_and_tell_the_picture_they_are_based_on(holder, da
     holder.on_state(make_state(tick=7))
     holder.command(t.CANCEL)
     first, second = daemon.of(t.CANCEL)
-    assert second.seq > first.seq
+    before, after = daemon.numbers(t.CANCEL)
+    assert after > before
     assert (first.seen_tick, second.seen_tick) == (0, 7)
 
 
 def test_anyone_may_ask_for_a_protective_stop(pilot, daemon):
     replies = []
-    pilot.request(t.PROTECTIVE_STOP, replies.append, operator="ann")
+    pilot.protective_stop(replies.append)
     assert replies[0].ok
-    assert daemon.of(t.PROTECTIVE_STOP) == [requests.ProtectiveStop(operator="ann")]
+    assert [stop.operator for stop in daemon.of(t.PROTECTIVE_STOP)] == ["ann"]
+
+
+def test_each_protective_stop_has_a_seal_of_its_own_that_its_asker_opens(pilot, daemon):
+    for _ in range(2):
+        pilot.protective_stop(lambda reply: None)
+    pilot.clear_protective_stop(lambda reply: None)
+    pilot.clear_protective_stop(lambda reply: None)
+    seals = [stop.seal for stop in daemon.of(t.PROTECTIVE_STOP)]
+    opened = [sha256(clear.opens).digest() for clear in daemon.of(t.PROTECTIVE_CLEAR)]
+    assert len(set(seals)) == 2
+    assert opened == seals[::-1]
+
+
+def test_who_holds_the_lease_clears_by_proof_and_shows_nothing(holder, daemon):
+    holder.protective_stop(lambda reply: None)
+    holder.clear_protective_stop(lambda reply: None)
+    (clear,) = daemon.of(t.PROTECTIVE_CLEAR)
+    assert clear.opens is None
+    assert len(daemon.numbers(t.PROTECTIVE_CLEAR)) == 1
 
 
 def test_giving_the_lease_back_ends_every_stream(holder, daemon):

@@ -122,5 +122,5 @@ class Guide:
 
     def _end(self) -> None:
         self.over = True
-        if self._force_was_on and self.pilot.token is not None:
+        if self._force_was_on and self.pilot.secret is not None:
             self.say("force control is off: switch it on when the cell knows what was found")

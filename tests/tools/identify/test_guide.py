@@ -18,9 +18,9 @@ class Arm:
     def __init__(self, stops, **state):
         self.sent = []
         self.reply = requests.Reply(ok=True)
-        put = lambda topic, payload: self.sent.append(topic)  # noqa: E731
-        ask = lambda topic, payload, answer: answer(encode(self.reply))  # noqa: E731
-        self.pilot = Pilot("ann", put, ask, token="token", epoch=1)
+        put = lambda topic, payload, proof: self.sent.append(topic)  # noqa: E731
+        ask = lambda topic, payload, answer, proof: answer(encode(self.reply))  # noqa: E731
+        self.pilot = Pilot("ann", "cell", put, ask, secret=bytes(32), epoch=1)
         self.guide = Guide(self.pilot, [Stop(np.zeros(2), measure) for measure in stops])
         self.state = {"mode": "enabled", "wrench_sensor": (1.0,) * 6, "at_goal": True, **state}
         self.time_s = 0.0
