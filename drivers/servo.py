@@ -1,7 +1,6 @@
 """A CiA 402 servo drive in a cyclic synchronous mode, as one joint."""
 
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -14,52 +13,28 @@ from ..config.mechanism import Drive
 from ..config.schema import Timing
 from ..protocols import can301, cia402
 from ..protocols.can301 import EmcyCode, FrameError, NmtState
-from ..protocols.cia402 import Control, DriveState, Object, OperationMode, Status
+from ..protocols.cia402 import Control, DriveState, Object, OperationMode
 from . import servo_setup
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
+from .servo_status import Sent, ServoReading, wrong_status
 from .setpoint import Setpoint
+
+__all__ = ["Sent", "ServoDrive", "ServoReading"]
 
 BOOT_TIMEOUT_S: Final = 2.0
 MOST_MISSED_SYNCS: Final = 3
 """More SYNCs than this without an answer mean that the drive is lost."""
 RESET_SYNCS: Final = 25
 """A fault reset that has not worked after this many SYNCs is given up."""
+OBEYED_SYNCS: Final = 3
+"""What a drive is told takes effect at the next SYNC; the one after samples it, and that answer may
+be counted as one to the SYNC after it: only from here on a statusword is about it."""
+SWITCH_OFF_SYNCS: Final = 100
+"""A drive that is still on, or in its quick stop, so long after it was told to switch off does not
+do it by itself: closing a brake and a quick stop's ramp take less."""
 _ENABLED: Final = DriveState.OPERATION_ENABLED
 _DISABLED: Final = DriveState.SWITCH_ON_DISABLED
-
-
-@dataclass(frozen=True, slots=True)
-class ServoReading:
-    """What the drive last said. Until its first TPDO it said nothing: `ready` is false."""
-
-    ready: bool
-    fresh: bool
-    """It answered the newest SYNC."""
-    age_syncs: int
-    """SYNCs sent since the one that it last answered."""
-    sampled_s: float | None
-    """When it sampled, at the SYNC that it answered [s], on `Fieldbus.clock`; None: not
-    known. Stamps of the bus have another clock."""
-    position_rad: float | None
-    torque_nm: float | None
-    velocity_rad_s: float | None
-    """None: TPDO1 has no room for it."""
-    state: DriveState | None
-    """None also when the statusword means no state."""
-    statusword: int
-    trouble: Trouble | None
-
-
-@dataclass(frozen=True, slots=True)
-class Sent:
-    """What `write` really sent; nothing (None) while the drive's position is not known."""
-
-    controlword: int
-    raw: int | None
-    """The setpoint as it went out, in the drive's own unit."""
-    command: float | None
-    """The same in the joint's: rad, rad/s or N·m."""
 
 
 class ServoDrive:
@@ -88,7 +63,7 @@ class ServoDrive:
         self._setpoint = Setpoint(drive, mode)
         self._bus = fieldbus
         self._timing = timing
-        self._limits = (lower, upper)
+        self._limits = self._room = (lower, upper)
         dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
         self.answer_stamp = 0.0
         """The bus' stamp of the newest TPDO1, which a SYNC asked for [s], on the bus' own clock."""
@@ -111,6 +86,7 @@ class ServoDrive:
         self._restarted: int | None = None
         self._emcy: EmcyError | None = None
         self._target = _DISABLED
+        self._told_sync = self._bus.sync_count
         self._seen_enabled = False
         self._stopped = False
         self._reset_sync: int | None = None
@@ -132,7 +108,10 @@ class ServoDrive:
                     f"{self.name} (node {self.drive.node}): no boot-up message within "
                     f"{BOOT_TIMEOUT_S} s of a reset"
                 )
-            servo_setup.configure(self._node, self.drive, self._timing, *self._limits, self._mode)
+            servo_setup.configure(
+                self._node, self.drive, self._timing, *self._limits, self._mode, self._let_pass
+            )
+            self._room = self._limits
             self._node.nmt.send_command(can301.NmtCommand.START)
         except can.CanError as error:
             raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
@@ -155,7 +134,9 @@ class ServoDrive:
             self._trouble = wrong
         last, drive = self._feedback, self.drive
         if last is None:
-            return ServoReading(False, False, age, None, None, None, None, None, 0, self._trouble)
+            return ServoReading(
+                False, False, age, None, None, None, None, None, False, 0, self._trouble
+            )
         torque = last.torque * 1e-3 * drive.rated_torque * drive.direction
         return ServoReading(
             ready=True,
@@ -166,18 +147,36 @@ class ServoDrive:
             torque_nm=torque,
             velocity_rad_s=None,
             state=self._state,
+            obeyed=self._obeyed,
             statusword=last.statusword,
             trouble=self._trouble,
         )
 
+    def make_room(self) -> bool:
+        """Let the drive's position limits hold where the joint stands; return whether it asked.
+
+        To be called with its power off, before it is enabled. Blocks where 607Dh has to change;
+        raises `DeviceError`.
+        """
+        if self._feedback is None:
+            return False
+        q = servo_setup.to_radians(self.drive, self._feedback.position)
+        room = servo_setup.room(self.drive, *self._limits, q)
+        if room == self._room:
+            return False
+        for step in servo_setup.position_limits(self.drive, *room):
+            servo_setup.write(self._node, self.drive, step)
+        self._room = room
+        return True
+
     def request_enable(self) -> None:
         """Step towards *Operation enabled* with the coming writes; not after a stop or trouble."""
         if not self._stopped and self._trouble is None:
-            self._target = _ENABLED
+            self._aim(_ENABLED)
 
     def request_disable(self) -> None:
         """Step back to *Switch on disabled* with the coming writes."""
-        self._target = _DISABLED
+        self._aim(_DISABLED)
         self._seen_enabled = False
 
     def request_fault_reset(self) -> None:
@@ -210,7 +209,7 @@ class ServoDrive:
     def stop(self) -> None:
         """Send the quick stop now, and with every write until a reset."""
         self._stopped = True
-        self._target = _DISABLED
+        self._aim(_DISABLED)
         self._seen_enabled = False
         self._reset_sync = None
         if self._feedback is not None:
@@ -227,6 +226,23 @@ class ServoDrive:
             self._node.nmt.send_command(can301.NmtCommand.PRE_OPERATIONAL)
         self._forget()
 
+    def _let_pass(self, seconds: float) -> None:
+        self._bus.wait_until(lambda: False, seconds)
+
+    def _aim(self, target: DriveState) -> None:
+        if target is not self._target:
+            self._target, self._told_sync = target, self._bus.sync_count
+
+    @property
+    def _obeyed(self) -> bool:
+        return self._answered_sync - self._told_sync >= OBEYED_SYNCS
+
+    @property
+    def _overdue(self) -> bool:
+        """True for a drive that should long have switched off."""
+        since = self._bus.sync_count - self._told_sync
+        return self._target is _DISABLED and not self._stopped and since > SWITCH_OFF_SYNCS
+
     def _controlword(self) -> int:
         state = self._state
         if self._stopped:
@@ -237,6 +253,8 @@ class ServoDrive:
             # bit 7 low for a SYNC first: the drive resets on its rising edge only
             seen_low = self._bus.sync_count > self._reset_sync
             return Control.FAULT_RESET if seen_low else Control.DISABLE_VOLTAGE
+        if state is DriveState.QUICK_STOP_ACTIVE and self._overdue:
+            return Control.DISABLE_VOLTAGE  # its quick stop stays there: 605Ah of 5 to 8
         return cia402.next_controlword(state, self._target)
 
     def _judge(self, age: int) -> Trouble | None:
@@ -262,24 +280,12 @@ class ServoDrive:
             return self._wrong(
                 Cause.HEARTBEAT_LOST, f"no heartbeat for {silence:.3f} s", silence_s=silence
             )
-        return None if self._feedback is None else self._judge_status(self._feedback.statusword)
-
-    def _judge_status(self, word: int) -> Trouble | None:
-        state = self._state
-        if state is None:
-            return self._wrong(Cause.STATE_LOST, f"statusword {word:#06x} means no state")
+        if self._feedback is None:
+            return None
+        word = self._feedback.statusword
         meant = self._target is _ENABLED and self._seen_enabled
-        if word & Status.FOLLOWING_ERROR and (meant or state.in_fault):
-            detail = "following error beyond 6065h"
-            return self._wrong(Cause.FOLLOWING_ERROR, detail, statusword=word)
-        if state.in_fault:
-            return self._wrong(Cause.DRIVE_FAULT, f"{state.name.lower()}", statusword=word)
-        if meant and not word & Status.VOLTAGE_ENABLED:
-            return self._wrong(Cause.POWER_LOST, "no voltage on the power stage", statusword=word)
-        if meant and state is not _ENABLED:
-            detail = f"left operation_enabled for {state.name.lower()} unasked"
-            return self._wrong(Cause.STATE_LOST, detail, statusword=word)
-        return None
+        found = wrong_status(word, self._state, meant=meant, overdue=self._overdue)
+        return None if found is None else self._wrong(*found, statusword=word)
 
     def _wrong(self, cause: Cause, detail: str, **values: str | int | float) -> Trouble:
         return Trouble(cause, self.name, detail, {"node": self.drive.node, **values})
@@ -295,7 +301,7 @@ class ServoDrive:
             self._state = cia402.decode_state(feedback.statusword)
         except FrameError:
             self._state = None
-        if self._state is _ENABLED and self._target is _ENABLED:
+        if self._state is _ENABLED and self._target is _ENABLED and self._obeyed:
             self._seen_enabled = True
 
     def _on_heartbeat(self, state: int) -> None:

@@ -4,7 +4,7 @@ Each step that fails raises `DeviceError` naming joint, node, object and the dri
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
 import can
@@ -15,13 +15,28 @@ from ..config.mechanism import Drive
 from ..config.schema import Timing
 from ..protocols import can301, cia402
 from ..protocols.can301 import CommunicationObject as Com
-from ..protocols.cia402 import AbortConnectionOption, Object, OperationMode, QuickStopOption
+from ..protocols.can301 import FrameError
+from ..protocols.cia402 import (
+    AbortConnectionOption,
+    Control,
+    DriveState,
+    Object,
+    OperationMode,
+    QuickStopOption,
+)  # fmt: skip
 from .device import DeviceError
 from .setpoint import Setpoint
 
 _NO_OBJECT: Final = (0x06020000, 0x06090011)
 """SDO abort codes: no such object, no such subindex."""
 _MODE_READS: Final = 20
+_STANDSTILL_S: Final = 0.1
+"""A drive's quick stop takes the ramp from its joint's top speed, and so much more [s]."""
+_UNDER_POWER: Final = (
+    DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE,
+)  # fmt: skip
+SAG: Final = 0.005
+"""A joint is near its limit within this, at least: a joint may sag when it is enabled [rad]."""
 _MODE_NAMES: Final = {
     OperationMode.CSP: "cyclic synchronous position",
     OperationMode.CSV: "cyclic synchronous velocity",
@@ -62,7 +77,6 @@ def steps(
     Raises `ValueError` for a limit that the drive's counts cannot hold.
     """
     scale = drive.counts_per_radian
-    ends = sorted((to_counts(drive, lower), to_counts(drive, upper)))
     watch = can301.consumer_heartbeat(can301.MASTER_NODE, _ms(timing.heartbeat_timeout_s))
     yield Step(Com.CONSUMER_HEARTBEAT, 1, U32, watch)
     yield Step(Com.PRODUCER_HEARTBEAT, 0, U16, _ms(timing.heartbeat_period_s))
@@ -72,14 +86,37 @@ def steps(
     yield Step(Object.QUICK_STOP_DECELERATION, 0, U32, ramp)
     yield Step(Object.FOLLOWING_WINDOW, 0, U32, round(drive.following_window * scale))
     yield Step(Object.FOLLOWING_TIMEOUT, 0, U16, _ms(timing.period_s))
-    yield Step(Object.POSITION_LIMIT, 1, I32, ends[0])
-    yield Step(Object.POSITION_LIMIT, 2, I32, ends[1])
+    yield from position_limits(drive, lower, upper)
     value, exponent = interpolation_period(timing.period_s)
     yield Step(Object.INTERPOLATION_PERIOD, 1, U8, value)
     yield Step(Object.INTERPOLATION_PERIOD, 2, I8, exponent)
     yield Step(Object.SETPOINT_TIMEOUT, 0, U16, _ms(timing.setpoint_timeout_s))
     yield from _pdos(drive.node, mode)
     yield Step(Object.MODE_OF_OPERATION, 0, I8, mode)
+
+
+def position_limits(drive: Drive, lower: float, upper: float) -> Iterator[Step]:
+    """Yield what to write so that 607Dh holds a range of joint angles [rad].
+
+    Raises `ValueError` for a limit that the drive's counts cannot hold.
+    """
+    low, high = sorted((to_counts(drive, lower), to_counts(drive, upper)))
+    yield Step(Object.POSITION_LIMIT, 1, I32, low)
+    yield Step(Object.POSITION_LIMIT, 2, I32, high)
+
+
+def room(drive: Drive, lower: float, upper: float, q: float) -> tuple[float, float]:
+    """Return the range of 607Dh for a joint that stands at `q`, with limits `lower`, `upper` [rad].
+
+    It is that of the limits, except where the joint stands beyond what is commanded: there it
+    reaches a following window beyond the joint. A drive clamps setpoints beyond 607Dh, so it would
+    take the joint to the limit at once, and as fast as its loops can, when it is enabled.
+    """
+    near, window = max(drive.position_margin, SAG), drive.following_window
+    return (
+        min(lower, q - window) if q < lower + near else lower,
+        max(upper, q + window) if q > upper - near else upper,
+    )
 
 
 def interpolation_period(period_s: float) -> tuple[int, int]:
@@ -101,8 +138,13 @@ def configure(
     lower: float,
     upper: float,
     mode: OperationMode,
+    wait: Callable[[float], object],
 ) -> None:
-    """Write all steps to a drive in *Pre-operational*, and check its mode. Raises `DeviceError`."""
+    """Write all steps to a drive in *Pre-operational*, and check its mode. Raises `DeviceError`.
+
+    One that another master left on is switched off first: a drive sets no mode under power.
+    `wait` lets a time [s] pass.
+    """
     supported = read(node, drive, Object.SUPPORTED_MODES, 0, U32)
     if not cia402.supports_mode(supported, mode):
         raise DeviceError(
@@ -113,6 +155,8 @@ def configure(
         plan = tuple(steps(drive, timing, lower, upper, mode))
     except ValueError as error:
         raise DeviceError(f"{_who(drive)}: {error}") from error
+    if _left_on(node, drive):
+        _switch_off(node, drive, wait)
     for step in plan:
         write(node, drive, step)
     for _ in range(_MODE_READS):
@@ -143,6 +187,30 @@ def write(node: canopen.RemoteNode, drive: Drive, step: Step) -> None:
         if step.optional and getattr(error, "code", None) in _NO_OBJECT:
             return
         raise DeviceError(f"{_who(drive)}: writing {step.value} to {where}: {error}") from error
+
+
+def _left_on(node: canopen.RemoteNode, drive: Drive) -> bool:
+    """Return whether a drive's power stage is on, left so by another master. Raises `DeviceError`.
+
+    A drive that tells no statusword over SDO is taken to be off.
+    """
+    try:
+        (status,) = struct.unpack(U16, node.sdo.upload(Object.STATUSWORD, 0)[:2])
+        return cia402.decode_state(status) in _UNDER_POWER
+    except FrameError:
+        return False
+    except (SdoError, can.CanError, struct.error) as error:
+        if getattr(error, "code", None) in _NO_OBJECT:
+            return False
+        where = _object(Object.STATUSWORD, 0)
+        raise DeviceError(f"{_who(drive)}: reading {where}: {error}") from error
+
+
+def _switch_off(node: canopen.RemoteNode, drive: Drive, wait: Callable[[float], object]) -> None:
+    """Bring a drive to rest on its own ramp, and take its power off. Raises `DeviceError`."""
+    write(node, drive, Step(Object.CONTROLWORD, 0, U16, Control.QUICK_STOP))
+    wait(drive.max_velocity / drive.quick_stop_deceleration + _STANDSTILL_S)
+    write(node, drive, Step(Object.CONTROLWORD, 0, U16, Control.DISABLE_VOLTAGE))
 
 
 def _pdos(node: int, mode: OperationMode) -> Iterator[Step]:

@@ -29,6 +29,7 @@ from .link import Link
 from .mode import Mode, Situation, Wish, next_mode
 from .orders import Orders
 from .plant import Plant, PlantReading
+from .power import Power
 from .telemetry import describe, report
 from .warm_up import warm_up
 from .watches import Watches
@@ -38,6 +39,9 @@ DESCRIBE_EVERY = 100
 
 LED = 1e-3
 """A hand that asks for more than this leads the tool [m/s, rad/s]."""
+
+OVERRUNS = "overruns"
+"""Why the arm stops when ticks were late: no reason to give up enabling it, which moves nothing."""
 
 INTENTS = {
     Mode.BOOT: Intent.SEED,
@@ -83,6 +87,7 @@ class Cycle:
         self._orders = Orders(cell)
         grants = Grants(cell.config.name, self._admission, new_key)
         self._desk = Desk(self._admission, self._orders, self._events, grants)
+        self._power = Power(cell, plant, self._events)
         self._memory: Memory | None = None
         self._last_q: Array | None = None
         self._enabled_since: int | None = None
@@ -202,13 +207,15 @@ class Cycle:
             frames=watches.frames,
             T_world_mrf=None if self.output is None else self.output.T_world_mrf,
             touched=watches.touch.stopping,
+            drives_off=reading.off,
         )
 
     # --- faults and modes --------------------------------------------------------------------
 
     def _find_trouble(self, reading: PlantReading) -> Trouble | None:
-        if reading.trouble is not None:
-            return reading.trouble
+        trouble = reading.trouble or self._power.trouble(self.mode, reading)
+        if trouble is not None:
+            return trouble
         if self.mode.energised and self.output is not None:
             error = np.abs(self.output.following_error)
             window = self._control.p.following_window
@@ -241,7 +248,11 @@ class Cycle:
         if before is Mode.FAULT and desk.wish is Wish.RESET and not self._reopened:
             trouble = self._reopen(view.now)
         self._reopened = self._reopened and desk.wish is Wish.RESET
+        if self._reopened and self.plant.fieldbus.trouble is not None:
+            desk.finish_wish(view.now, Refused(Why.STILL_WRONG, self.plant.fieldbus.trouble.detail))
         blocked = self._blocked(view)
+        if blocked not in (None, OVERRUNS) and before is Mode.READY:
+            desk.end_enable(view.now, blocked)
         self.mode = next_mode(
             before,
             Situation(
@@ -259,11 +270,22 @@ class Cycle:
         if self.mode is not before:
             self._entered(before, blocked)
         if self.mode is Mode.READY:
-            if desk.wish is Wish.ENABLE and blocked is None:
-                self.plant.enable()
-            else:
-                self.plant.disable()
+            self._switch_power(reading, view.now)
         desk.settle(self.mode, view)
+
+    def _switch_power(self, reading: PlantReading, now: Now) -> None:
+        try:
+            blocked = self._power.follow(self._desk.wish is Wish.ENABLE, reading)
+        except DeviceError as error:
+            self._desk.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
+            blocked = self._power.follow(False, reading)
+        if blocked:
+            self._keep_lease(now)
+
+    def _keep_lease(self, now: Now) -> None:
+        """After what may block: a lease does not run out because nobody listened to its holder."""
+        if self._admission.lease.alive(now.time_s):
+            self._admission.renew(replace(now, time_s=self.clock.now()))
 
     def _entered(self, before: Mode, blocked: str | None) -> None:
         if self.mode is Mode.STOPPING:
@@ -286,7 +308,7 @@ class Cycle:
         if seen is not None:
             return seen
         if self._late_in_a_row > self._tolerated_overruns:
-            return "overruns"
+            return OVERRUNS
         return None
 
     def _reopen(self, now: Now) -> Trouble | None:
@@ -297,9 +319,7 @@ class Cycle:
             self._desk.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
             return self._trouble
         finally:
-            # This blocked: the lease is not to run out because nobody listened to its holder.
-            if self._admission.lease.alive(now.time_s):
-                self._admission.renew(replace(now, time_s=self.clock.now()))
+            self._keep_lease(now)
         self.plant.reset()
         self._reopened = True
         self._trouble = self._memory = None

@@ -33,6 +33,13 @@ from .world import World
 ENABLE_TIMEOUT_S = 3.0
 """Drives that are not in Operation enabled by then will not be [s]."""
 
+_ENDS = {
+    Wish.ENABLE: frozenset(Mode) - {Mode.READY},
+    Wish.DISABLE: {Mode.FAULT},
+    Wish.RESET: frozenset[Mode](),
+}
+"""Modes in which a wish cannot come about any more."""
+
 _PAST = {"pause": "paused", "resume": "resumed", "abort": "aborted"}
 
 
@@ -59,6 +66,8 @@ class View:
     """Where the command has the MRF; None before the joints were heard."""
     touched: bool = False
     """True while something unseen pushes the arm, which stopped for it."""
+    drives_off: bool = True
+    """All drives have said that they are off, after what they were last told."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +138,7 @@ class Desk:
             return
         done = {
             Wish.ENABLE: mode is Mode.ENABLED,
-            Wish.DISABLE: mode is Mode.READY,
+            Wish.DISABLE: mode is Mode.READY and view.drives_off,
             Wish.RESET: mode is Mode.READY,
         }[self.wish]
         late = view.now.time_s - pending.since_s > ENABLE_TIMEOUT_S
@@ -137,8 +146,13 @@ class Desk:
             self.finish_wish(view.now, None)
         elif late:
             self.finish_wish(view.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
-        elif self.wish is Wish.ENABLE and mode is not Mode.READY:
+        elif mode in _ENDS[self.wish]:
             self.finish_wish(view.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
+
+    def end_enable(self, now: Now, reason: str) -> None:
+        """Give up enabling: what was asked for before something else came is dead, not late."""
+        if self.wish is Wish.ENABLE:
+            self.finish_wish(now, Refused(Why.NOT_NOW, reason))
 
     def finish_wish(self, now: Now, refused: Refused | None) -> None:
         """End the pending wish and answer it."""
@@ -250,11 +264,16 @@ class Desk:
             "disable": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
             "reset": (Mode.FAULT,),
         }
-        if mode not in allowed[message.action]:
+        replaced = (self.wish, message.action) if mode is Mode.READY else None
+        if replaced == (Wish.ENABLE, "disable"):
+            self.end_enable(view.now, "disable asked")
+        elif mode not in allowed[message.action]:
             modes = " or ".join(allowed[message.action])
             raise Refused(Why.NOT_NOW, f"{message.action} needs mode {modes}, it is {mode}")
         if message.action in ("enable", "resume"):
             self._ready_to_move(view)
+        if replaced == (Wish.DISABLE, "enable"):
+            self.finish_wish(view.now, None)  # READY it is: the drives go off, and then on again
         if self._pending is not None:
             raise Refused(Why.NOT_NOW, f"{self.wish} is still under way")
         if message.action == "hold":

@@ -30,6 +30,8 @@ class PlantReading:
     tau: Array
     """Joint torques (n,) [N·m]."""
     states: tuple[DriveState | None, ...]
+    obeyed: bool
+    """Every drive's state was sampled after what it was last told took effect."""
     wrench: Array | None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float | None
@@ -39,13 +41,13 @@ class PlantReading:
 
     @property
     def enabled(self) -> bool:
-        """True when every drive is in Operation enabled."""
-        return all(s is DriveState.OPERATION_ENABLED for s in self.states)
+        """True when every drive is in Operation enabled, and was told nothing else since."""
+        return self.obeyed and all(s is DriveState.OPERATION_ENABLED for s in self.states)
 
     @property
     def off(self) -> bool:
-        """True when every drive's power stage is off and none is faulty."""
-        return all(s in OFF for s in self.states)
+        """True when every drive's power stage is off and stays so, and none is faulty."""
+        return self.obeyed and all(s in OFF for s in self.states)
 
 
 class Plant:
@@ -115,6 +117,7 @@ class Plant:
             sampled_s=sampled_s if together else None,
             tau=np.array([r.torque_nm or 0.0 for r in readings]),
             states=tuple(r.state for r in readings),
+            obeyed=all(r.obeyed for r in readings),
             wrench=wrench,
             wrench_age_s=age,
             wrench_lag_s=self._wrench_lag_s,
@@ -130,6 +133,16 @@ class Plant:
         """Keep the gripper closed or open; None: nobody has said, it stays as it is."""
         if self.gripper is not None and closed is not None:
             self.gripper.write(closed)
+
+    def make_room(self) -> bool:
+        """Let every drive's position limits hold where its joint stands; return whether it blocked.
+
+        To be called with all drives off. Raises `DeviceError`.
+        """
+        blocked = False
+        for drive in self.drives:
+            blocked = drive.make_room() or blocked
+        return blocked
 
     def enable(self) -> None:
         """Ask every drive for Operation enabled."""

@@ -277,6 +277,49 @@ def test_one_wish_at_a_time(ann):
     assert [r.ok for r in ann.replies] == [True, False, True]
 
 
+def test_a_disable_is_answered_once_the_drives_have_said_that_they_are_off(ann):
+    ann.see(mode=Mode.HOLD)
+    assert ann.ask(t.MODE, action="disable") is None
+    ann.see(drives_off=False)
+    ann.pass_time(0.1, Mode.READY)
+    assert len(ann.replies) == 1
+    ann.see(drives_off=True)
+    ann.pass_time(0.1)
+    assert ann.replies[-1].ok
+
+
+def test_a_disable_takes_the_place_of_an_enable_that_is_under_way(ann):
+    assert ann.ask(t.MODE, action="enable") is None
+    ann.see(drives_off=False)
+    ann.ask(t.MODE, action="disable")
+    assert ann.desk.wish is Wish.DISABLE
+    assert [(r.ok, r.reason) for r in ann.replies[1:]] == [(False, Why.NOT_NOW)]
+    ann.see(drives_off=True)
+    ann.pass_time(0.1)
+    assert ann.replies[-1].ok
+
+
+def test_an_enable_while_drives_switch_off_is_taken_and_waits(ann):
+    ann.see(mode=Mode.HOLD)
+    ann.ask(t.MODE, action="disable")
+    ann.see(drives_off=False)
+    ann.pass_time(0.02, Mode.READY)
+    ann.ask(t.MODE, action="enable")
+    assert ann.desk.wish is Wish.ENABLE
+    assert [r.ok for r in ann.replies[1:]] == [True]
+    ann.pass_time(0.2, Mode.ENABLED)
+    assert [r.ok for r in ann.replies[1:]] == [True, True]
+
+
+def test_a_fault_ends_the_wish_to_disable_so_that_a_reset_need_not_wait(ann):
+    ann.see(mode=Mode.ENABLED)
+    ann.ask(t.MODE, action="disable")
+    ann.pass_time(0.02, Mode.FAULT)
+    assert (ann.replies[-1].ok, ann.replies[-1].reason) == (False, Why.NOT_NOW)
+    assert ann.ask(t.MODE, action="reset") is None
+    assert ann.desk.wish is Wish.RESET
+
+
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
 def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
     ann.see(mode=mode, essential_stale=("force_torque",))

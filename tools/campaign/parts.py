@@ -1,5 +1,6 @@
 """The campaign's table of parts, in the order in which they are run."""
 
+from .asking import ASKING
 from .crowd_runs import SCENES
 from .hostile_runs import HOSTILE
 from .part import Part
@@ -15,4 +16,5 @@ PARTS: dict[str, Part] = {
     "touch": TOUCH,
     "reflection": REFLECTION,
     "wedges": WEDGES,
+    "requests": ASKING,
 }

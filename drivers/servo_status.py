@@ -1,0 +1,63 @@
+"""What a servo drive says, what it was sent, and which statuswords are wrong."""
+
+from dataclasses import dataclass
+
+from ..protocols.cia402 import DriveState, Status
+from .device import Cause, Trouble
+
+
+@dataclass(frozen=True, slots=True)
+class ServoReading:
+    """What the drive last said. Until its first TPDO it said nothing: `ready` is false."""
+
+    ready: bool
+    fresh: bool
+    """It answered the newest SYNC."""
+    age_syncs: int
+    """SYNCs sent since the one that it last answered."""
+    sampled_s: float | None
+    """When it sampled, at the SYNC that it answered [s], on `Fieldbus.clock`; None: not
+    known. Stamps of the bus have another clock."""
+    position_rad: float | None
+    torque_nm: float | None
+    velocity_rad_s: float | None
+    """None: TPDO1 has no room for it."""
+    state: DriveState | None
+    """None also when the statusword means no state."""
+    obeyed: bool
+    """The state was sampled after what the drive was last told to do took effect."""
+    statusword: int
+    trouble: Trouble | None
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What `write` really sent; nothing (None) while the drive's position is not known."""
+
+    controlword: int
+    raw: int | None
+    """The setpoint as it went out, in the drive's own unit."""
+    command: float | None
+    """The same in the joint's: rad, rad/s or N·m."""
+
+
+def wrong_status(
+    word: int, state: DriveState | None, *, meant: bool, overdue: bool
+) -> tuple[Cause, str] | None:
+    """Return what is wrong with a statusword that means `state`, or None.
+
+    `meant`: the drive is to be in *Operation enabled*, and was. `overdue`: it should long be off.
+    """
+    if state is None:
+        return Cause.STATE_LOST, f"statusword {word:#06x} means no state"
+    if word & Status.FOLLOWING_ERROR and (meant or state.in_fault):
+        return Cause.FOLLOWING_ERROR, "following error beyond 6065h"
+    if state.in_fault:
+        return Cause.DRIVE_FAULT, state.name.lower()
+    if meant and not word & Status.VOLTAGE_ENABLED:
+        return Cause.POWER_LOST, "no voltage on the power stage"
+    if meant and state is not DriveState.OPERATION_ENABLED:
+        return Cause.STATE_LOST, f"left operation_enabled for {state.name.lower()} unasked"
+    if overdue and state is DriveState.OPERATION_ENABLED:
+        return Cause.STATE_LOST, "stays in operation_enabled, told to switch off"
+    return None
