@@ -19,6 +19,7 @@ from .priority import Priority
 from .reflection import Reflection
 from .rig import Rig
 from .section import Name, NonNegative, Pose, Section, Share, Vector6
+from .security import Zenoh
 from .torque import Torque
 from .touch import Touch
 
@@ -69,16 +70,6 @@ class Bus(Section):
     bitrate: int = Field(1_000_000, ge=10_000, le=1_000_000, description="bits per second [1/s]")
     options: dict[str, str | int | float | bool] = Field(
         default_factory=dict, description="passed to python-can as they stand"
-    )
-
-
-class Zenoh(Section):
-    """Where operators reach the daemon. Loopback only unless said otherwise."""
-
-    listen: str = Field(
-        "tcp/127.0.0.1:7447",
-        pattern=r"^[a-z][a-z0-9-]*/\S+$",
-        description="endpoint that the daemon listens on and operators dial",
     )
 
 

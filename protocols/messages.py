@@ -254,6 +254,8 @@ class Description(Message):
 
     cell: str
     description: str
+    network: Literal["local", "certified", "insecure"]
+    """Who may speak to the daemon: its machine, who shows a certificate, or anybody."""
     period_s: float
     joints: tuple[str, ...]
     lower: JointVector

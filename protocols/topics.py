@@ -6,7 +6,7 @@ library, any language can drive an arm: `agreement.py` says how the lease's secr
 """
 
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import Enum, StrEnum, auto
 
 from . import messages as m
 from . import motion, moving, requests
@@ -18,25 +18,49 @@ from .sightings import Sighting, StoreView
 PREFIX = "telerobot"
 """First part of every key."""
 
+ANY_REQUEST = "operator/*"
+"""The keys of all requests of a cell."""
+
+
+class Role(StrEnum):
+    """What somebody on the network is; access control follows from it (`roles.py`)."""
+
+    DAEMON = "daemon"
+    OPERATOR = "operator"
+    SENSOR = "sensor"
+    OBSERVER = "observer"
+    """Listens, and nothing else."""
+    RIG = "rig"
+    """The virtual hardware."""
+    JUDGE = "judge"
+    """Gives faults to the virtual hardware, and hears the truth."""
+    ROUTER = "router"
+    """Passes on what others may say; says nothing itself."""
+
 
 class Flow(Enum):
-    """Who sends on a topic, and how."""
+    """Who sends on a topic, how, and to whom."""
 
-    COMMAND = auto()
-    """Put by the operator who holds the lease, with a proof of it; newest wins; no answer."""
-    REQUEST = auto()
-    """Queried by an operator, most with a proof of the lease; answered with a `Reply`."""
-    SENSOR = auto()
-    """Put by a sensor's process, read by the daemon without a lease: it is no order. It moves
-    nothing until the lease holder switches the source on that uses it, and it is used only as
-    long as the tick that it belongs to is recent. Who may put here is the network's to say
-    (Zenoh's access control, by key)."""
-    TELEMETRY = auto()
-    """Put by the daemon."""
-    RIG_COMMAND = auto()
-    """Put by a judge, read by the rig."""
-    RIG_TELEMETRY = auto()
-    """Put by the rig, read by judges."""
+    COMMAND = ("put", Role.OPERATOR, Role.DAEMON)
+    """By the operator who holds the lease, with a proof of it; newest wins; no answer."""
+    REQUEST = ("ask", Role.OPERATOR, Role.DAEMON)
+    """By an operator, most with a proof of the lease; answered with a `Reply`."""
+    SENSOR = ("put", Role.SENSOR, Role.DAEMON)
+    """Read without a lease: it is no order. It moves nothing until the lease holder switches the
+    source on that uses it, and it is used only as long as the tick that it belongs to is recent.
+    A sensor may put only on the keys that it is certified for."""
+    TELEMETRY = (
+        "put", Role.DAEMON,
+        Role.OPERATOR, Role.SENSOR, Role.OBSERVER, Role.RIG, Role.JUDGE,
+    )  # fmt: skip
+    RIG_COMMAND = ("put", Role.JUDGE, Role.RIG)
+    # Virtual cameras are sensors, and see where the rig says that things are.
+    RIG_TELEMETRY = ("put", Role.RIG, Role.SENSOR, Role.OBSERVER, Role.JUDGE)
+
+    def __init__(self, verb: str, sender: Role, *receivers: Role) -> None:
+        self.asks = verb == "ask"
+        self.sender = sender
+        self.receivers = frozenset(receivers)
 
 
 class Life(Enum):

@@ -22,7 +22,7 @@ from .control.frames import Array, Pose
 from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
 from .desk import Desk, View
-from .events import Events
+from .exposure import opening_events
 from .grants import Grants
 from .intake import Intake
 from .link import Link
@@ -80,7 +80,7 @@ class Cycle:
         self._late_in_a_row = 0
         self._tolerated_overruns = timing.tolerated_overruns
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
-        self._events = Events()
+        self._events = opening_events(cell)
         self._admission = Admission(
             cell.config.name, timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
         )

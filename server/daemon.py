@@ -8,20 +8,24 @@ from pathlib import Path
 from types import FrameType
 
 from ..config.load import Cell
+from ..config.security import refuse_exposure
 from ..drivers.bus import open_bus
 from ..drivers.device import DeviceError
 from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import RobotousSensor
 from ..drivers.gripper import GripperOutput
+from ..drivers.network.identity import Identity, identity_of
 from ..drivers.servo import ServoDrive
 from ..protocols.agreement import random_key
 from ..protocols.cia402 import OperationMode
+from ..protocols.topics import Role
 from .clock import Clock, MonotonicClock
 from .control.avoidance.guard import Guard
 from .control.mechanism import Mechanism
 from .control.parameters import Parameters
 from .control.tick import Control
 from .cycle import Cycle
+from .exposure import doubts, exposure
 from .gain_judge import gain_judge
 from .link import Link, ZenohLink
 from .loop import LoopStatistics, run
@@ -114,25 +118,53 @@ class Ending:
 def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     """Run a cell's daemon until it is told to end; return what the loop was like.
 
-    Raises `DeviceError` when the bus or the endpoint cannot be opened. Devices that are missing
-    are looked for again and again.
+    Raises `ConfigError` for a daemon that anybody could command, `DeviceError` when the bus or
+    the endpoint cannot be opened. Devices that are missing are looked for again and again, and so
+    is a common router.
     """
-    clock = MonotonicClock()
-    link = ZenohLink(cell.config.name, cell.config.zenoh.listen)
+    refuse_exposure(cell)
+    identity = identity_of(cell, Role.DAEMON, cell.config.name)
+    for notice in (*exposure(cell), *doubts(identity)):
+        print(f"telerobot: {notice}", file=sys.stderr, flush=True)
+    clock, ending = MonotonicClock(), Ending(seconds)
+    link = _join(cell, identity, clock, ending)
+    if link is None:
+        return LoopStatistics()
     fieldbus = Fieldbus(open_bus(cell.config.bus), clock.now)
     cycle = build(cell, fieldbus, link, clock, random_key)
-    ending = Ending(seconds)
     try:
         cycle.warm_up()
         for notice in prepare():
             print(f"telerobot: {notice}", file=sys.stderr)
         if not _boot(cycle, clock, ending):
             return LoopStatistics()
-        print(f"telerobot: {cell.config.name} is ready at {cell.config.zenoh.listen}", flush=True)
+        print(f"telerobot: {cell.config.name} is ready at {cell.config.zenoh.endpoint}", flush=True)
         return run(cycle, clock, cell.config.timing.period_s, ending.go_on)
     finally:
         cycle.close()
         release()
+
+
+def _join(
+    cell: Cell, identity: Identity | None, clock: MonotonicClock, ending: Ending
+) -> Link | None:
+    """Open the operators' network, however long a common router takes to appear.
+
+    Return None when told to end.
+    """
+    zenoh = cell.config.zenoh
+    told = False
+    while not ending.asked:
+        try:
+            return ZenohLink(cell.config.name, zenoh.endpoint, identity, zenoh.router is not None)
+        except DeviceError as error:
+            if zenoh.router is None:
+                raise
+            if not told:
+                print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
+            told = True
+            clock.sleep_until(clock.now() + RETRY_S)
+    return None
 
 
 def _boot(cycle: Cycle, clock: MonotonicClock, ending: Ending) -> bool:

@@ -12,8 +12,10 @@ from typing import NamedTuple, Protocol
 import zenoh
 
 from ..drivers.device import DeviceError
-from ..drivers.network.sessions import router_config
-from ..protocols.topics import COMMANDS, PREFIX, REQUESTS, SENSORS, Topic
+from ..drivers.network.identity import Identity
+from ..drivers.network.sessions import client_config, router_config
+from ..protocols.roles import every_request
+from ..protocols.topics import COMMANDS, REQUESTS, SENSORS, Topic
 
 REQUEST_BOX = 32
 """Unread requests that are kept."""
@@ -60,15 +62,22 @@ class Link(Protocol):
 
 
 class ZenohLink:
-    """A Zenoh router session for one cell. Raises `DeviceError` where it cannot listen."""
+    """A Zenoh session for one cell: a router, or with `dials` a client of another one.
 
-    def __init__(self, cell: str, listen: str) -> None:
+    Raises `DeviceError` where it cannot listen, or nobody answers.
+    """
+
+    def __init__(
+        self, cell: str, endpoint: str, identity: Identity | None = None, dials: bool = False
+    ) -> None:
+        config = client_config if dials else router_config
         try:
-            self._session = zenoh.open(router_config(listen))
+            self._session = zenoh.open(config(endpoint, cell, identity))
         except zenoh.ZError as error:
             # Zenoh's own words end in places of its source.
             cause = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
-            raise DeviceError(f"zenoh.listen: value {listen!r}: {cause}") from None
+            key = "router" if dials else "listen"
+            raise DeviceError(f"zenoh.{key}: value {endpoint!r}: {cause}") from None
         ring = zenoh.handlers.RingChannel
         # A channel for each command, so that a flood of one crowds out no other; one for all
         # requests, so that they are answered as they came.
@@ -76,9 +85,7 @@ class ZenohLink:
             (topic, self._session.declare_subscriber(topic.full_key(cell), ring(topic.unread)))
             for topic in (*COMMANDS, *SENSORS)
         ]
-        self._requests = self._session.declare_queryable(
-            f"{PREFIX}/{cell}/operator/*", ring(REQUEST_BOX)
-        )
+        self._requests = self._session.declare_queryable(every_request(cell), ring(REQUEST_BOX))
         self._by_key = {topic.full_key(cell): topic for topic in REQUESTS}
         self._cell = cell
         self._publishers: dict[str, zenoh.Publisher] = {}

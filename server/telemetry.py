@@ -12,6 +12,7 @@ from .control.frames import Array
 from .control.payload import Payload
 from .control.sources.position import Progress
 from .control.state import Output
+from .exposure import network
 from .frame_watch import FrameWatch
 from .mode import Mode
 from .orders import Orders
@@ -29,6 +30,7 @@ def describe(cell: Cell) -> Description:
     return Description(
         cell=config.name,
         description=config.description,
+        network=network(cell),
         period_s=config.timing.period_s,
         joints=tuple(j.name for j in joints),
         lower=tuple(j.lower + m for j, m in zip(joints, margins, strict=True)),

@@ -7,10 +7,15 @@ an endpoint of its own; everything else about the cell stays what its file says.
 import argparse
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from ..config.load import Cell, ConfigError, load_cell
+from ..config.security import Security, Zenoh
+
+SectionT = TypeVar("SectionT", bound=BaseModel)
 
 
 def duration(text: str) -> float:
@@ -32,7 +37,13 @@ def add_cell_arguments(parser: argparse.ArgumentParser, bus: bool = True) -> Non
     parser.add_argument(
         "--endpoint",
         metavar="tcp/HOST:PORT",
-        help="where the daemon listens, instead of the cell's zenoh.listen",
+        help="where the daemon is reached, instead of the cell's zenoh.listen or zenoh.router",
+    )
+    parser.add_argument(
+        "--identity",
+        metavar="PATH",
+        help="folder of the certificates, or the one to show, without .crt; instead of the cell's "
+        "zenoh.security.directory",
     )
     if bus:
         parser.add_argument(
@@ -48,6 +59,7 @@ def cell_from(args: argparse.Namespace) -> Cell:
     return moved(
         load_cell(args.cell),
         endpoint=args.endpoint,
+        identity=args.identity,
         channel=getattr(args, "channel", None),
         port=getattr(args, "port", None),
     )
@@ -58,29 +70,36 @@ def moved(
     endpoint: str | None = None,
     channel: str | None = None,
     port: int | None = None,
+    identity: str | Path | None = None,
 ) -> Cell:
-    """Return a cell with another endpoint, channel or port. Raises `ConfigError`."""
+    """Return a cell with another endpoint, channel, port or identity. Raises `ConfigError`."""
     config = cell.config
     bus = _with(config.bus, channel=channel, port=port)
-    zenoh = _with(config.zenoh, listen=endpoint)
+    zenoh = _with(config.zenoh, **{config.zenoh.key: endpoint})
+    if identity is not None:
+        security = Security(directory=str(Path(identity).absolute()))
+        zenoh = zenoh.model_copy(update={"security": security})
     return replace(cell, config=config.model_copy(update={"bus": bus, "zenoh": zenoh}))
 
 
 def options(cell: Cell) -> list[str]:
     """Return the arguments that lead another process to this cell."""
-    bus = cell.config.bus
+    bus, zenoh = cell.config.bus, cell.config.zenoh
+    folder = zenoh.security.directory
     return [
         str(cell.path),
-        f"--endpoint={cell.config.zenoh.listen}",
+        f"--endpoint={zenoh.endpoint}",
         f"--channel={bus.channel}",
         f"--port={bus.port}",
+        *([] if folder is None else [f"--identity={cell.path.parent / folder}"]),
     ]
 
 
-def _with(section: BaseModel, **changes: object) -> BaseModel:
+def _with(section: SectionT, **changes: object) -> SectionT:
     given = {key: value for key, value in changes.items() if value is not None}
     try:
         return type(section).model_validate({**section.model_dump(), **given})
     except ValidationError as error:
         first = error.errors()[0]
-        raise ConfigError(f"--{first['loc'][0]}: value {first['input']}: {first['msg']}") from None
+        option = "endpoint" if isinstance(section, Zenoh) else first["loc"][0]
+        raise ConfigError(f"--{option}: value {first['input']}: {first['msg']}") from None

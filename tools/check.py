@@ -9,6 +9,7 @@ from .checks.bus_load import bus_load
 from .checks.drives import drives
 from .checks.following import following
 from .checks.holding import holding
+from .checks.network import network
 from .checks.postures import postures
 from .checks.reflection import reflection
 from .checks.stability import stability
@@ -18,6 +19,7 @@ from .findings import Finding, failed, summary, table, to_json
 
 CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
     timing,
+    network,
     bus_load,
     drives,
     stability,

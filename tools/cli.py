@@ -46,6 +46,8 @@ COMMANDS: Final = (
             ("telerobot check pa10", "telerobot check my/cell.toml --json")),
     Command("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
             ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
+    Command("certify", "certify.cli", "certificates: who may command, tell and listen on a network",
+            ("telerobot certify my/cell.toml", "telerobot certify my/cell.toml --operator=ann")),
     Command("doctor", "doctor", "is this machine fit: rights, timer, CAN, packages",
             ("telerobot doctor", "telerobot doctor --json")),
     Command("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",

@@ -229,6 +229,8 @@ class Cockpit:
             fresh = now_s - trip.heard_s < ECHO_SHOWN_S
             link.append(f"round trip {1e3 * trip.seconds:3.0f} ms" if fresh else "no echo")
         link.append(f"overruns {state.overruns}")
+        if operator.description is not None and operator.description.network == "insecure":
+            link.append("INSECURE: anybody may command")
         if state.speed_factor < 1.0:
             link.append(f"speed limit {state.speed_factor:.0%}")
         return " | ".join(arm), " | ".join([self._stick(), *link])

@@ -8,8 +8,10 @@ import time
 from pathlib import Path
 
 from ..config.load import ConfigError, load_cell
+from ..drivers.network.identity import identity_of
 from ..protocols import messages as m
-from .address import duration
+from ..protocols.topics import Role
+from .address import duration, moved
 from .console import is_terminal
 from .drive import drive
 from .local import ChildDied, LocalPlant
@@ -38,12 +40,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seconds", type=duration, default=HEADLESS_S, help="how long, headless (default: 20)"
     )
     parser.add_argument("--script", metavar="NAME", help="which script; the cell's by default")
+    parser.add_argument(
+        "--identity", metavar="FOLDER", help="certificates that the processes show each other"
+    )
     parser.add_argument("--json", action="store_true", help="print the headless summary as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Show a cell at work. Raises `ConfigError`."""
-    cell = load_cell(args.cell)
+    cell = moved(load_cell(args.cell), identity=args.identity)
     if cell.config.bus.interface != "loopback":
         raise ConfigError(f"{cell.path}: bus.interface: the demo runs on 'loopback' only")
     if cell.config.rig is None:
@@ -89,7 +94,9 @@ class _Show:
         self._failure = ""
         self._rounds = 0
         plant.wait(plant.answers, READY_WITHIN_S, "the daemon does not listen")
-        self.operator = Operator(plant.cell, name="demo")
+        judge = identity_of(plant.cell, Role.JUDGE, plant.cell.config.name)
+        stem = None if judge is None else judge.folder / judge.certificate.name
+        self.operator = Operator(plant.cell, name="demo", identity=stem)
 
     def wait_ready(self) -> None:
         """Wait until the daemon tells its state. Raises `ChildDied`, `OperatorError`."""

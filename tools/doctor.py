@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
+from ..config.load import load_cell
 from . import machine
+from .checks.network import network
 from .findings import Finding, Status, failed, graded, summary, table, to_json
 
 PERIOD_S: Final = 0.002
@@ -16,6 +18,7 @@ LATE_S: Final = 0.001
 """Worth a warning: wake-ups later than this at p99 are noticed in a period of 10 ms [s]."""
 TOO_LATE_S: Final = 0.005
 PACKAGES: Final = (
+    "cryptography",
     "numpy",
     "pin",
     "ruckig",
@@ -78,6 +81,9 @@ def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
+    parser.add_argument(
+        "cell", metavar="CELL", nargs="?", help="look at this cell's certificates, too"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(
         "--seconds",
@@ -89,8 +95,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the findings; return 0 if the machine is fit for a demo, else 1."""
+    """Print the findings; return 0 if the machine is fit, else 1. Raises `ConfigError`."""
     findings = list(examine(args.seconds))
+    findings += [] if args.cell is None else network(load_cell(args.cell))
     unfit = failed(findings)
     if args.json:
         print(to_json({"fit": not unfit}, findings))

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -38,7 +39,7 @@ class LocalPlant:
 
     def __init__(self, cell: Cell, statistics: Path | None = None) -> None:
         self.cell = private(cell)
-        self.rig_endpoint = self.cell.config.zenoh.listen
+        self.rig_endpoint = self.cell.config.zenoh.endpoint
         """Where the rig takes faults and tells the truth: the daemon's router by default."""
         self.rig: subprocess.Popen[bytes] | None = None
         self.daemon: subprocess.Popen[bytes] | None = None
@@ -78,7 +79,7 @@ class LocalPlant:
 
     def answers(self) -> bool:
         """Return whether somebody listens on the daemon's endpoint."""
-        host, port = _host_and_port(self.cell.config.zenoh.listen)
+        host, port = _host_and_port(self.cell.config.zenoh.endpoint)
         try:
             socket.create_connection((host, port), timeout=1.0).close()
         except OSError:
@@ -135,10 +136,13 @@ class LocalPlant:
 
 def private(cell: Cell) -> Cell:
     """Return a cell on a multicast group, a UDP port and an endpoint that nobody else uses."""
+    zenoh = cell.config.zenoh.model_copy(update={"router": None})
+    cell = replace(cell, config=cell.config.model_copy(update={"zenoh": zenoh}))
+    protocol = "tcp" if zenoh.security.directory is None else "tls"
     group = f"239.{74 + secrets.randbelow(100)}.{secrets.randbelow(256)}.{secrets.randbelow(256)}"
     return moved(
         cell,
-        endpoint=f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
+        endpoint=f"{protocol}/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
         channel=group,
         port=free_port(socket.SOCK_DGRAM),
     )

@@ -8,10 +8,12 @@ with Operator("pa10") as operator:
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from ..config.load import Cell, load_cell
+from ..drivers.network.identity import identity_of
 from ..protocols import messages as m
 from ..protocols import requests
 from ..protocols import topics as t
@@ -19,10 +21,12 @@ from ..protocols.codec import CodecError, decode_as, encode
 from ..protocols.moving import RigMotion
 from ..protocols.reflection import Reflection
 from ..protocols.rig import RigFault
+from ..protocols.topics import Role
+from .address import moved
 from .motions import Motions
 from .pilot import OnReply, Pilot, PilotError
 from .round_trip import RoundTrip
-from .session import REPLY_TIMEOUT_S, Session
+from .session import REPLY_TIMEOUT_S, NotCertified, Session
 
 POLL_S = 0.002
 
@@ -49,17 +53,26 @@ class Operator(Motions):
     hangs shall not keep an arm moving. In a large program a garbage collection may take that long:
     `gc.freeze()` once everything is set up. Not for use from several threads.
 
+    `identity` is the certificate to show, without `.crt`, or the folder in which it lies; the
+    cell's `zenoh.security.directory` unless given.
+
     Raises `OperatorError` when nobody answers, `ConfigError` for a cell that is wrong.
     """
 
     def __init__(
-        self, cell: str | Cell, endpoint: str | None = None, name: str = "operator"
+        self,
+        cell: str | Cell,
+        endpoint: str | None = None,
+        name: str = "operator",
+        identity: str | Path | None = None,
     ) -> None:
         loaded = cell if isinstance(cell, Cell) else load_cell(cell)
+        loaded = moved(loaded, endpoint=endpoint, identity=identity)
         self.cell = loaded.config.name
-        self.endpoint = endpoint or loaded.config.zenoh.listen
+        self.endpoint = loaded.config.zenoh.dialled
+        shown = identity_of(loaded, Role.OPERATOR, name)
         try:
-            self.session = Session(self.cell, self.endpoint)
+            self.session = Session(self.cell, self.endpoint, shown)
         except ConnectionError as error:
             raise OperatorError("no_daemon", str(error)) from None
         depths = {t.STATE: 1, t.REFLECTION: 1, t.EVENT: 256, t.DESCRIPTION: 1}
@@ -261,7 +274,10 @@ class Operator(Motions):
     def inject(self, fault: RigFault | RigMotion) -> None:
         """Inject a fault into the virtual hardware, or move what stands there."""
         topic = t.RIG_MOTION if isinstance(fault, RigMotion) else t.RIG_FAULT
-        self.session.put(topic, encode(fault))
+        try:
+            self.session.put(topic, encode(fault))
+        except NotCertified as error:
+            raise OperatorError("not_certified", str(error)) from None
 
     def close(self) -> None:
         """Release the lease, if held, and end the session."""
@@ -314,6 +330,8 @@ class Operator(Motions):
             send(replies.append)
         except PilotError as error:
             raise OperatorError("no_lease", str(error)) from None
+        except NotCertified as error:
+            raise OperatorError("not_certified", str(error)) from None
         self.spin(REPLY_TIMEOUT_S + 1.0, lambda: bool(replies))
         if not replies:
             raise OperatorError("no_answer", "the daemon did not answer")

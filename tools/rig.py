@@ -14,9 +14,11 @@ from typing import TextIO
 from ..config.load import ConfigError
 from ..drivers.bus import open_bus
 from ..drivers.device import DeviceError
+from ..drivers.network.identity import identity_of
 from ..drivers.rig.realtime import run_realtime
 from ..drivers.rig.rig import Rig, RigError
 from ..drivers.rig.session import RigSession
+from ..protocols.topics import Role
 from .address import add_cell_arguments, cell_from, duration
 from .frame_sensors import FrameSensors
 
@@ -66,14 +68,16 @@ def run(args: argparse.Namespace) -> int:
         except ValueError as error:
             raise ConfigError(f"{cell.path}: {error}") from None
         moving = bool(cell.config.frames.moving)
-        session = RigSession(cell.config.name, cell.config.zenoh.listen, frames=moving)
+        name = cell.config.name
+        identity = identity_of(cell, Role.RIG, name)
+        session = RigSession(name, cell.config.zenoh.dialled, identity, frames=moving)
         try:
             if moving:
                 FrameSensors(cell, rig, session.newest_tick, session.tell)
             end_s = math.inf if args.seconds is None else time.monotonic() + args.seconds
             channel = f"{cell.config.bus.channel}:{cell.config.bus.port}"
             _prefer()
-            print(f"telerobot: the rig of {cell.config.name} is ready on {channel}", flush=True)
+            print(f"telerobot: the rig of {name} is ready on {channel}", flush=True)
             pace = run_realtime(
                 rig,
                 lambda: bool(asked) or time.monotonic() > end_s,

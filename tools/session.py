@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import zenoh
 
+from ..drivers.network.identity import Identity
 from ..drivers.network.sessions import client_config
 from ..protocols import requests
 from ..protocols import topics as t
@@ -13,6 +14,10 @@ from ..protocols.codec import encode
 
 REPLY_TIMEOUT_S = 5.0
 """A request that is not answered by then will not be [s]."""
+
+
+class NotCertified(Exception):
+    """The process's certificate does not allow to send on a topic."""
 
 
 class Inbox:
@@ -41,10 +46,11 @@ class _Waiting:
 class Session:
     """A client session with one cell's daemon. Raises `ConnectionError` if nobody answers."""
 
-    def __init__(self, cell: str, endpoint: str) -> None:
+    def __init__(self, cell: str, endpoint: str, identity: Identity | None = None) -> None:
         self.cell = cell
+        self._certificate = None if identity is None else identity.certificate
         try:
-            config = client_config(endpoint)
+            config = client_config(endpoint, cell, identity)
         except zenoh.ZError:
             raise ConnectionError(
                 f"{endpoint} is no Zenoh endpoint, such as tcp/127.0.0.1:7447"
@@ -52,7 +58,8 @@ class Session:
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError:
-            raise ConnectionError(f"nobody answers at {endpoint}") from None
+            shown = "" if identity is None else f", or not to {identity.certificate.name}"
+            raise ConnectionError(f"nobody answers at {endpoint}{shown}") from None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._waiting: list[_Waiting] = []
 
@@ -62,7 +69,11 @@ class Session:
         return Inbox(self._session.declare_subscriber(topic.full_key(self.cell), ring))
 
     def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
-        """Send a command; a congested link drops it."""
+        """Send a command; a congested link drops it.
+
+        Raises `NotCertified`: the network would drop it without a word.
+        """
+        self._certified(topic)
         publisher = self._publishers.get(topic.key)
         if publisher is None:
             publisher = self._session.declare_publisher(
@@ -76,7 +87,11 @@ class Session:
     def ask(
         self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
     ) -> None:
-        """Send a request; `poll` hands its reply, or one that says nobody answered, to `answer`."""
+        """Send a request; `poll` hands its reply, or one that says nobody answered, to `answer`.
+
+        Raises `NotCertified`: the network would drop it without a word.
+        """
+        self._certified(topic)
         channel: zenoh.handlers.FifoChannel[zenoh.Reply] = zenoh.handlers.FifoChannel(2)
         replies = self._session.get(
             topic.full_key(self.cell),
@@ -94,6 +109,13 @@ class Session:
             if payload is not None:
                 self._waiting.remove(waiting)
                 waiting.answer(payload)
+
+    def _certified(self, topic: t.Topic) -> None:
+        if self._certificate is None:
+            return
+        may, key = self._certificate.rights, topic.full_key(self.cell)
+        if key not in may.puts | may.asks:
+            raise NotCertified(f"{self._certificate.name} may not send on {key}")
 
     def close(self) -> None:
         """Close the session."""

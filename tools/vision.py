@@ -16,6 +16,7 @@ from typing import Protocol
 
 from ..config.cameras import Camera
 from ..config.load import Cell, ConfigError
+from ..drivers.network.identity import Identity, identity_of
 from ..drivers.vision.detector import Detector, Picture, Sight
 from ..drivers.vision.device import VideoCamera
 from ..drivers.vision.opencv import save
@@ -23,6 +24,7 @@ from ..protocols import messages as m
 from ..protocols import topics as t
 from ..protocols.codec import CodecError, MessageT, decode_as, encode
 from ..protocols.rig import RigTruth
+from ..protocols.topics import Role
 from .address import add_cell_arguments, cell_from, duration
 from .pictures import told
 from .session import Inbox, Session
@@ -116,6 +118,7 @@ def run(args: argparse.Namespace) -> int:
     if not cameras:
         wanted = "cameras" if args.camera is None else f"camera {args.camera!r}"
         raise ConfigError(f"{cell.path}: cameras: the cell has no {wanted}")
+    identity = identity_of(cell, Role.SENSOR, "vision", t.SIGHTING.key)
     asked: list[int] = []
 
     def on_signal(number: int, _frame: FrameType | None) -> None:
@@ -132,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
     def over() -> bool:
         return bool(asked) or (end_s is not None and time.monotonic() > end_s)
 
-    session = _dial(cell, over)
+    session = _dial(cell, identity, over)
     if session is not None:
         try:
             _Work(session, lookers, world, args.pictures).run(over)
@@ -191,12 +194,12 @@ def _eye(camera: Camera, world: _World | None) -> _Eye:
     return VideoCamera(camera) if world is None or camera.device else _Rendered(world, camera)
 
 
-def _dial(cell: Cell, over: Over) -> Session | None:
+def _dial(cell: Cell, identity: Identity | None, over: Over) -> Session | None:
     """Return a session with the daemon, however long it takes to appear; None when told to end."""
     told_so = False
     while not over():
         try:
-            session = Session(cell.config.name, cell.config.zenoh.listen)
+            session = Session(cell.config.name, cell.config.zenoh.dialled, identity)
         except ConnectionError as error:
             if not told_so:
                 told_so = True

@@ -15,6 +15,7 @@ from ...protocols.messages import State
 from ...protocols.moving import FrameNews, RigMotion
 from ...protocols.rig import RigFault, RigTruth
 from ..device import DeviceError
+from ..network.identity import Identity
 from ..network.sessions import dialling_config
 
 _Kind = TypeVar("_Kind", RigFault, RigMotion, State)
@@ -32,9 +33,11 @@ class RigSession:
     `DeviceError` for an endpoint of a kind that Zenoh does not know.
     """
 
-    def __init__(self, cell: str, endpoint: str, *, frames: bool = False) -> None:
+    def __init__(
+        self, cell: str, endpoint: str, identity: Identity | None = None, *, frames: bool = False
+    ) -> None:
         try:
-            self._session = zenoh.open(dialling_config(endpoint))
+            self._session = zenoh.open(dialling_config(endpoint, cell, identity))
         except zenoh.ZError:
             raise DeviceError(f"zenoh.listen: value {endpoint!r}: cannot be dialled") from None
         self._faults = self._session.declare_subscriber(

@@ -1,0 +1,92 @@
+"""Zenoh's access control, as a router judges it: what each certificate may do, and nothing else.
+
+A message passes a router twice: in by the rules of who sent it, out by the rules of who gets it.
+What a subscriber or a queryable declares goes the other way, to those who may put or ask there,
+or they would not know that somebody listens. Each key is allowed by itself: an expression with a
+wildcard, of a stranger or not, is included in none and passes nothing.
+"""
+
+from collections.abc import Iterable, Mapping
+
+from ...protocols.roles import Grant, every_request, rights
+
+Grants = Mapping[str, Iterable[Grant]]
+"""By the common name of a certificate."""
+
+EVERYTHING = (
+    "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable",
+    "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
+)  # fmt: skip
+"""All kinds of messages that Zenoh's access control knows."""
+
+
+def enforced(holders: Grants) -> dict[str, object]:
+    """Return a router's `access_control`: each certificate's rights, by its common name."""
+    rules: list[dict[str, object]] = []
+    policies: list[dict[str, object]] = []
+    names: list[str] = []
+    for name, grants in sorted(holders.items()):
+        own = _rules(name, tuple(grants))
+        if own:
+            rules += own
+            names.append(name)
+            policies.append({"rules": [rule["id"] for rule in own], "subjects": [name]})
+    return _control(rules, names, policies)
+
+
+def trusting(servers: Iterable[str]) -> dict[str, object]:
+    """Return a client's `access_control`: it talks to servers of these common names, or to nobody.
+
+    Zenoh's clients believe any certificate that a public authority gave for the host's name. Those
+    have other common names.
+    """
+    names = sorted(servers)
+    rule = _rule("trusted", ("ingress", "egress"), EVERYTHING, ("**",))
+    return _control([rule], names, [{"rules": ["trusted"], "subjects": names}])
+
+
+def _control(
+    rules: list[dict[str, object]], names: list[str], policies: list[dict[str, object]]
+) -> dict[str, object]:
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in names],
+        "policies": policies,
+    }
+
+
+def _rules(name: str, grants: tuple[Grant, ...]) -> list[dict[str, object]]:
+    may = rights(grants)
+    asked = {every_request(g.cell) for g in grants if rights((g,)).asks}
+    served = {every_request(g.cell) for g in grants if rights((g,)).answers}
+    every = (
+        ("puts", "ingress", "put", may.puts),
+        ("learns who hears", "egress", "declare_subscriber", may.puts),
+        ("subscribes", "ingress", "declare_subscriber", may.hears),
+        ("hears", "egress", "put", may.hears),
+        ("asks", "ingress", "query", may.asks),
+        ("learns who answers", "egress", "declare_queryable", asked),
+        ("is answered", "egress", "reply", may.asks),
+        ("serves", "ingress", "declare_queryable", served),
+        ("is asked", "egress", "query", may.answers),
+        ("answers", "ingress", "reply", may.answers),
+    )
+    return [
+        _rule(f"{name} {what}", (flow,), (message,), keys)
+        for what, flow, message, keys in every
+        if keys
+    ]
+
+
+def _rule(
+    name: str, flows: Iterable[str], messages: Iterable[str], keys: Iterable[str]
+) -> dict[str, object]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": list(flows),
+        "messages": list(messages),
+        "key_exprs": sorted(keys),
+    }
