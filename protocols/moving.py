@@ -42,7 +42,8 @@ class FrameRequest(Command):
     keeps its axes, and what changes is the point that rotations turn about.
 
     The CRF then moves with `moves_with`; what is not given stays. A goal stays on what it was
-    measured against; a target pose of the MRF is kept as the Wrist's, whatever MRF names it.
+    measured against, and goes on leading the point of the tool that was the MRF then; a master
+    leads the new one. A desired wrench stays the same load.
     """
 
     frame: Literal["mrf", "crf"]

@@ -121,7 +121,7 @@ class Cycle:
         self.tick += 1
         self._events.at(self.tick, now_s)
         self._events.warning("device_missing", reason)
-        self._intake.take(self._look_around(now_s, self.plant.read(now_s)), None)
+        self._intake.take(self._look_around(now_s, self.plant.read(now_s)))
         self._publish_events()
 
     @property
@@ -168,7 +168,7 @@ class Cycle:
     def _finish(self, now_s: float) -> None:
         reading = self.plant.read(now_s)
         view = self._look_around(now_s, reading)
-        self._intake.take(view, None if self.output is None else self.output.T_world_mrf)
+        self._intake.take(view)
         # Only now: what was just ordered was placed where arm and frames were together, a tick ago.
         moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
         self._orders.places.moved = self._watches.frames.step(self.tick, moving=moving)
@@ -206,6 +206,7 @@ class Cycle:
             world=watches.world,
             frames=watches.frames,
             T_world_mrf=None if self.output is None else self.output.T_world_mrf,
+            T_wrist_mrf=None if self.output is None else self.output.T_wrist_mrf,
             touched=watches.touch.stopping,
             drives_off=reading.off,
         )
@@ -356,6 +357,7 @@ class Cycle:
             R_world_wrench=orders.wrench_axes(T_world_mrf),
             moved=moved,
             ground="world" if moved is None else orders.ground(now_s),
+            T_wrist_goal=orders.T_wrist_goal,
         )
         start = time.perf_counter()
         self._memory, self.output = self._control.tick(self._memory, inputs)

@@ -64,10 +64,19 @@ class View:
     """Where the frames are that may move."""
     T_world_mrf: Pose | None = None
     """Where the command has the MRF; None before the joints were heard."""
+    T_wrist_mrf: Pose | None = None
+    """The MRF that this is; None: the one that is in force."""
     touched: bool = False
     """True while something unseen pushes the arm, which stopped for it."""
     drives_off: bool = True
     """All drives have said that they are off, after what they were last told."""
+
+    def placed(self, T_wrist_mrf: Pose) -> Pose | None:
+        """Return where the command has an MRF that may be a new one since; None: nowhere yet."""
+        T, then = self.T_world_mrf, self.T_wrist_mrf
+        if T is None or then is None or then is T_wrist_mrf:
+            return T
+        return T @ (then.inverse() @ T_wrist_mrf)
 
 
 @dataclass(frozen=True)
@@ -206,9 +215,10 @@ class Desk:
                     self._orders.restart_path()
                 self._events.info("source_switched", message.source, on=message.on)
             case FrameRequest():
-                if view.T_world_mrf is None:
+                T_world_mrf = view.placed(self._orders.places.T_wrist_mrf)
+                if T_world_mrf is None:
                     raise Refused(Why.NOT_NOW, "where the arm is was not heard yet")
-                self._orders.set_frame(message, view.T_world_mrf)
+                self._orders.set_frame(message, T_world_mrf)
                 self._tell_frame(message)
             case requests.SpeedRequest():
                 self._orders.tuning.speed_factor = message.factor

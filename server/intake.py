@@ -6,7 +6,6 @@ from ..protocols.obstacles import ObstacleNews
 from ..protocols.sightings import Sighting
 from ..protocols.topics import Topic
 from .admission import Admission, Refused
-from .control.frames import Pose
 from .desk import Desk, View
 from .events import Events
 from .link import Link
@@ -25,8 +24,8 @@ class Intake:
         self._orders = orders
         self._events = events
 
-    def take(self, view: View, T_world_mrf: Pose | None) -> None:
-        """Take what has come; `T_world_mrf` is where the command has the MRF, None before any."""
+    def take(self, view: View) -> None:
+        """Take what has come."""
         now_s = view.now.time_s
         self._desk.begin_tick()
         holder = self._admission.lease.holder
@@ -36,6 +35,7 @@ class Intake:
         for asked in self._link.requests():
             self._desk.serve(asked, view)
         commands = self._admitted(view)
+        T_world_mrf = view.placed(self._orders.places.T_wrist_mrf)
         if T_world_mrf is not None:
             # Topics arrive apart; what one operator said within a period is taken as it was said.
             for topic, command, _ in sorted(commands, key=lambda item: item[2]):

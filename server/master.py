@@ -54,6 +54,11 @@ class Master:
         self.waiting = True
         self._let_go()
 
+    def carry(self, T_old_new: Pose) -> None:
+        """Lead a new MRF to where the old one was led, the body to the same place."""
+        if self.target is not None:
+            self.target = self.target @ T_old_new
+
     def scaled(self, twist: Array) -> Array | None:
         """Return the stick's twist (6,) as the clutch lets it through, None when disengaged."""
         if not self.engaged:

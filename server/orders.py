@@ -15,14 +15,14 @@ from ..protocols import messages as m
 from ..protocols import motion, moving
 from ..protocols.reflection import Reflection, ReflectionRequest
 from .admission import Refused, Why
-from .control.frames import Array, Pose
+from .control.frames import Array, Pose, rotate_twist
 from .control.paths.goals import Goal, PathGoal, Pursuit
 from .control.state import Output, Settings, StickCommand
 from .control.tree import GROUNDS, Tree, UnknownFrame
 from .master import Master
 from .motions import goal_of, placed
 from .places import Places
-from .redefine import kept, wrench_kept
+from .redefine import wrench_kept
 from .reflection import Reflector
 from .tuning import Tuning
 
@@ -58,6 +58,8 @@ class Orders:
         self.goal: Goal | None = None
         """Poses in it are in World, or on the ground that it was measured against."""
         self._goal_ground = "world"
+        self.T_wrist_goal = self.places.T_wrist_mrf
+        """The point of the tool that is led to the goal: the MRF that it was ordered for."""
         self.paused = False
         self.master = Master()
         self.reflector = None if config.reflection is None else Reflector(cell)
@@ -145,15 +147,18 @@ class Orders:
             message.expressed_in,
             lambda frame: tree.pose(frame, ground),
         )
-        self._drop_goals()
-        self.goal, self._goal_ground = PathGoal(target, self._next_serial(), message.speed), ground
+        self._lead_to(PathGoal(target, self._next_serial(), message.speed), ground)
 
     def _take_path(self, message: motion.PathMotion, _now_s: float, T_world_mrf: Pose) -> None:
         serial, tree = self._next_serial(), self.places.tree(T_world_mrf)
         ground = self.places.ground(tree.ground(message.relative_to))
         goal = goal_of(message, serial, lambda frame: tree.pose(frame, ground))
+        self._lead_to(goal, ground)
+
+    def _lead_to(self, goal: Goal, ground: str) -> None:
         self._drop_goals()
         self.goal, self._goal_ground = goal, ground
+        self.T_wrist_goal = self.places.T_wrist_mrf
 
     def _take_master(self, message: motion.MasterPose, now_s: float, T_world_mrf: Pose) -> None:
         tree = self.places.tree(T_world_mrf)
@@ -167,7 +172,7 @@ class Orders:
         if not isinstance(self.goal, Pursuit):
             self.posture, self.posture_reached, self.paused = None, False, False
             self.goal = Pursuit(self.master.target, self._next_serial())
-            self._goal_ground = ground
+            self._goal_ground, self.T_wrist_goal = ground, self.places.T_wrist_mrf
         self._lead()
 
     def _feel(self, message: m.JoystickTwist | motion.MasterPose, now_s: float, tree: Tree) -> None:
@@ -217,8 +222,9 @@ class Orders:
     def set_frame(self, request: moving.FrameRequest, T_world_mrf: Pose) -> None:
         """Redefine the MRF or the CRF; `T_world_mrf` is where the command has the MRF.
 
-        Goals stay on the ground that they were measured against, and target poses are kept as
-        the Wrist's. Twists and a master's motion were for the old MRF: they end. Raises `Refused`.
+        Goals stay on the ground that they were measured against, and lead the point of the tool
+        that they were ordered for; a master leads the new MRF from where it has led the old one.
+        A desired wrench stays the same load. Raises `Refused`.
         """
         tree = self.places.tree(T_world_mrf)
         try:
@@ -227,6 +233,9 @@ class Orders:
             raise Refused(Why.UNKNOWN_FRAME, str(error)) from None
         if T_old_new is not None:
             self._keep(T_old_new, tree)
+        elif self._wrench_axes is m.Frame.CRF:
+            turn = self.places.T_world_crf.R.T @ tree.pose("crf").R
+            self.wrench_desired = rotate_twist(turn, self.wrench_desired)
 
     def _keep(self, T_old_new: Pose, tree: Tree) -> None:
         """Let what was ordered for the old MRF mean the same for the new one."""
@@ -234,10 +243,10 @@ class Orders:
         if self._wrench_axes is not m.Frame.MRF:
             axes = tree.pose(self._wrench_axes, m.Frame.MRF).R
         self.wrench_desired = wrench_kept(self.wrench_desired, T_old_new, axes)
-        self.goal = kept(self.goal, T_old_new)
-        if self.goal is None:
-            self.paused = False
-        self.master.wait()
+        if isinstance(self.goal, Pursuit):
+            self.T_wrist_goal = self.places.T_wrist_mrf
+            self.master.carry(T_old_new)
+            self._lead()
 
     def set_clutch(self, request: motion.ClutchRequest) -> None:
         """Engage, disengage or scale the master."""
@@ -278,14 +287,16 @@ class Orders:
     @property
     def target(self) -> Pose | None:
         """Where the position source is to bring the MRF, in World, if anywhere that is known."""
-        T = None if self.goal is None else self.goal.T_world_target
-        return None if T is None else self.places.in_world(self._goal_ground, T)
+        placed = self.placed_target
+        return None if placed is None else self.places.in_world(*placed)
 
     @property
     def placed_target(self) -> tuple[str, Pose] | None:
-        """The target as it was placed: its ground, and its pose there."""
-        T = None if self.goal is None else self.goal.T_world_target
-        return None if T is None else (self._goal_ground, T)
+        """The target as it was placed: its ground, and the MRF's pose there."""
+        T, mrf = None if self.goal is None else self.goal.T_world_target, self.places.T_wrist_mrf
+        if T is None or mrf is self.T_wrist_goal:
+            return None if T is None else (self._goal_ground, T)
+        return self._goal_ground, T @ (self.T_wrist_goal.inverse() @ mrf)
 
     def ground(self, now_s: float) -> str:
         """Return what motion is relative to: of the goal, else of the stick, else of the CRF."""

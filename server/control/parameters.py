@@ -62,6 +62,8 @@ class Parameters:
     """Bounds of the rate that the vision source asks for (6,) [m/s, rad/s]."""
     shaping_acceleration: Array
     shaping_jerk: Array
+    T_wrist_tool: Pose
+    """The MRF at start: singularities are judged there, whatever the MRF is later."""
     T_wrist_sensor: Pose | None
     payload: Payload
     """What hangs on the sensor, unless an operator says otherwise."""
@@ -111,6 +113,7 @@ class Parameters:
         if sensor is not None:
             smoothing = 1.0 - float(np.exp(-2 * np.pi * sensor.filter_hz * c.timing.period_s))
         position, vision = c.sources.position, c.sources.vision
+        mrf = c.mechanism.T_wrist_mrf
         return cls(
             period_s=c.timing.period_s,
             joints=tuple(j.name for j in cell.robot.joints),
@@ -130,6 +133,7 @@ class Parameters:
             vision_speed=_bounds(vision.speed, vision.angular_speed),
             shaping_acceleration=_bounds(c.limits.acceleration, c.limits.angular_acceleration),
             shaping_jerk=_bounds(c.limits.jerk, c.limits.angular_jerk),
+            T_wrist_tool=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),
             T_wrist_sensor=None
             if sensor is None
             else Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy),

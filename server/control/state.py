@@ -19,7 +19,7 @@ from .redundancy import Pulls, SelfMotion
 from .scene import Scene
 from .sources.following import FollowingState
 from .sources.force import ForceState
-from .sources.frames import FramesState
+from .sources.frames import About, FramesState
 from .sources.joystick import JoystickState
 from .sources.position import PositionState, Progress
 from .sources.vision import ViewGoal, VisionState
@@ -105,6 +105,9 @@ class Inputs:
     """Base and Carrier in a cell where they may move; None: Base stands."""
     ground: str = "world"
     """What sources move the MRF relative to; a goal is placed on it."""
+    T_wrist_goal: Pose | None = None
+    """The point of the tool that is led to the goal: the MRF of when it was ordered; None: the MRF
+    of now."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +130,8 @@ class Memory:
     force: ForceState
     following: FollowingState
     frames: FramesState = field(default_factory=FramesState)
+    about: About | None = None
+    """What the sources' rates of the last tick were about."""
     load: Array | None = None
     """Payload and bias in effect (10,), see `sources.force.load_of`."""
     moving_since_s: float | None = None
@@ -158,6 +163,8 @@ class Output(NamedTuple):
     following_error: Array
     T_world_mrf: Pose
     T_world_mrf_measured: Pose
+    T_wrist_mrf: Pose
+    """The MRF that all this is about."""
     wrench_mrf: Array | None
     twists: dict[str, Array]
     """Each source's twist of the MRF, World axes (6,)."""

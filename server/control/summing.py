@@ -10,16 +10,18 @@ import numpy as np
 
 from .bleed import bleed
 from .evolve import evolve
-from .frames import GRAVITY, Array, Pose, rotate_twist
+from .frames import GRAVITY, Array, Pose, rotate_twist, wrench_to
 from .gains import GAIN_TIME_S
 from .mechanism import Kinematics
 from .parameters import Parameters
 from .payload import Payload
+from .redefinition import carried, differ, goal_point, led
+from .rigid import twist_at
 from .sources.following import Following, FollowingState
 from .sources.force import Force, load_of
-from .sources.frames import Frames, FramesState
+from .sources.frames import About, Frames, FramesState
 from .sources.joystick import Joystick, JoystickState
-from .sources.position import Position, PositionState
+from .sources.position import Position
 from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Settings
 
@@ -50,7 +52,8 @@ class Summing:
             p.wrench_inertia,
             p.limits.acceleration,
         )
-        self.frames = Frames(p.shaping_acceleration, p.shaping_jerk, T)
+        self._most = (p.limits.speed, p.limits.angular_speed)
+        self.frames = Frames(p.shaping_acceleration, p.shaping_jerk, self._most, T)
 
     def measure(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> Memory:
         """Return the memory with the newest wrench in it, payload and bias taken off.
@@ -89,6 +92,7 @@ class Summing:
     ) -> tuple[Memory, dict[str, Array]]:
         """Return each source's twist (6,) in World axes; every source is always on."""
         settings, gains = inputs.settings, memory.gains
+        memory = carried(memory, inputs, k, self._most, self._p.shaping_acceleration)
         moving = inputs.intent is Intent.MOVE
         guided = moving and inputs.posture is None and inputs.jog is None
         stick = inputs.stick if moving else None
@@ -99,23 +103,29 @@ class Summing:
             _AXES if stick is None else stick.R_world_axes,
             gains["joystick"],
         )
-        carried = None
+        ground = None
         if inputs.moved is not None:
-            carried = inputs.moved.carries(inputs.ground, k.T_world_mrf.p)
-        position, position_state = self._position(memory, inputs, k, carried)
+            ground = inputs.moved.carries(inputs.ground, k.T_world_mrf.p)
+        # What is shaped at a point of the tool that stays the same does not mind a new MRF.
+        lever = k.T_world_wrist.R @ (self._p.T_wrist_tool.p - settings.T_wrist_mrf.p)
+        R_crf = settings.T_world_crf.R
+        position, position_state = led(self.position, memory, inputs, k, ground, R_crf)
         vision, vision_state = self.vision.rate(
             memory.vision if moving else VisionState.idle(),
             inputs.view if guided else None,
             k.T_world_wrist,
-            k.T_world_mrf.p,
+            k.T_world_mrf.p + lever,
             gains["vision"],
             settings.speed_factor,
         )
+        if np.count_nonzero(lever):
+            vision = twist_at(vision, -lever)
         wrench = self.force.wrench_mrf(memory.force, settings.T_wrist_mrf)
         desired = inputs.wrench_desired
         if inputs.R_world_wrench is not None:
             desired = rotate_twist(k.T_world_mrf.R.T @ inputs.R_world_wrench, desired)
         force = self.force.rate(wrench, desired, gains["force"], k.T_world_mrf.R)
+        jump = self._jump(memory, inputs, k, ground, position, force, desired)
         following, following_state = _OFF, _IDLE
         if "following" in gains:
             following, following_state = self.following.rate(
@@ -127,13 +137,7 @@ class Summing:
             )
         frames, frames_state = np.zeros(6), FramesState()
         if guided:
-            frames, frames_state = self.frames.rate(
-                memory.frames,
-                joystick + position + vision + force + following,
-                carried,
-                (settings.T_wrist_mrf, settings.redefined, inputs.ground),
-                k.T_world_wrist.R,
-            )
+            frames, frames_state = self.frames.rate(memory.frames, ground, jump, lever)
         elif not moving:
             memory, force = self._bleed(memory, inputs, k, wrench, force)
         memory = evolve(
@@ -143,6 +147,15 @@ class Summing:
             vision=vision_state,
             following=following_state,
             frames=frames_state,
+            about=About(
+                settings.T_wrist_mrf,
+                goal_point(inputs),
+                None if inputs.goal is None else inputs.goal.serial,
+                inputs.ground,
+                R_crf,
+                settings.redefined,
+                position,
+            ),
         )
         return memory, {
             "joystick": joystick,
@@ -153,34 +166,42 @@ class Summing:
             "frames": frames,
         }
 
-    def _position(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, carried: Array | None
-    ) -> tuple[Array, PositionState]:
-        """Follow the goal on its ground; `carried` (6,) is that ground's twist seen from Base."""
-        settings = inputs.settings
-        goal = None
-        if inputs.intent is Intent.MOVE and inputs.posture is None:
-            goal = inputs.goal
-        ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
-        T, axes = _on_path(k.T_world_mrf, memory.off_path), settings.T_world_crf.R
-        twist = k.J @ memory.motion.dq
-        if carried is not None:
-            twist = twist - carried
-        if ground is not None and goal is not None:
-            there = ground.T.R.T
-            T, axes = ground.T.inverse() @ T, there @ axes
-            twist = rotate_twist(there, twist)
-        rate, state = self.position.rate(
-            memory.position,
-            goal,
-            T,
-            twist,
-            memory.gains["position"],
-            axes,
-            settings.speed_factor,
-            inputs.paused,
-        )
-        return (rate if ground is None else rotate_twist(ground.T.R, rate)), state
+    def _jump(
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        k: Kinematics,
+        ground: Array | None,
+        position: Array,
+        force: Array,
+        desired: Array,
+    ) -> Array | None:
+        """Return what the sum was more before a redefinition (6,), None where there was none.
+
+        Of what depends on the frames of now alone: the other sources' motion was carried on.
+        """
+        before, new = memory.about, inputs.settings
+        if before is None or not memory.frames.leading:
+            return None
+        grounded = before.ground != inputs.ground
+        other = differ(before.T_wrist_mrf, new.T_wrist_mrf)
+        if not (grounded or other or before.redefined != new.redefined):
+            return None
+        jump, lever = np.zeros(6), k.T_world_wrist.R @ (new.T_wrist_mrf.p - before.T_wrist_mrf.p)
+        if grounded and inputs.moved is not None and ground is not None:
+            jump += inputs.moved.carries(before.ground, k.T_world_mrf.p) - ground
+            if before.serial != (None if inputs.goal is None else inputs.goal.serial):
+                jump += twist_at(before.position, lever) - position
+        elif inputs.goal is not None and not np.array_equal(before.R_world_crf, new.T_world_crf.R):
+            was, _ = led(self.position, memory, inputs, k, ground, before.R_world_crf)
+            jump += was - position
+        if other:
+            T_old_new = before.T_wrist_mrf.inverse() @ new.T_wrist_mrf
+            wrench = self.force.wrench_mrf(memory.force, before.T_wrist_mrf)
+            R = k.T_world_wrist.R @ before.T_wrist_mrf.R
+            was = self.force.rate(wrench, wrench_to(T_old_new, desired), memory.gains["force"], R)
+            jump += twist_at(was, lever) - force
+        return jump
 
     def _bleed(
         self, memory: Memory, inputs: Inputs, k: Kinematics, wrench: Array | None, force: Array
@@ -211,8 +232,3 @@ class Summing:
         if payload is not self._hung[0] or bias is not self._hung[1]:
             self._hung = payload, bias, load_of(payload.mass, payload.com, bias)
         return self._hung[2]
-
-
-def _on_path(T_world_mrf: Pose, off_path: Array | None) -> Pose:
-    """Return where the MRF would be without the virtual link: what the path is held against."""
-    return T_world_mrf if off_path is None else Pose(T_world_mrf.R, T_world_mrf.p - off_path)

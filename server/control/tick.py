@@ -28,6 +28,7 @@ from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
 from .redundancy import Redundancy, SelfMotion
 from .resolve import Travel, resolve
+from .rigid import jacobian_at, twist_at
 from .sources.following import FollowingState
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
@@ -169,6 +170,7 @@ class Control:
             following_error=error,
             T_world_mrf=kinematics.T_world_mrf,
             T_world_mrf_measured=T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
+            T_wrist_mrf=inputs.settings.T_wrist_mrf,
             wrench_mrf=wrench,
             twists=asked.twists,
             twist=asked.twist,
@@ -187,7 +189,7 @@ class Control:
             at_goal=self._at_goal(memory, inputs),
             bleeding=memory.bleeding,
             path=memory.position.progress,
-            T_world_path=_in_world(inputs, memory.position.T_world_path),
+            T_world_path=_path_of_mrf(inputs, memory.position.T_world_path),
             field=asked.field,
             off_path=memory.off_path,
         )
@@ -236,9 +238,12 @@ class Control:
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture
         seen = self.field.look(q, k, inputs.scene, memory.pulls, base, placed) if spare else None
         give_way = self.field.give_way(seen, memory.off_path, inputs.goal, factor)
+        # A new MRF brings no singularity nearer: they are judged at the same point of the tool.
+        lever = k.T_world_wrist.R @ (self.p.T_wrist_tool.p - inputs.settings.T_wrist_mrf.p)
+        elsewhere, asked = np.count_nonzero(lever) > 0, shifted(s_tool * twist, give_way)
         task = resolve(
-            k.J,
-            shifted(s_tool * twist, give_way),
+            jacobian_at(k.J, lever) if elsewhere else k.J,
+            twist_at(asked, lever) if elsewhere else asked,
             self.p.resolve,
             Travel(q - self.p.lower, self.p.upper - q),
         )
@@ -319,7 +324,10 @@ def _quantities(memory: Memory, inputs: Inputs, k: Kinematics, time_s: float) ->
     """Return what gains may depend on."""
     wrench = memory.force.wrench
     target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
-    way = None if target is None else target.p - k.T_world_mrf.p
+    way = None
+    if target is not None:
+        led = inputs.T_wrist_goal
+        way = target.p - (k.T_world_mrf if led is None else k.T_world_wrist @ led).p
     return Quantities(
         contact_force=None if wrench is None else sizes(wrench)[0],
         distance=None if way is None else math.sqrt(float(way @ way)),
@@ -331,6 +339,14 @@ def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:
     """Return where a pose on the present ground is in World."""
     ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
     return T if ground is None or T is None else ground.T @ T
+
+
+def _path_of_mrf(inputs: Inputs, T: Pose | None) -> Pose | None:
+    """Return where the path has the MRF in World, from where it has the point that it leads."""
+    T, led = _in_world(inputs, T), inputs.T_wrist_goal
+    if T is None or led is None:
+        return T
+    return T @ (led.inverse() @ inputs.settings.T_wrist_mrf)
 
 
 def _shortfall(guard: Guard, watch: Watch, stop: Stop) -> float:

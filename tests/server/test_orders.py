@@ -128,17 +128,44 @@ def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(or
     wrist = orders.target @ orders.places.T_wrist_mrf.inverse()
     orders.set_frame(FrameRequest(**ENVELOPE, frame="crf", **pose), MRF)
     np.testing.assert_allclose(orders.settings().T_world_crf.p, pose["xyz"])
-    before = orders.goal
+    goal = orders.goal
     orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
     expected = Pose.from_xyz_rpy(pose["xyz"], pose["rpy"])
     np.testing.assert_array_equal(orders.settings().T_wrist_mrf.R, expected.R)
     kept = orders.target @ orders.places.T_wrist_mrf.inverse()
     np.testing.assert_allclose(kept.p, wrist.p, atol=1e-12)
     np.testing.assert_allclose(kept.R, wrist.R, atol=1e-12)
-    assert orders.goal.attempt > before.attempt
+    # The path goes on as it was: it leads the point of the tool that it was ordered for.
+    assert orders.goal is goal
+    np.testing.assert_array_equal(orders.T_wrist_goal.p, TOOL.p)
+
+
+def test_timed_twists_go_on_when_the_mrf_is_another(orders):
     take(orders, PathMotion, twists=((0.1, 0, 0, 0, 0, 0),), durations_s=(1.0,))
-    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
-    assert orders.goal is None  # it was about the point that is the MRF no longer
+    goal = orders.goal
+    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0.0, 0.0, 0.2)), MRF)
+    assert orders.goal is goal
+    np.testing.assert_array_equal(orders.T_wrist_goal.p, TOOL.p)
+    take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
+    np.testing.assert_array_equal(orders.T_wrist_goal.p, [0.0, 0.0, 0.2])
+
+
+@pytest.mark.parametrize("frame", ["mrf", "crf"])
+@pytest.mark.parametrize("axes", ["mrf", "crf", "world", "base"])
+def test_a_desired_wrench_stays_the_same_load_whatever_frame_is_redefined(orders, frame, axes):
+    """A force along the CRF's z does not push sideways because the CRF turned."""
+    take(orders, m.DesiredWrench, wrench=(8.0, -3.0, 5.0, 0.4, 0.0, -0.2), expressed_in=axes)
+
+    def load(T_world_mrf):
+        """Return the desired force and its moment about World's origin, in World axes."""
+        R = orders.wrench_axes(T_world_mrf)
+        R = T_world_mrf.R if R is None else R
+        f, moment = R @ orders.wrench_desired[:3], R @ orders.wrench_desired[3:]
+        return np.concatenate([f, moment + np.cross(T_world_mrf.p, f)])
+
+    before, pose = load(MRF), {"xyz": (0.1, -0.2, 0.3), "rpy": (0.4, -0.8, 1.5)}
+    orders.set_frame(FrameRequest(**ENVELOPE, frame=frame, **pose), MRF)
+    np.testing.assert_allclose(load(WRIST @ orders.places.T_wrist_mrf), before, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,7 @@ def test_a_masters_silence_is_told_once_and_stops_its_lead(orders):
     assert orders.expired(0.3) == []
 
 
-@pytest.mark.parametrize("what", ["target", "path", "posture", "cancel", "mrf", "clear"])
+@pytest.mark.parametrize("what", ["target", "path", "posture", "cancel", "clear"])
 def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(orders, what):
     clutch(orders, engaged=True)
     lead(orders)
@@ -135,10 +135,6 @@ def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(orders, wha
             take(orders, m.PostureMove, posture="ready")
         case "cancel":
             take(orders, m.CancelGoals)
-        case "mrf":
-            orders.set_frame(
-                FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0, 0.1), rpy=(0, 0, 0)), MRF
-            )
         case "clear":
             orders.clear()
     before = orders.goal
@@ -147,6 +143,20 @@ def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(orders, wha
     clutch(orders, engaged=True)
     lead(orders, 0.02, (0.02, 0, 0))
     np.testing.assert_allclose(orders.goal.T_world_target.p, MRF.p)
+
+
+def test_a_master_leads_on_when_the_mrf_is_another_and_turns_the_tool_about_the_new_one(orders):
+    clutch(orders, engaged=True)
+    lead(orders)
+    led = lead(orders, 0.01, (0.01, 0.0, 0.0)).T_world_target
+    old = orders.places.T_wrist_mrf
+    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0.2, 0.1)), MRF)
+    there = old.inverse() @ orders.places.T_wrist_mrf
+    assert orders.T_wrist_goal is orders.places.T_wrist_mrf
+    np.testing.assert_allclose(orders.goal.T_world_target.p, (led @ there).p, atol=1e-12)
+    turn = {"xyz": (0.01, 0.0, 0.0), "rpy": (0.0, 0.0, 0.01)}
+    turned = take(orders, MasterPose, 0.02, MRF @ there, **turn).T_world_target
+    np.testing.assert_allclose(turned.p, (led @ there).p, atol=1e-12)
 
 
 def test_a_stick_goes_through_the_clutch(orders):

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled
 from ..evolve import evolve
-from ..frames import Array, Pose, moved_near, pose_error
+from ..frames import Array, Pose, moved_near, pose_error, right_jacobian
 
 STANDING = 1e-6
 """A reference that is slower than this, and has no force to come, is at rest [m/s, rad/s]."""
@@ -97,6 +97,9 @@ class Following:
         if state.T_world_reference is None:
             return state
         step = granted * (state.step + self._period_s * (twist - state.asked))
+        if step[3:].any():
+            # As all points of one rigid body move, so that it does not matter which is the MRF.
+            step[:3] = right_jacobian(-step[3:]) @ step[:3]
         reference = moved_near(state.T_world_reference, step, T_world_mrf, SLACK)
         return evolve(state, T_world_reference=reference)
 

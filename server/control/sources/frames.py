@@ -6,83 +6,82 @@ conveyor is followed without a steady error, and a tool keeps still in World abo
 sways. It is one more term of the sum (Williams 1997, section 2: rates add), and leaves the others
 as they are.
 
-Whatever is redefined while the arm moves — the MRF, the CRF, the ground — makes the sum jump. What
-it jumps by is owed: added, and paid back inside the acceleration and jerk bounds.
+What sources remember is carried to a new MRF (`redefinition.py`). The rest of a redefinition, such
+as a gain that acts along other axes, or another ground, makes the sum jump while the arm moves.
+What it jumps by is owed: added, and paid back inside the acceleration and jerk bounds. No more is
+ever owed than the tool's greatest speed, so that it is soon paid, however often frames change.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..frames import Array, Pose, cross
+from ..frames import Array, Pose
+from ..rigid import twist_at, within
 from ..trajectory import Motion, VelocityPlanner
 
-Definition = tuple[Pose, int, str]
-"""What the sum is about: the MRF in the Wrist, how often frames were redefined, the ground."""
+
+class About(NamedTuple):
+    """What the sources' rates of one tick were about."""
+
+    T_wrist_mrf: Pose
+    T_wrist_goal: Pose
+    """The point of the tool that was led to the goal."""
+    serial: int | None
+    """Of the goal; None without one."""
+    ground: str
+    R_world_crf: Array
+    redefined: int
+    """How often MRF or CRF had been redefined."""
+    position: Array
+    """What the position source asked for (6,)."""
 
 
 @dataclass(frozen=True)
 class FramesState:
-    """What the last tick summed, and what is still owed."""
+    """What is still owed."""
 
-    definition: Definition | None = None
-    """None while sources do not lead the arm."""
-    total: Array | None = None
-    """The last sum (6,), at the MRF of its time, World axes."""
+    leading: bool = False
+    """Sources led the arm in the last tick."""
     owed: Motion | None = None
+    """At a point of the tool that stays the same, World axes (6,)."""
 
 
 class Frames:
-    """Feeds the ground's motion forward; `acceleration`, `jerk` (6,) bound how debts are paid."""
+    """Feeds the ground's motion forward; `acceleration`, `jerk` (6,) bound how debts are paid.
 
-    def __init__(self, acceleration: Array, jerk: Array, period_s: float) -> None:
+    No more is owed than a twist of `most` [m/s], [rad/s].
+    """
+
+    def __init__(
+        self, acceleration: Array, jerk: Array, most: tuple[float, float], period_s: float
+    ) -> None:
         self._planner = VelocityPlanner(acceleration, jerk)
+        self._most = most
         self._period_s = period_s
 
     def rate(
-        self,
-        state: FramesState,
-        others: Array,
-        carried: Array | None,
-        definition: Definition,
-        R_world_wrist: Array,
+        self, state: FramesState, carried: Array | None, jump: Array | None, lever: Array
     ) -> tuple[Array, FramesState]:
-        """Return the twist (6,) of the MRF in World axes that is added to the sum of all `others`.
+        """Return the twist (6,) of the MRF in World axes that is added to the sources' sum.
 
         `carried` (6,) is the ground's twist seen from Base, at the MRF; None where nothing moves.
+        `jump` (6,) is what all was more before a redefinition, of sources and ground together.
+        `lever` (3,) leads from the MRF to the point of the tool at which debts are kept [m].
         """
-        owed = self._owed(state, others, carried, definition, R_world_wrist)
+        owed = state.owed
+        if not state.leading:
+            owed = None
+            jump = None if carried is None else -carried
+        elif owed is not None:
+            owed = self._planner.step(owed, np.zeros(6), self._period_s, synchronised=True)
+            owed = None if owed.stands() else Motion(np.zeros(6), owed.dq, owed.ddq)
+        if jump is not None:
+            already, ddq = (np.zeros(6), np.zeros(6)) if owed is None else owed[1:]
+            more = within(already + twist_at(jump, lever), self._most)
+            owed = Motion(np.zeros(6), more, ddq)
         twist = np.zeros(6) if carried is None else carried
         if owed is not None:
-            twist = twist + owed.dq
-        return twist, FramesState(definition, others + twist, owed)
-
-    def _owed(
-        self,
-        state: FramesState,
-        others: Array,
-        carried: Array | None,
-        definition: Definition,
-        R_world_wrist: Array,
-    ) -> Motion | None:
-        before = state.definition
-        if before is None or state.total is None:
-            return None if carried is None else _debt(-carried)
-        if before[1:] != definition[1:] or _differ(before[0], definition[0]):
-            # The same motion of the rigid body, at the new MRF (eq. 1).
-            lever = R_world_wrist @ (definition[0].p - before[0].p)
-            total = state.total.copy()
-            total[:3] += cross(total[3:], lever)
-            return _debt(total - others - (0.0 if carried is None else carried))
-        if state.owed is None:
-            return None
-        paid = self._planner.step(state.owed, np.zeros(6), self._period_s, synchronised=True)
-        return None if paid.stands() else Motion(np.zeros(6), paid.dq, paid.ddq)
-
-
-def _differ(a: Pose, b: Pose) -> bool:
-    return a is not b and not (np.array_equal(a.p, b.p) and np.array_equal(a.R, b.R))
-
-
-def _debt(twist: Array) -> Motion:
-    return Motion(np.zeros(6), twist, np.zeros(6))
+            twist = twist + twist_at(owed.dq, -lever)
+        return twist, FramesState(True, owed)

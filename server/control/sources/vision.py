@@ -36,7 +36,7 @@ class ViewGoal:
 
 @dataclass(frozen=True)
 class VisionState:
-    """The shaped twist of the MRF in World axes, as a motion of six freedoms."""
+    """The shaped twist of a point of the tool in World axes, as a motion of six freedoms."""
 
     motion: Motion
 
@@ -59,19 +59,19 @@ class Vision:
         state: VisionState,
         goal: ViewGoal | None,
         T_world_wrist: Pose,
-        p_world_mrf: Array,
+        p_world_tool: Array,
         gain: Array,
         factor: float,
     ) -> tuple[Array, VisionState]:
-        """Return the twist (6,) of the MRF in World axes that leads to the desired view.
+        """Return the twist (6,) of the tool in World axes that leads to the desired view.
 
-        `gain` (6,) is K_V [1/s] per axis of the Lens, `p_world_mrf` (3,) the MRF's origin [m],
-        `factor` scales the speed. Without a goal, or with a new one, the rate changes within the
-        acceleration and jerk bounds.
+        `gain` (6,) is K_V [1/s] per axis of the Lens, `p_world_tool` (3,) the point of the tool
+        whose twist it is, always the same one [m], `factor` scales the speed. Without a goal, or
+        with a new one, the rate changes within the acceleration and jerk bounds.
         """
         target = np.zeros(6)
         if goal is not None and np.count_nonzero(gain):
-            target = self._asked(goal, T_world_wrist, p_world_mrf, gain, factor)
+            target = self._asked(goal, T_world_wrist, p_world_tool, gain, factor)
         motion = state.motion
         if motion.stands() and not np.count_nonzero(target):
             return target, state
@@ -80,24 +80,24 @@ class Vision:
         return shaped.dq, VisionState(shaped)
 
     def _asked(
-        self, goal: ViewGoal, T_world_wrist: Pose, p_world_mrf: Array, gain: Array, factor: float
+        self, goal: ViewGoal, T_world_wrist: Pose, p_world_tool: Array, gain: Array, factor: float
     ) -> Array:
         here = T_world_wrist @ goal.T_wrist_point
         axes = here.R if goal.R_world_lens is None else goal.R_world_lens
         speed, turn = factor * self._speed, factor * self._turn
         error = pose_error(goal.T_world_goal, here)
-        return _seen(axes, error, gain, speed, turn, p_world_mrf, here.p)
+        return _seen(axes, error, gain, speed, turn, p_world_tool, here.p)
 
 
 @compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, VECTOR, VECTOR)
 def _seen(
-    axes: Array, error: Array, gain: Array, speed: float, turn: float, mrf: Array, point: Array
+    axes: Array, error: Array, gain: Array, speed: float, turn: float, tool: Array, point: Array
 ) -> Array:
-    """Return the rate (6,) of the MRF for the pose error (6,) of a point, all in World.
+    """Return the rate (6,) of the tool for the pose error (6,) of a point, all in World.
 
     `gain` (6,) acts per axis of the Lens, whose `axes` (3, 3) are in World. One factor keeps all
     six within `speed` [m/s] and `turn` [rad/s]: the target is to stay in the picture, so the way
-    stays straight. `mrf` and `point` (3,) are on one rigid body [m].
+    stays straight. `tool` and `point` (3,) are on one rigid body [m].
     """
     asked, out, size2 = np.zeros(6), np.zeros(6), np.zeros(2)
     for i in range(6):
@@ -111,8 +111,8 @@ def _seen(
         for k in range(3):
             out[i] += axes[i, k] * asked[k] / most
             out[3 + i] += axes[i, k] * asked[3 + k] / most
-    # From the moved point to the MRF (eq. 1).
-    x, y, z = mrf[0] - point[0], mrf[1] - point[1], mrf[2] - point[2]
+    # From the moved point to the tool's (eq. 1).
+    x, y, z = tool[0] - point[0], tool[1] - point[1], tool[2] - point[2]
     out[0] += out[4] * z - out[5] * y
     out[1] += out[5] * x - out[3] * z
     out[2] += out[3] * y - out[4] * x

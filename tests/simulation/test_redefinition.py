@@ -1,0 +1,113 @@
+"""A redefined frame moves nothing: judged by the physics, at a point that is fixed to the flange.
+
+Each run is held against the same one without redefinitions. The force/torque sensor is without
+noise: what a loop through it makes of the least difference would be 0.1 mm by itself.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.server.control.frames import Pose, pose_error, sizes
+from telerobot.tools.script import Script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import Run
+
+TOOL = {"xyz": [0.0, 0.0, 0.121], "rpy": [0.0, 0.0, 0.0]}
+QUARTER = {"xyz": [0.0, 0.0, 0.121], "rpy": [0.0, 0.0, 1.5708]}
+OTHER = {"xyz": [0.05, -0.04, 0.2], "rpy": [0.3, 1.2, -0.4]}
+REST: list = []
+MOTION = [
+    {"at_s": 0.2, "position": {"xyz": [0.05, 0.12, 0.05], "rpy": [0.2, 0.5, 0.3],
+                               "relative_to": "mrf", "expressed_in": "base"}},
+    {"at_s": 0.3, "joystick": {"twist": [0.02, 0.06, 0.04, 0, 0, 0], "expressed_in": "base"}},
+    {"at_s": 0.4, "fault": {"hand": "force_torque", "vector": [3.0, 4.0, -2.0]}},
+    {"at_s": 1.4, "fault": {"hand": "force_torque", "on": False}},
+    {"at_s": 1.5, "joystick": {"twist": [0.0] * 6, "expressed_in": "base"}},
+]  # fmt: skip
+
+
+def cell(mode):
+    cell = load_cell("pa10_hand")
+    config = cell.config
+    mechanism = config.mechanism.model_copy(update={"operation_mode": mode})
+    quiet = config.rig.force_torque.model_copy(update={"noise": (0.0,) * 6})
+    rig = config.rig.model_copy(update={"force_torque": quiet})
+    config = config.model_copy(update={"mechanism": mechanism, "rig": rig})
+    return replace(cell, config=config)
+
+
+def play(mode, steps, seconds=2.0):
+    script = Script.model_validate({"duration_s": seconds, "step": steps})
+    simulation = Simulation(cell(mode), script)
+    return Run(simulation, simulation.run())
+
+
+@cache
+def undisturbed(mode, name):
+    return play(mode, {"rest": REST, "motion": MOTION}[name])
+
+
+def mrf(at_s, frame):
+    return {"at_s": at_s, "frame": {"frame": "mrf", **frame}}
+
+
+ONCE = [mrf(0.7, QUARTER)]
+OFTEN = [mrf(0.6 + 0.03 * i, TOOL if i % 2 else OTHER) for i in range(33)]
+
+
+@pytest.mark.parametrize(
+    ("mode", "name", "redefined"),
+    [
+        ("csp", "rest", ONCE),
+        ("csp", "motion", OFTEN),
+        ("csv", "motion", OFTEN),
+        ("cst", "motion", OFTEN),
+    ],
+    ids=lambda value: value if isinstance(value, str) else f"{len(value)}",
+)
+def test_with_a_hand_followed_a_new_mrf_moves_nothing(mode, name, redefined):
+    before = undisturbed(mode, name)
+    run = play(mode, [*{"rest": REST, "motion": MOTION}[name], *redefined])
+    assert run.summary["refused"] == []
+    assert run.summary["mode"] == "enabled"
+    errors = [
+        sizes(pose_error(*(Pose.from_xyz_rpy(t.pose_mrf[:3], t.pose_mrf[3:]) for t in both)))
+        for both in zip(before.truths, run.truths, strict=True)
+    ]
+    far, turned = np.max(errors, axis=0)
+    assert far < 1e-4
+    assert turned < 5e-4
+
+
+def test_frames_that_change_33_times_a_second_leave_no_debt_behind():
+    """Of turning about points far apart the arm is at rest half a second after the release."""
+    far = {"xyz": [0.6, -0.2, 0.3], "rpy": [0.3, 1.2, -0.4]}
+    turn = {"twist": [0.02, 0.06, 0.0, 0.0, 0.3, 0.2], "expressed_in": "base"}
+    redefined = [mrf(0.4 + 0.03 * i, TOOL if i % 2 else far) for i in range(33)]
+    release = {"at_s": 1.4, "joystick": {"twist": [0.0] * 6, "expressed_in": "base"}}
+    run = play("csp", [{"at_s": 0.3, "joystick": turn}, *redefined, release], 2.5)
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+    owed = np.array([s.sources["frames"] for s in run.states])
+    assert np.abs(owed).max() < 1e-9
+    assert np.abs(run.speeds(2.0, 2.5)).max() < 0.02
+
+
+def test_what_is_said_in_the_same_period_is_about_the_new_mrf():
+    """The displacement of a target is from where the new MRF is, not from where the old one was."""
+    step = {
+        "at_s": 0.5,
+        "frame": {"frame": "mrf", **OTHER},
+        "position": {"xyz": [0.0, 0.0, 0.03], "rpy": [0, 0, 0], "relative_to": "mrf"},
+    }
+    run = play("csp", [step], 0.7)
+    tool, other = (Pose.from_xyz_rpy(f["xyz"], f["rpy"]) for f in (TOOL, OTHER))
+    there = Pose.from_xyz_rpy(run.at(0.48).pose_mrf[:3], run.at(0.48).pose_mrf[3:])
+    target = Pose.from_xyz_rpy(run.at(0.6).target_mrf[:3], run.at(0.6).target_mrf[3:])
+    way = (there @ tool.inverse() @ other).inverse() @ target
+    np.testing.assert_allclose(way.p, [0.0, 0.0, 0.03], atol=1e-3)
+    np.testing.assert_allclose(way.R, np.eye(3), atol=2e-3)
