@@ -110,7 +110,7 @@ class PositionTarget(Command):
     rpy: Attitude
     relative_to: Frame = Frame.CRF
     expressed_in: Frame | None = None
-    speed: float | None = Field(None, gt=0, le=10)
+    speed: float | None = Field(None, ge=1e-4, le=10)
     """Path speed [m/s]; the cell's when absent, never more than the cell's limit."""
 
 

@@ -14,7 +14,7 @@ MOST = 64
 """Most waypoints or segments of one path [1]."""
 
 Waypoint = tuple[Metres, Metres, Metres, Angle, Angle, Angle]
-PathSpeed = Annotated[float, Field(gt=0, le=10)]
+PathSpeed = Annotated[float, Field(ge=1e-4, le=10)]
 Duration = Annotated[float, Field(gt=0, le=600)]
 
 

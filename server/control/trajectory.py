@@ -128,8 +128,8 @@ def _calculated(
     trajectory = ruckig.Trajectory(len(start.q))
     try:
         result = planner.calculate(i, trajectory)
-    except ruckig.RuckigError as error:
-        raise TrajectoryError(str(error)) from error
+    except (ruckig.RuckigError, ValueError) as error:  # of results that its enum does not name
+        raise TrajectoryError(f"{kind} target {target} from {start}: {error}") from error
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise TrajectoryError(f"{kind} target {target} from {start}: {result.name}")
     return trajectory

@@ -11,6 +11,8 @@ from ..frames import Array, Pose, from_target, turned
 from ..trajectory import Motion, PositionPlanner, Profile, TrajectoryError
 from .goals import PathGoal
 
+LONGEST_S = 5000.0
+"""No part of a path is planned to take longer [s]: planning works in times below 7600 s."""
 _LEAST_SHARE = 1e-3
 """Every axis gets some of the bounds, so that it can be corrected [1]."""
 
@@ -105,27 +107,39 @@ class StraightPlanner:
         if goal.speed is not None:
             speed = speed.copy()
             speed[:3] = goal.speed
-        bounds = _bounds(factor, shares, speed, self._acceleration, self._jerk, start.dq, start.ddq)
+        bounds = _bounds(
+            factor,
+            shares,
+            speed,
+            self._acceleration,
+            self._jerk,
+            target - start.q,
+            start.dq,
+            start.ddq,
+        )
         return Path(goal, self._planner.plan(start, target, (bounds[0], bounds[1], bounds[2])))
 
 
-@compiled(NUMBER, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+@compiled(NUMBER, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
 def _bounds(
     factor: float,
     shares: Array,
     speed: Array,
     acceleration: Array,
     jerk: Array,
+    span: Array,
     dq: Array,
     ddq: Array,
 ) -> Array:
     """Return the bounds (3, 6) of a path on speed, acceleration and jerk, shared out by axis.
 
-    What a path begins with, `dq` and `ddq` (6,), is inside them.
+    What a path begins with, `dq` and `ddq` (6,), is inside them; and it goes through `span` (6,) in
+    `LONGEST_S`, however slowly it was told to go.
     """
     out = np.empty((3, 6))
     for i in range(6):
-        out[0, i] = max(speed[i] * shares[i] * factor, abs(dq[i]) * 1.001)
+        slowest = abs(span[i]) / LONGEST_S
+        out[0, i] = max(speed[i] * shares[i] * factor, slowest, abs(dq[i]) * 1.001)
         out[1, i] = max(acceleration[i] * shares[i], abs(ddq[i]) * 1.001)
         out[2, i] = jerk[i] * shares[i]
     return out

@@ -274,3 +274,14 @@ def test_a_pursuit_keeps_the_paths_speed():
     assert v.max() <= 1.25 * V
     assert v.max() > 0.7 * V
     np.testing.assert_allclose(pose_error(far, tool.pose), 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("far", [0.3, 100.0])
+def test_a_path_at_next_to_no_speed_is_planned_all_the_same(far):
+    """It would take months: planning works in hours."""
+    goal = PathGoal(
+        Pose(rotation_exp(np.array([0.0, 0.0, 3.0])), np.array([far, 0.0, 0.0])), 1, 1e-4
+    )
+    tool = Tool().go(2.0, goal, factor=0.01)
+    smooth(tool)
+    assert 0.0 < tool.points[-1, 0] <= far * 2.0 / 4000.0
