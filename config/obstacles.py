@@ -1,5 +1,6 @@
 """What a cell file may say of obstacles, of the promised clearance, and of the arm's shape."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -11,6 +12,8 @@ Stale = Literal["keep", "grow", "stop"]
 Length = Annotated[float, Field(ge=0, le=10)]
 HalfSide = Annotated[float, Field(gt=0, le=20)]
 
+SHORTEST = 1e-4
+"""A capsule or a sight line that is shorter has no direction [m]."""
 NEEDED: dict[str, tuple[str, ...]] = {
     "point": ("xyz",),
     "sphere": ("xyz", "radius"),
@@ -76,6 +79,8 @@ class Obstacle(Section):
         missing = [key for key in NEEDED[self.shape] if getattr(self, key) is None]
         if missing:
             raise ValueError(f"a {self.shape} needs {' and '.join(missing)}")
+        if self.xyz is not None and self.to is not None and math.dist(self.xyz, self.to) < SHORTEST:
+            raise ValueError(f"a {self.shape} from xyz to the same place has no length")
         if self.shape == "sight_line" and (self.xyz is None) == (self.camera is None):
             raise ValueError("a sight_line starts either at xyz or at a camera")
         if self.shape != "sight_line" and self.camera is not None:

@@ -4,13 +4,15 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Vector3 = Annotated[tuple[float, float, float], Field(description="[x, y, z]")]
+_Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
+_Component = Annotated[float, Field(ge=-1e6, le=1e6)]
+Vector3 = Annotated[tuple[_Coordinate, _Coordinate, _Coordinate], Field(description="[x, y, z]")]
 Vector6 = Annotated[
-    tuple[float, float, float, float, float, float],
+    tuple[_Component, _Component, _Component, _Component, _Component, _Component],
     Field(description="linear x, y, z, then angular x, y, z"),
 ]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+NonNegative = Annotated[float, Field(ge=0, le=1e9)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 

@@ -34,6 +34,8 @@ class _Rule(NamedTuple):
 _PLACE: Final = _Rule(3, False, -FARTHEST, FARTHEST)
 _ANGLES: Final = _Rule(3, False, -100.0, 100.0)
 _LENGTH: Final = _Rule(1, True, 0.0, FARTHEST, positive=True)
+IMPOSSIBLE: Final = 0.02
+"""Part by which an inertia may miss what bodies can have: models are rounded [1]."""
 _ANY: Final = _Rule(1, False, -1e12, 1e12)
 _MOMENT: Final = _Rule(1, True, -HEAVIEST, HEAVIEST)
 _MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -56,6 +58,8 @@ _RULES: Final[Mapping[str, Mapping[str, _Rule]]] = {
         ("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), _ANY
     ),
 }
+_ONCE: Final = frozenset((*_RULES, "inertial", "geometry", "parent", "child"))
+"""Elements that stand at most once in what they are part of."""
 SHAPES: Final = ("box", "cylinder", "sphere", "capsule", "mesh")
 
 
@@ -108,6 +112,11 @@ def unshaped_links(root: ET.Element) -> Iterator[str]:
 
 def _check_part(part: ET.Element, where: str) -> None:
     for element in part.iter():
+        children = [child.tag for child in element]
+        for tag in sorted(_ONCE & set(children)):
+            if children.count(tag) > 1:
+                raise ConfigError(f"{where}: <{tag}>: is there {children.count(tag)} times")
+    for element in part.iter():
         for attribute, rule in _RULES.get(element.tag, {}).items():
             _check_numbers(element, attribute, rule, where)
     for shape in (*part.findall("collision"), *part.findall("visual")):
@@ -142,10 +151,15 @@ def _check_inertial(inertial: ET.Element, where: str) -> None:
     if inertia is None:
         return
     xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "")) for name in _MOMENTS)
-    least = float(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0])
-    if least < -1e-9 * max(xx, yy, zz, 0.0) - 1e-300:
+    a, b, c = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
+    if a < -1e-9 * max(c, 0.0) - 1e-300:
         raise ConfigError(
-            f"{where}: <inertia>: least principal moment {least:g} kg·m²: must not be negative"
+            f"{where}: <inertia>: least principal moment {a:g} kg·m²: must not be negative"
+        )
+    if a + b < (1.0 - IMPOSSIBLE) * c:
+        raise ConfigError(
+            f"{where}: <inertia>: greatest principal moment {c:g} kg·m²: must be at most "
+            f"{a + b:g}, the sum of the others, as of any body"
         )
 
 

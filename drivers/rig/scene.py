@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.load import Cell
+from ...config.load import Cell, ConfigError
 from ...config.mechanism import Mechanism
 from ...config.rig import Rig, Wall
 from ...config.section import Pose
@@ -35,10 +35,16 @@ def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
 
     The arm's joints come first, but for those of a platform that it stands on, with one torque
     motor (gain 1) and one joint lock (equality constraint, off) each, in the order of the drives.
-    Site `mrf` is the MRF, site `sensor` the force/torque sensor. Raises `ValueError` where the
-    cell and its URDF do not fit together.
+    Site `mrf` is the MRF, site `sensor` the force/torque sensor. Raises `ConfigError` where the
+    physics cannot be made of the cell and its URDF.
     """
-    model = build_spec(cell).compile()
+    try:
+        model = build_spec(cell).compile()
+    except ValueError as error:
+        words = str(error).removeprefix("Error: ").removeprefix("XML Error: ")
+        raise ConfigError(
+            f"{cell.path}: rig: no physics can be made of {cell.robot.urdf}: {words}"
+        ) from None
     fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == FIXED]
     return model, frozenset(fixed)
 

@@ -134,8 +134,10 @@ def test_what_a_person_gets_wrong_is_named_with_key_value_and_bound(small, old, 
         ),
         ('ixx="0.01"', 'ixx="-0.01"', r"link 'base': <inertia>: least principal moment -0\.01"),
         ('iyz="0"', "", r"link 'base': <inertia iyz>: is missing"),
-        ('izz="0.01"/>', 'izz="0.01"/><inertia/>', r"link 'base': <inertia ixx>: is missing"),
+        ('izz="0.01"/>', 'izz="0.01"/><inertia/>', r"<inertia>: is there 2 times"),
         ('<link name="l2">', '<link name="l1">', r"link 'l1': is there twice"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><axis xyz="1 0 0"/>', r"<axis>: is there 2 ti"),
+        ('izz="0.01"', 'izz="0.05"', r"greatest principal moment 0\.05 .* at most 0\.02, the sum"),
     ],
 )
 def test_a_urdf_that_we_cannot_drive_is_refused(small, old, new, expected):
