@@ -2,6 +2,7 @@
 
 from .asking import ASKING
 from .crowd_runs import SCENES
+from .fuzz.runs import FUZZ
 from .hostile_runs import HOSTILE
 from .part import Part
 from .peg_runs import PEG
@@ -17,4 +18,5 @@ PARTS: dict[str, Part] = {
     "reflection": REFLECTION,
     "wedges": WEDGES,
     "requests": ASKING,
+    "fuzz": FUZZ,
 }

@@ -1,0 +1,1 @@
+"""The part `fuzz`: inputs that nobody sends on purpose, drawn from seeds."""

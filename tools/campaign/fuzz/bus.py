@@ -1,0 +1,80 @@
+"""A daemon in virtual time whose CAN bus carries frames of nodes that nobody knows.
+
+A second master and a drive that contradicts itself are told as such and end in FAULT, rightly. But
+nothing is raised, and no setpoint leaves its bounds.
+"""
+
+import random
+
+from ....config.load import load_cell, shipped
+from ....drivers.bus import CanMessage, InProcessBus
+from ....protocols import can301
+from ...script import Script
+from ...simulation import Simulation
+from .outcome import Outcome
+
+SECONDS = 2.0
+"""Virtual time of one job, after the enable [s]."""
+PER_TICK = 10
+"""Frames in a period [1]."""
+
+
+def play(seed: int) -> Outcome:
+    """Run one job in one of the shipped cells."""
+    cells = shipped("cells")
+    cell = load_cell(cells[seed % len(cells)])
+    outcome, dice = Outcome(f"bus, {cell.config.name}", seed), random.Random(f"bus {seed}")
+    stick = {"at_s": 0.3, "joystick": {"twist": [0.0, 0.03, 0.02, 0.0, 0.0, 0.1]}}
+    script = Script.model_validate({"duration_s": SECONDS, "step": [stick]})
+    simulation = Simulation(cell, script, cameras=lambda _s: _Blind())
+    stranger = InProcessBus(simulation.hub, lambda _message: None)
+    nodes = [d.node for d in cell.config.mechanism.drives]
+    own = {can301.heartbeat_id(n) for n in nodes}  # heard by the rig: a second rig on the bus
+    masters = {can301.NMT_ID, can301.SYNC_ID, can301.heartbeat_id(can301.MASTER_NODE)}
+    masters |= {base(n) for n in nodes for base in (can301.rpdo1_id, can301.sdo_request_id)}
+    odd = [
+        *(base(n) for n in nodes for base in (can301.tpdo1_id, can301.sdo_reply_id)),
+        *(can301.emcy_id(n) for n in nodes),
+        0x01, 0x02, 0x64, 0x7E4, 0x7E5,
+    ]  # fmt: skip
+    most = dice.choice((0, 1, PER_TICK))
+    """Frames of known nodes end most jobs at once; so do some jobs without."""
+
+    def on_tick(_now: Simulation) -> None:
+        for i in range(PER_TICK):
+            can_id = dice.choice(odd) if i < most else dice.randrange(0x800)
+            if can_id in own or can_id in masters:
+                continue
+            data = dice.randbytes(dice.choice((8, 8, dice.randrange(9))))
+            extended = dice.random() < 0.05
+            stranger.send(CanMessage(arbitration_id=can_id, data=data, is_extended_id=extended))
+            outcome.inputs["CAN frames"] += 1
+
+    simulation.on_tick = on_tick
+    try:
+        simulation.run()
+    except Exception as error:  # noqa: BLE001  that nothing is raised is what is tried
+        outcome.raised(error, "simulation")
+        return outcome
+    outcome.reasons += [
+        f"{e.name} at {e.time_s:.2f} s: {e.detail}"
+        for e in simulation.events
+        if e.name in ("tick_raised", "gate_refused")
+    ]
+    if simulation.observer.violations:
+        first = simulation.observer.violations[0]
+        outcome.reasons.append(
+            f"{len(simulation.observer.violations)} limit violations, the first {first.joint} "
+            f"{first.kind} {first.value:.6g} over {first.bound:.6g} at {first.time_s:.3f} s"
+        )
+    return outcome
+
+
+class _Blind:
+    """Cameras that see nothing."""
+
+    def run(self, now_s: float, tick: int) -> None:
+        """Take no pictures."""
+
+    def close(self) -> None:
+        """Have nothing to let go of."""

@@ -1,0 +1,191 @@
+"""A daemon in virtual time under wild input: of a stranger, of sensors, of the holder himself.
+
+Strangers send junk on every key and ask for everything; sensor keys get news that is valid, and
+wild. An honest operator who drives meanwhile keeps the lease, and nothing is in FAULT. In every
+third job it is the operator that goes wild, in the range of what the messages allow; then the arm
+may run into something, and only what came of that is excused.
+"""
+
+import math
+import random
+from typing import Any
+
+from ....config.load import Cell, load_cell, shipped
+from ....protocols import topics as t
+from ....protocols.codec import encode
+from ....protocols.messages import Command, Message
+from ....protocols.topics import Flow, Topic
+from ....server.mode import Mode
+from ...pilot import ANYBODY, PilotError
+from ...script import Script
+from ...simulation import Simulation
+from ..sights import ComputedSights
+from .news import News
+from .outcome import Outcome
+from .payloads import junk, mutated
+from .values import ENVELOPE, Values
+
+SECONDS = 4.0
+"""Virtual time of one job, after the enable [s]."""
+PER_TICK = 6
+"""Inputs of a stranger in a period [1]."""
+HOLDERS_EVERY = 5
+"""Periods between two wild commands of the holder [1]."""
+TOUCHING_N = 0.5
+"""More than this between arm and world, or arm and arm, is contact [N]."""
+KEPT = (t.KEEPALIVE, t.LEASE, t.RELEASE, t.PROTECTIVE_STOP)
+"""The holder does not give his lease away by chance, and who may stop the arm does not."""
+ASKED = tuple(topic for topic in (*t.COMMANDS, *t.REQUESTS) if topic not in KEPT[1:])
+
+
+def cell_of(seed: int) -> str:
+    """Return the name of the cell that a seed's job runs in: one after the other."""
+    cells = shipped("cells")
+    return cells[seed % len(cells)]
+
+
+def play(seed: int) -> Outcome:
+    """Run one job in one of the shipped cells."""
+    cell = load_cell(cell_of(seed))
+    wild = seed % 3 == 2
+    outcome = Outcome(f"network, {cell.config.name}, {'holder' if wild else 'stranger'}", seed)
+    attacker = Attacker(cell, seed, outcome, wild=wild)
+    simulation = Simulation(
+        cell, _script(seed, wild=wild), cameras=lambda s: ComputedSights(s, seed)
+    )
+    touched: list[float] = []
+
+    def on_tick(now: Simulation) -> None:
+        attacker.attack(now)
+        force = math.hypot(*now.truths[-1].contact_force) + now.rig.world.own_contact_force()
+        if force > TOUCHING_N:
+            touched.append(now.clock.time_s)
+
+    simulation.on_tick = on_tick
+    try:
+        result = simulation.run()
+    except Exception as error:  # noqa: BLE001  that nothing is raised is what is tried
+        outcome.raised(error, "simulation")
+        return outcome
+    if result.summary["limit_violations"]:
+        first = simulation.observer.violations[0]
+        outcome.reasons.append(
+            f"{result.summary['limit_violations']} limit violations: {first.joint} {first.kind} "
+            f"{first.value:.6g} over {first.bound:.6g} at {first.time_s:.3f} s"
+        )
+    for event in simulation.events:
+        excused = wild and touched and event.name == "fault" and event.time_s >= touched[0]
+        if event.severity == "error" and not excused:
+            outcome.reasons.append(f"{event.name} at {event.time_s:.2f} s: {event.detail}")
+        if event.name == "lease_expired" and not wild:
+            outcome.reasons.append(f"lease_expired at {event.time_s:.2f} s: {event.detail}")
+    if result.summary["failure"] and not wild:
+        outcome.reasons.append(f"not played: {result.summary['failure']}")
+    return outcome
+
+
+def _script(seed: int, *, wild: bool) -> Script:
+    """Return what the operator does beside the attack: sticks there and back, if he is honest."""
+    dice, sticks = random.Random(f"sticks {seed}"), list[dict[str, Any]]()
+    for i in range(0 if wild else round(SECONDS)):
+        twist = [dice.uniform(-0.1, 0.1) for _ in range(3)] + [dice.uniform(-0.3, 0.3)] * 3
+        for k, sense in enumerate((1.0, -1.0)):
+            stick = {"twist": [sense * x for x in twist], "expressed_in": "base"}
+            sticks.append({"at_s": 0.3 + i + 0.5 * k, "joystick": stick})
+    return Script.model_validate({"duration_s": SECONDS, "step": sticks})
+
+
+class Attacker:
+    """Draws inputs for the link of a simulation, tick by tick."""
+
+    def __init__(self, cell: Cell, seed: int, outcome: Outcome, *, wild: bool) -> None:
+        self._dice = random.Random(f"network {seed}")
+        config = cell.config
+        self._values = Values(
+            self._dice,
+            (
+                *config.mechanism.postures,
+                *config.mechanism.payloads,
+                *(o.name for o in config.obstacles),
+                *(c.name for c in config.cameras),
+            ),
+        )
+        self._news = News(cell, self._values)
+        self._outcome, self._wild = outcome, wild
+        self._ticks = 0
+
+    def attack(self, simulation: Simulation) -> None:
+        """Send what this tick brings."""
+        self._ticks += 1
+        for _ in range(PER_TICK):
+            self._stranger(simulation)
+        if self._wild and self._ticks % HOLDERS_EVERY == 0:
+            self._holder(simulation)
+            self._recover(simulation)
+
+    def _stranger(self, simulation: Simulation) -> None:
+        dice, link = self._dice, simulation.link
+        topic = dice.choice(self._news.topics if dice.random() < 0.5 else ASKED)
+        payload = junk(self._values, topic)
+        if dice.random() < 0.7:
+            message = self._valid(topic, simulation)
+            if message is None:
+                return
+            payload = encode(message)
+            if dice.random() < 0.3:
+                payload = mutated(dice, payload)
+        self._outcome.inputs[f"{topic.flow.name.lower()} of strangers"] += 1
+        if topic.flow is Flow.REQUEST:
+            link.ask(topic, payload, lambda _reply: None, self._forged())
+        else:
+            link.put(topic, payload, self._forged())
+
+    def _valid(self, topic: Topic, simulation: Simulation) -> Message | None:
+        tick = simulation.cycle.tick
+        if topic.flow is Flow.SENSOR:
+            return self._news.of(topic, tick)
+        given = {"seen_tick": tick} if issubclass(topic.message, Command) else {}
+        return self._values.message(topic.message, **given)
+
+    def _forged(self) -> bytes:
+        """Return what stands for a proof of the lease: nothing, noise, or nearly one."""
+        dice = self._dice
+        numbers = dice.randrange(3), dice.choice((0, 10**6, 2**63 - 1, 2**64 - 1))
+        near = b"".join(n.to_bytes(8, "big") for n in numbers) + dice.randbytes(16)
+        return dice.choice((b"", dice.randbytes(dice.choice((1, 32, 4096))), near))
+
+    def _holder(self, simulation: Simulation) -> None:
+        dice, pilot = self._dice, simulation.player.pilot
+        topic = dice.choice((*t.COMMANDS, *t.REQUESTS))
+        drawn = self._values.message(topic.message, **_known(topic.message))
+        if drawn is None or topic in KEPT:
+            return
+        fields = {k: v for k, v in dict(drawn).items() if k not in ENVELOPE}
+        try:
+            if topic.flow is Flow.REQUEST:
+                pilot.request(topic, lambda _reply: None, **fields)
+            elif dice.random() < 0.7 and topic.life is t.Life.STREAM:
+                pilot.stream(topic, **fields)
+            else:
+                pilot.command(topic, **fields)
+        except PilotError:
+            return  # the lease is lost: nobody may command
+        self._outcome.inputs[f"{topic.flow.name.lower()} of the holder"] += 1
+
+    def _recover(self, simulation: Simulation) -> None:
+        """Take the lease again, enable and go on: a stopped arm tells little."""
+        pilot, mode = simulation.player.pilot, simulation.cycle.mode
+        action = {Mode.READY: "enable", Mode.HOLD: "resume"}.get(mode)
+        try:
+            pilot.acquire(lambda _reply: None)
+            if mode is not Mode.ENABLED:
+                pilot.clear_protective_stop(lambda _reply: None)
+            if action is not None:
+                pilot.request(t.MODE, lambda _reply: None, action=action)
+        except PilotError:
+            return
+
+
+def _known(kind: type[Message]) -> dict[str, Any]:
+    """Return what stands for a command's envelope while its fields are drawn."""
+    return {k: v for k, v in ANYBODY.items() if k in kind.model_fields}
