@@ -12,6 +12,8 @@ from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
 
 FIRST_SAMPLE_TIMEOUT_S: Final = 1.0
+MOST_UNREAD: Final = 32
+"""Samples that are kept for a mean while nobody asks for it [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,19 @@ class WrenchReading:
     age_s: float
     overload: bool
     trouble: Trouble | None
+
+
+@dataclass(frozen=True, slots=True)
+class MeanWrench:
+    """The mean of several samples, without the aliases that any one of them alone has."""
+
+    wrench: NDArray[np.float64]
+    """(6,) [N, N·m], signed and placed as a `WrenchReading`'s."""
+    stamp: float
+    """Mean of their stamps [s], on the bus' own clock."""
+    jump: NDArray[np.float64]
+    """By how much a sample is off its two neighbours' mean (6,), where it is most [N, N·m]: contact
+    that chatters between samples is known no better."""
 
 
 class RobotousSensor:
@@ -48,12 +63,17 @@ class RobotousSensor:
         self._sample: robotous.Sample | None = None
         self._stamp = 0.0
         self._arrival_s = 0.0
+        self._unread: list[tuple[robotous.Sample, float]] = []
+        self._before: list[tuple[float, ...]] = []
+        self._mean: MeanWrench | None = None
         fieldbus.listen(config.reply_ids[0], self._on_first)
         fieldbus.listen(config.reply_ids[1], self._on_second)
 
     def open(self) -> None:
         """Set the rate, start the stream and wait for its first sample. Raises `DeviceError`."""
-        self._sample = self._first = None
+        self._sample = self._first = self._mean = None
+        self._unread.clear()
+        self._before.clear()
         commands = (
             robotous.stop(),
             robotous.set_rate(self.config.rate_hz),
@@ -83,6 +103,29 @@ class RobotousSensor:
             overload=sample.overload != 0,
             trouble=self._judge(sample, age),
         )
+
+    def mean(self) -> MeanWrench | None:
+        """Return the mean of the samples since the last call, or what it was if there were none.
+
+        None before the first sample. Contact that chatters faster than the sensor is read shows in
+        any one sample as it happens to be at that instant.
+        """
+        if self._unread:
+            # Lists: a few numbers, of which numpy would make a hundred thousandth of a second.
+            loads = [(*sample.force, *sample.torque) for sample, _ in self._unread]
+            count, row = len(loads), [*self._before, *loads]
+            jump, most = [0.0] * 6, 0.0
+            for a, b, c in zip(row, row[1:], row[2:], strict=False):
+                off = [0.5 * (i + k) - j for i, j, k in zip(a, b, c, strict=True)]
+                size = off[0] ** 2 + off[1] ** 2 + off[2] ** 2
+                if size > most:
+                    jump, most = off, size
+            wrench = np.array([-sum(axis) / count for axis in zip(*loads, strict=True)])
+            stamp = sum(stamp for _, stamp in self._unread) / count
+            self._mean = MeanWrench(wrench, stamp, np.array(jump))
+            self._before = row[-2:]
+            self._unread.clear()
+        return self._mean
 
     def write(self, command: bytes) -> bytes:
         """Send one of the protocol's commands, for instance `robotous.bias()`; return it."""
@@ -125,6 +168,8 @@ class RobotousSensor:
         self._stamp = stamp
         self._arrival_s = self._bus.now
         self.samples += 1
+        if len(self._unread) < MOST_UNREAD:
+            self._unread.append((self._sample, stamp))
 
     def _drop_half(self) -> None:
         if self._first is not None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..drivers.device import DeviceError, Trouble
 from ..drivers.fieldbus import Fieldbus
-from ..drivers.force_torque import RobotousSensor
+from ..drivers.force_torque import MeanWrench, RobotousSensor
 from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
 from ..protocols.cia402 import DriveState
@@ -37,6 +37,10 @@ class PlantReading:
     wrench_age_s: float | None
     wrench_lag_s: float
     """How much older the sample is than the joints' angles, by the bus' own stamps [s]."""
+    wrench_mean: MeanWrench | None
+    """The same, as the mean of all samples since the reading before; None when stale."""
+    wrench_mean_lag_s: float
+    """How much older that mean is than the joints' angles [s]."""
     trouble: Trouble | None
 
     @property
@@ -110,6 +114,7 @@ class Plant:
         if self.gripper is not None:
             trouble = trouble or self.gripper.read().trouble
         wrench, age = self._wrench(now_s)
+        mean = None if self.sensor is None else self.sensor.mean()
         sampled_s = readings[0].sampled_s
         together = all(r.sampled_s == sampled_s for r in readings)
         return PlantReading(
@@ -121,6 +126,8 @@ class Plant:
             wrench=wrench,
             wrench_age_s=age,
             wrench_lag_s=self._wrench_lag_s,
+            wrench_mean=None if wrench is None else mean,
+            wrench_mean_lag_s=0.0 if mean is None else self.drives[0].answer_stamp - mean.stamp,
             trouble=trouble if self.opened else None,
         )
 

@@ -4,11 +4,11 @@ import numpy as np
 
 from ..config.load import Cell
 from .control.dynamics import Dynamics
-from .control.frames import GRAVITY, Array, Pose
+from .control.frames import GRAVITY, Array
 from .control.mechanism import Mechanism
 from .control.parameters import Parameters
-from .control.state import Memory, Output
-from .control.touch import Touch, TouchState
+from .control.state import Memory
+from .control.touch import Load, Touch, TouchState
 from .control.tree import Moved
 from .events import Events
 from .plant import PlantReading
@@ -21,7 +21,8 @@ class TouchWatch:
     """Collision detection of one cell; idle where the cell does not ask for it."""
 
     def __init__(self, cell: Cell, p: Parameters, mechanism: Mechanism, events: Events) -> None:
-        self._events, self._mechanism, self._joints = events, mechanism, p.joints
+        self._events, self._joints = events, p.joints
+        self._calibration = None if p.T_wrist_sensor is None else p.wrench_calibration
         self._touch = _touch(cell, p, mechanism)
         self._state = TouchState()
         self._lost_after = round(LOST_S / p.period_s)
@@ -35,15 +36,9 @@ class TouchWatch:
         return self._state.external
 
     def look(
-        self,
-        reading: PlantReading,
-        memory: Memory | None,
-        output: Output | None,
-        T_wrist_mrf: Pose,
-        moved: Moved,
-        moving: bool,
+        self, reading: PlantReading, memory: Memory | None, moved: Moved, moving: bool
     ) -> None:
-        """Take in a reading, and what the tick before made of the sensor's.
+        """Take in a reading.
 
         Only a `moving` arm is stopped; what pushes an arm at rest may stay until it is to move.
         """
@@ -52,17 +47,13 @@ class TouchWatch:
         if reading.q is None or not reading.enabled or memory is None or memory.load is None:
             self._state, self.stopping, self._blind_ticks = TouchState(), False, 0
             return
-        seen = np.zeros(len(reading.q))
-        if output is not None and output.wrench_mrf is not None:
-            k = self._mechanism.kinematics(reading.q, T_wrist_mrf)
-            R = k.T_world_mrf.R
-            seen = -((output.wrench_mrf.reshape(2, 3) @ R.T).ravel() @ k.J)
+        load = self._carried(reading, memory.load)
         base = moved.T_world_base_measured
         free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
         self._touch.dynamics.fall(free_fall)
         before = self._state.external
         self._state = self._touch.measure(
-            self._state, reading.q, reading.tau, seen, memory.load, reading.sampled_s
+            self._state, reading.q, reading.tau, load, reading.sampled_s
         )
         self._tell_blind(self._state.external is before)
         found = self._touch.touched(self._state)
@@ -76,6 +67,22 @@ class TouchWatch:
                 bound_nm=found.bound,
             )
         self.stopping = found is not None and (moving or self.stopping)
+
+    def _carried(self, reading: PlantReading, load: Array) -> Load | None:
+        """Return what the sensor reads; while it is stale, its payload is what the arm carries.
+
+        Without a sensor that is what the URDF says. `load` (10,), see `sources.force.load_of`.
+        """
+        if self._touch is None or self._calibration is None:
+            return None
+        fresh = reading.wrench_mean is not None
+        mass = 0.0 if fresh else float(load[0])
+        self._touch.dynamics.carry(mass, load[1:4] / max(load[0], 1e-9))
+        mean = reading.wrench_mean
+        if mean is None:
+            return None
+        wrench = self._calibration @ (mean.wrench - load[4:])
+        return Load(wrench, self._calibration @ mean.jump, reading.wrench_mean_lag_s)
 
     def _tell_blind(self, blind: bool) -> None:
         was_lost = self._blind_ticks > self._lost_after

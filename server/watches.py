@@ -46,7 +46,7 @@ class Watches:
                 )
             self.sensor.look(reading, weight, twists)
         places = orders.places
-        self.touch.look(reading, memory, output, places.T_wrist_mrf, places.moved, moving)
+        self.touch.look(reading, memory, places.moved, moving)
 
     def remember(self, tick: int, output: Output) -> None:
         """Keep where the arm was in a tick, for pictures that were taken in it."""

@@ -8,7 +8,7 @@ from ...config.load import Cell, ConfigError
 from ...config.mechanism import Mechanism
 from ...config.rig import Rig, Wall
 from ...config.section import Pose
-from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion
+from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
 from .peg import add_hole, add_peg
 from .sight import add_probe
 from .solids import add_solid, attitude
@@ -18,6 +18,9 @@ WALL_SLIDE = "wall_slide"
 
 PLATFORM = tuple(f"platform_{axis}" for axis in ("x", "y", "z", "roll", "pitch", "yaw"))
 """Joints of what the arm stands on, where that may move; before the arm's own."""
+
+TOOL_BALL = "tool_ball"
+"""Geom at the MRF that touches things."""
 
 HELD = "held"
 """Body of what the gripper holds, at the sensor's site."""
@@ -64,13 +67,14 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
     if cell.config.frames.base is not None:
         _put_on_platform(spec, root, rig.frames.platform_mass)
-    if rig.wall is not None:
-        _add_wall(spec, rig.wall)
+    surfaces = [] if rig.wall is None else [_add_wall(spec, rig.wall)]
     for box in rig.boxes:
         body = spec.worldbody.add_body(
             name=box.name, pos=box.xyz, quat=quaternion(Pose(rpy=box.rpy))
         )
-        _add_fixed_box(body, f"{box.name}_box", box.half_size)
+        surfaces.append(_add_fixed_box(body, f"{box.name}_box", box.half_size))
+    for surface in surfaces if rig.tool_radius > 0 else ():
+        slides_on(spec, TOOL_BALL, surface)
     for hole in rig.holes:
         add_hole(spec, hole)
     for obstacle in cell.config.obstacles:
@@ -147,7 +151,7 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
     tip.add_site(name="mrf", pos=mrf.xyz, quat=quaternion(mrf))
     if rig.tool_radius > 0:
         ball = tip.add_geom(
-            name="tool_ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=mrf.xyz, density=0
+            name=TOOL_BALL, type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=mrf.xyz, density=0
         )
         ball.size[0] = rig.tool_radius
         of_arm(ball)
@@ -192,7 +196,7 @@ def _exclude_neighbours(arm: mujoco.MjSpec) -> None:
                 arm.add_exclude(bodyname1=first, bodyname2=second)
 
 
-def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
+def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> mujoco.MjsGeom:
     normal = np.array(wall.normal) / np.linalg.norm(wall.normal)
     quat = np.zeros(4)
     mujoco.mju_quatZ2Vec(quat, normal)
@@ -204,6 +208,7 @@ def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
         body, "wall_plate", (wall.half_size, wall.half_size, _PLATE_HALF_THICKNESS)
     )
     plate.pos[2] = -_PLATE_HALF_THICKNESS
+    return plate
 
 
 def _add_fixed_box(

@@ -47,7 +47,9 @@ class Dynamics:
         tip = self._model.frames[self._tip]
         self._joint = tip.parentJoint
         T_joint_wrist = Pose(tip.placement.rotation.copy(), tip.placement.translation.copy())
-        self._T_joint_sensor = T_joint_wrist @ (T_wrist_sensor or Pose.identity())
+        T_wrist_sensor = T_wrist_sensor or Pose.identity()
+        self._T_joint_sensor = T_joint_wrist @ T_wrist_sensor
+        self._to_sensor = pin.SE3(T_wrist_sensor.R, T_wrist_sensor.p).inverse().action
         tool = _tool(self._model, self._tip)
         self._bare = self._model.inertias[self._joint].toDynamicParameters() - tool
 
@@ -76,6 +78,13 @@ class Dynamics:
         g = pin.computeGeneralizedGravity(model, data, q).copy()
         C = pin.computeCoriolisMatrix(model, data, q, dq).copy()  # it leaves the joints' Jacobians
         return Terms(M, C, g, pin.getFrameJacobian(model, data, self._tip, self._own_axes))
+
+    def sensor_jacobian(self, q: Array) -> Array:
+        """Return the Jacobian (6, n) of the Sensor frame, at its origin and in its own axes."""
+        axes = pin.ReferenceFrame.LOCAL
+        return np.asarray(
+            self._to_sensor @ pin.computeFrameJacobian(self._model, self._data, q, self._tip, axes)
+        )
 
     def bias(self, q: Array, dq: Array) -> Array:
         """Return h (n,) [N·m]: the torque that keeps the joints from accelerating."""

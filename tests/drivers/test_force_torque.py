@@ -111,3 +111,19 @@ def test_a_bias_is_asked_of_the_sensor(cell: Any) -> None:
     cell.sensor.open()
     assert cell.sensor.write(robotous.bias()) == robotous.bias()
     assert cell.played_sensor.commands[-1] == (Command.SET_BIAS, 1)
+
+
+def test_the_mean_is_of_every_sample_since_it_was_last_asked_for(cell: Any) -> None:
+    """Of contact that chatters, any one sample shows what happens to be at its instant."""
+    cell.sensor.open()
+    cell.sensor.mean()
+    for force in (0.0, -30.0, 0.0):
+        cell.hub.time_s += 0.005
+        cell.played_sensor.sample = Sample((force, 0.0, 0.0), (0.0, 0.0, 0.0), 0, 0)
+        cell.played_sensor.send()
+    cell.fieldbus.receive(0.0)
+    mean = cell.sensor.mean()
+    np.testing.assert_allclose(mean.wrench, [10.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(mean.jump, [30.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert cell.sensor.read().stamp - mean.stamp == pytest.approx(0.005)
+    assert cell.sensor.mean() is mean

@@ -1,7 +1,8 @@
 """A push that the force/torque sensor does not see stops the arm; ordinary motion does not."""
 
 import pytest
-from telerobot.tools.campaign import touch
+from telerobot.tools.campaign import sliding, touch
+from telerobot.tools.campaign.sliding import Slide
 from telerobot.tools.script import Script
 from telerobot.tools.simulation import Simulation
 
@@ -24,6 +25,20 @@ def test_half_a_minute_of_free_motion_with_a_heavy_tool_is_no_push(seed):
     run = touch.play(("free", seed))
     assert run.reasons == []
     assert run.moving_s > 20.0
+
+
+SLIDES = [
+    Slide("wall", 10.0, 0.05, 4),
+    Slide("wall", 60.0, 0.1, 7),
+    Slide("table", 10.0, 0.1, 1),
+    Slide("table", 60.0, 0.05, 6),
+]
+
+
+@pytest.mark.parametrize("slide", SLIDES, ids=str)
+def test_a_tool_that_slides_along_what_it_presses_is_not_pushed(slide):
+    run = touch.play(("slide", sliding.SLIDES.index(slide)))
+    assert run.reasons == []
 
 
 def test_the_event_names_joint_estimate_and_bound_and_the_way_out_is_resume(play):

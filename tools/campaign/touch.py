@@ -1,8 +1,9 @@
-"""The part `touch`: pushes that no sensor sees are felt, and ordinary motion is no push.
+"""The part `touch`: pushes that no sensor sees are felt; ordinary motion and contact are no push.
 
 Free motion with 2 kg more on the tool, of which the daemon knows: smooth sticks there and back,
-postures in between, for as long as the seeds last. And a push at the elbow while it moves, from
-every side.
+postures in between, for as long as the seeds last. A tool that slides along wall and table, slowly
+and quickly, pressed gently and hard, in all directions. And a push at the elbow while it moves,
+from every side.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from ...config.mechanism import Payload
 from ..script import Script
 from ..simulation import Simulation
 from .part import Part, Selection
+from .sliding import MADE_S, SLIDES, sliding
 
 CELL = "pa10"
 MASS, COM = 2.0, (0.0, 0.0, 0.10)
@@ -28,7 +30,7 @@ MOTIONS = ((0.0, 0.05, 0.02, 0.0, 0.0, 0.1), (0.0, -0.08, 0.05, 0.0, 0.0, 0.0))
 SIDES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 Job = tuple[str, int]
-"""`free` and a seed, or `push` and its number."""
+"""`free` and a seed, or `push` or `slide` and its number."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Run:
     """What one run showed."""
 
     name: str
-    pushed: bool
+    kind: str
     moving_s: float
     """Time in which the arm was free to move [s]."""
     touched_after_s: float | None
@@ -57,15 +59,18 @@ class Feeling:
 
     def figures(self) -> dict[str, object]:
         """Return everything as plain values."""
-        pushes = [run for run in self.runs if run.pushed]
+        pushes = [run for run in self.runs if run.kind == "push"]
         felt = [run.touched_after_s for run in pushes if run.touched_after_s is not None]
-        free = [run for run in self.runs if not run.pushed]
+        free = [run for run in self.runs if run.kind == "free"]
+        slides = [run for run in self.runs if run.kind == "slide"]
         return {
             "pushes": len(pushes),
             "felt": len(felt),
             "felt_within_s": max(felt, default=None),
             "free_s": round(sum(run.moving_s for run in free), 1),
             "false_alarms": sum(run.touched_after_s is not None for run in free),
+            "slides": len(slides),
+            "slides_taken_for_a_push": sum(run.touched_after_s is not None for run in slides),
         }
 
     def lines(self) -> list[str]:
@@ -76,6 +81,8 @@ class Feeling:
             f"the latest after {f['felt_within_s']} s",
             f"free motion with {MASS:g} kg more: {f['free_s']} s, "
             f"{f['false_alarms']} taken for a push",
+            f"slides along wall and table: {f['slides']}, "
+            f"{f['slides_taken_for_a_push']} taken for a push",
         ]
 
 
@@ -135,9 +142,15 @@ def play(job: Job) -> Run:
     """Simulate one job and judge it."""
     kind, number = job
     pushed = kind == "push"
-    cell = load_cell(CELL)
-    script = push(number) if pushed else free_motion(number)
-    simulation = Simulation(cell if pushed else laden(cell), script)
+    cell, name = load_cell(CELL), f"{kind} {number}"
+    match kind:
+        case "push":
+            script = push(number)
+        case "slide":
+            script, name = sliding(cell, SLIDES[number]), f"slide {SLIDES[number]}"
+        case _:
+            cell, script = laden(cell), free_motion(number)
+    simulation = Simulation(cell, script)
     result = simulation.run()
     start = simulation.player.start_s + (PUSH_AT_S if pushed else 0.0)
     felt = [e.time_s - start for e in simulation.events if e.name == "touched"]
@@ -149,16 +162,21 @@ def play(job: Job) -> Run:
         reasons.append(f"the arm is in {result.summary['mode']}, not in hold")
     if not pushed and after is not None:
         reasons.append(f"taken for a push at {after} s")
+    if kind == "slide":
+        late = [t for t in result.truths if t.time_s > start + MADE_S]
+        if not any(any(t.contact_force) for t in late):
+            reasons.append("nothing was touched")
     if result.summary["limit_violations"]:
         reasons.append(f"{result.summary['limit_violations']} limit violations")
     moving = sum(state.mode == "enabled" for state in result.states)
-    return Run(f"{kind} {number}", pushed, moving * cell.config.timing.period_s, after, reasons)
+    return Run(name, kind, moving * cell.config.timing.period_s, after, reasons)
 
 
 def jobs(selection: Selection) -> list[Job]:
-    """Return every push, and free motion for two seeds in five: 100 make about 1100 s."""
+    """Return every push and slide, and free motion for two seeds in five: 100 make about 1100 s."""
     pushes = [("push", i) for i in range(len(MOTIONS) * len(SIDES))]
-    return pushes + [("free", seed) for seed in selection.seeds if seed % 5 < 2]
+    slides = [("slide", i) for i in range(len(SLIDES))]
+    return pushes + slides + [("free", seed) for seed in selection.seeds if seed % 5 < 2]
 
 
 TOUCH = Part(jobs, play, Feeling)

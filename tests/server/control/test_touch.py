@@ -8,8 +8,7 @@ from telerobot.drivers.rig.scene import build_model
 from telerobot.server.control.dynamics import Dynamics
 from telerobot.server.control.frames import Pose
 from telerobot.server.control.mechanism import Mechanism
-from telerobot.server.control.sources.force import load_of
-from telerobot.server.control.touch import Touch, TouchState
+from telerobot.server.control.touch import Load, Touch, TouchState
 
 T = 0.01
 
@@ -69,7 +68,6 @@ def follow(touch, dynamics, push, friction, seconds=1.0, missed=(), late=None, u
     `unknown` nobody knows when they were, and they were late.
     """
     state = TouchState()
-    load = load_of(0.0, np.zeros(3), np.zeros(6))
     dynamics.carry(0.0, np.zeros(3))
     phase, size = np.arange(7), np.full(7, 0.1)
     for k in range(int(seconds / T)):
@@ -83,7 +81,7 @@ def follow(touch, dynamics, push, friction, seconds=1.0, missed=(), late=None, u
         at = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0]) + size * np.sin(2 * middle + phase)
         tau = dynamics.torque(at, dq, ddq) + friction * np.sign(dq) - push
         known_s = None if k in unknown else t
-        state = touch.measure(state, q, tau, np.zeros(7), load, known_s)
+        state = touch.measure(state, q, tau, None, known_s)
     return state
 
 
@@ -150,3 +148,86 @@ def test_a_push_is_felt_through_a_missed_tick(dynamics):
     touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     state = follow(touch, dynamics, np.full(7, 5.0), 0.0, 1.0, missed=(98,))
     assert touch.touched(state) is not None
+
+
+# --- what the sensor sees -------------------------------------------------------------------------
+
+REACH = np.array([0.0, 0.3, 0.0, 2.0, 0.0, -0.7, 0.0])
+
+
+def stand(touch, dynamics, wrench, lag_s=0.002, push=None, seconds=1.0):
+    """Feed a standing arm whose tool exerts `wrench(t)` (6,), of which no model knows.
+
+    The sensor gives the means of two samples, 5 ms apart, the newest `lag_s` before the joints;
+    drives report the mean of the period before. Returns every state.
+    """
+    state, states = TouchState(), []
+    dynamics.carry(0.0, np.zeros(3))
+    J, still, samples = dynamics.sensor_jacobian(REACH), np.zeros(7), []
+    gravity = dynamics.torque(REACH, still, still)
+    for k in range(round(seconds / T)):
+        t = k * T
+        samples = [*samples[-2:], wrench(t - lag_s - T / 2), wrench(t - lag_s)]
+        jump = max(
+            (b - (a + c) / 2 for a, b, c in zip(samples, samples[1:], samples[2:], strict=False)),
+            key=np.linalg.norm,
+            default=np.zeros(6),
+        )
+        load = Load(np.mean(samples[-2:], axis=0), jump, lag_s + T / 4)
+        seen = np.mean([wrench(t - s) for s in np.arange(0.0005, T, 0.001)], axis=0)
+        tau = gravity + seen @ J - (0.0 if push is None else push)
+        state = touch.measure(state, REACH, tau, load, t)
+        states.append(state)
+    return states
+
+
+def pressing(force):
+    return np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.002, 0.005])
+def test_a_contact_that_grows_quickly_is_no_push_when_the_sensor_sees_it(dynamics, lag_s):
+    """To 60 N at 1.2 N a millisecond: 16 ms of lateness would be 15 N·m at the shoulder."""
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    states = stand(touch, dynamics, lambda t: pressing(1200.0 * np.clip(t - 0.5, 0, 0.05)), lag_s)
+    assert max(np.abs(s.external).max() for s in states[50:] if s.external is not None) < 3.0
+    assert not any(touch.touched(s) for s in states)
+
+
+def test_what_hangs_on_the_sensor_need_not_be_known(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    states = stand(touch, dynamics, lambda _t: np.array([50.0, 30.0, -80.0, 5.0, -8.0, 1.0]))
+    assert np.abs(states[-1].external).max() < 1e-6
+
+
+@pytest.mark.parametrize("closed", [0.15, 0.25, 0.35])
+def test_contact_that_chatters_between_the_sensors_samples_is_no_push(dynamics, rng, closed):
+    """Whether a sample finds it closed or open is chance, now and then many times in a row."""
+    closes = rng.random(4000) < closed
+
+    def chattering(t):
+        return pressing(15.0 / closed if t > 0.3 and closes[int(t * 1e3 + 0.5)] else 0.0)
+
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
+    states = stand(touch, dynamics, chattering, seconds=3.5)
+    assert max(np.abs(s.external).max() for s in states[40:]) > 3.0
+    assert not any(touch.touched(s) for s in states)
+
+
+def test_a_push_is_felt_while_the_tool_presses(dynamics):
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
+    push = np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    states = stand(touch, dynamics, lambda _t: pressing(60.0), push=push)
+    assert touch.touched(states[-1]).joint == 1
+    np.testing.assert_allclose(states[-1].external, push, atol=1e-3)
+
+
+def test_a_sensor_that_falls_silent_is_no_push(dynamics):
+    """What it read is then what the arm is told to carry."""
+    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    weight = pressing(0.0)
+    state = stand(touch, dynamics, lambda _t: weight)[-1]
+    tau = dynamics.torque(REACH, np.zeros(7), np.zeros(7))
+    for k in range(100, 200):
+        state = touch.measure(state, REACH, tau, None, k * T)
+        assert touch.touched(state) is None
