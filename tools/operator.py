@@ -141,7 +141,9 @@ class Operator(Motions):
     def wait_state(self, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
         """Return the newest state, waiting for the first. Raises `OperatorError` if none comes."""
         if not self.spin(timeout_s, lambda: self.state is not None) or self.state is None:
-            raise OperatorError("no_daemon", f"no telemetry of cell {self.cell}")
+            shown = self.session.shown
+            known = "" if shown is None else f"; does its daemon know {shown}?"
+            raise OperatorError("no_daemon", f"no telemetry of cell {self.cell}{known}")
         return self.state
 
     def wait_mode(self, mode: str, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
@@ -330,8 +332,6 @@ class Operator(Motions):
             send(replies.append)
         except PilotError as error:
             raise OperatorError("no_lease", str(error)) from None
-        except NotCertified as error:
-            raise OperatorError("not_certified", str(error)) from None
         self.spin(REPLY_TIMEOUT_S + 1.0, lambda: bool(replies))
         if not replies:
             raise OperatorError("no_answer", "the daemon did not answer")

@@ -13,6 +13,7 @@ from .cockpit import event_line
 from .operator import POLL_S, Operator, ignore
 from .player import Phase, Player
 from .script import Script
+from .session import NotCertified
 
 ENABLE_WITHIN_S = 15.0
 """A script whose arm is not enabled by then has failed [s]."""
@@ -72,6 +73,8 @@ class Performance:
                 if now_s > end_s:
                     break
                 time.sleep(POLL_S)
+        except NotCertified as error:
+            self.failure = str(error)
         finally:
             operator.on_state = operator.on_event = operator.on_reflection = ignore
             self._release()

@@ -48,7 +48,10 @@ class Session:
 
     def __init__(self, cell: str, endpoint: str, identity: Identity | None = None) -> None:
         self.cell = cell
-        self._certificate = None if identity is None else identity.certificate
+        self.shown = None if identity is None else identity.certificate.name
+        """Common name of the certificate that is shown; None without one."""
+        may = None if identity is None else identity.certificate.rights
+        self._may = None if may is None else may.puts | may.asks
         try:
             config = client_config(endpoint, cell, identity)
         except zenoh.ZError:
@@ -58,7 +61,7 @@ class Session:
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError:
-            shown = "" if identity is None else f", or not to {identity.certificate.name}"
+            shown = "" if self.shown is None else f", or not to {self.shown}"
             raise ConnectionError(f"nobody answers at {endpoint}{shown}") from None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._waiting: list[_Waiting] = []
@@ -73,7 +76,9 @@ class Session:
 
         Raises `NotCertified`: the network would drop it without a word.
         """
-        self._certified(topic)
+        refusal = self._refusal(topic)
+        if refusal:
+            raise NotCertified(refusal)
         publisher = self._publishers.get(topic.key)
         if publisher is None:
             publisher = self._session.declare_publisher(
@@ -89,9 +94,13 @@ class Session:
     ) -> None:
         """Send a request; `poll` hands its reply, or one that says nobody answered, to `answer`.
 
-        Raises `NotCertified`: the network would drop it without a word.
+        The reply to a request that this process is not certified for comes at once: the network
+        would drop it without a word.
         """
-        self._certified(topic)
+        refusal = self._refusal(topic)
+        if refusal:
+            answer(encode(requests.Reply(ok=False, reason="not_certified", detail=refusal)))
+            return
         channel: zenoh.handlers.FifoChannel[zenoh.Reply] = zenoh.handlers.FifoChannel(2)
         replies = self._session.get(
             topic.full_key(self.cell),
@@ -110,12 +119,11 @@ class Session:
                 self._waiting.remove(waiting)
                 waiting.answer(payload)
 
-    def _certified(self, topic: t.Topic) -> None:
-        if self._certificate is None:
-            return
-        may, key = self._certificate.rights, topic.full_key(self.cell)
-        if key not in may.puts | may.asks:
-            raise NotCertified(f"{self._certificate.name} may not send on {key}")
+    def _refusal(self, topic: t.Topic) -> str:
+        """Return in words that the certificate does not allow to send on a topic, if so."""
+        key = topic.full_key(self.cell)
+        allowed = self._may is None or key in self._may
+        return "" if allowed else f"{self.shown} may not send on {key}"
 
     def close(self) -> None:
         """Close the session."""

@@ -8,6 +8,7 @@ import pytest
 from telerobot.config.load import ConfigError, load_cell
 from telerobot.drivers.network.identity import certificate, identity_of, known, read
 from telerobot.protocols.topics import Role
+from telerobot.server.exposure import doubts
 from telerobot.tools.address import moved
 from telerobot.tools.check import judge
 from telerobot.tools.cli import main
@@ -269,6 +270,33 @@ def test_check_warns_of_certificates_that_end_soon(arm):
     certify(arm, "--operator", "guest", "--days", "20")
     day = datetime.now(UTC) + timedelta(days=20)
     assert warnings(arm) == [f"operator-guest: expires on {day:%Y-%m-%d}, in 19 days"]
+
+
+def test_the_daemon_says_the_same_when_it_starts(arm, tmp_path):
+    certify(arm)
+    cell = load_cell(arm)
+
+    def daemons():
+        return doubts(identity_of(cell, Role.DAEMON, "pa10"))
+
+    assert daemons() == []
+    certify(arm, "--operator", "guest", "--days", "1")
+    assert [words.partition(" on ")[0] for words in daemons()] == ["operator-guest: expires"]
+    certify(arm, "--directory", tmp_path / "foreign", "--operator", "eve")
+    foreign = tmp_path / "foreign" / "operator-eve.crt"
+    (arm.parent / "keys" / foreign.name).write_bytes(foreign.read_bytes())
+    assert "operator-eve.crt: not issued by the authority.crt" in daemons()[0]
+    assert "operator-eve" not in [one.name for one in known(arm.parent / "keys")[0]]
+
+
+def test_doctor_looks_at_a_cells_certificates_too(arm, capsys):
+    certify(arm)
+    capsys.readouterr()
+    main(["doctor", str(arm), "--seconds=0.01", "--json"])
+    report = json.loads(capsys.readouterr().out)
+    (found,) = (f for f in report["findings"] if f["check"] == "certificates")
+    assert found["status"] == "ok"
+    assert found["values"]["days"] == 729
 
 
 def test_check_warns_of_keys_that_others_may_read(arm):

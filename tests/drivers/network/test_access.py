@@ -163,3 +163,13 @@ def test_the_admin_space_is_closed(zone, endpoint, name):
         told = {str(reply.ok.key_expr) for reply in session.get(space)}
         assert all(key.startswith(f"@/{session.zid()}/") for key in told), "only of itself"
         assert tried.passes(session, router, session.put, sent=[space]) == set()
+
+
+def test_the_admin_space_is_closed_without_certificates_too(zone):
+    endpoint = free_endpoint("tcp")
+    router = zone.open(router_config(endpoint))
+    session = zone.open(client_config(endpoint))
+    tried = Try(router, session, KEYS)
+    assert tried.passes(session, router, session.put) == set(KEYS)
+    told = {str(reply.ok.key_expr) for reply in session.get("@/**")}
+    assert all(key.startswith(f"@/{session.zid()}/") for key in told), "only of itself"

@@ -108,3 +108,17 @@ def test_another_cells_daemon_in_the_same_place_hears_nothing(zone, endpoint):
     assert list(session.get("telerobot/pa10/operator/lease")) == []
     assert states.try_recv() is None
     assert heard.try_recv() is None
+
+
+def test_the_identifier_of_an_operators_session_opens_nothing(zone, endpoint):
+    router = zone.open(router_config(endpoint, "pa10", zone.identity("daemon-pa10")))
+    heard = router.declare_subscriber(STICK, zenoh.handlers.RingChannel(8))
+    ann = zone.open(client_config(endpoint, "pa10", zone.identity("operator-ann")))
+    while heard.try_recv() is None:
+        ann.put(STICK, b"ann")
+    config = client_config(endpoint, "pa10", zone.identity("observer-bob"))
+    config.insert_json5("id", f'"{ann.zid()}"')
+    refused(config)
+    ann.put(STICK, b"still ann")
+    while (payload := heard.recv().payload.to_bytes()) != b"still ann":
+        assert payload == b"ann"
