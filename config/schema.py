@@ -171,6 +171,17 @@ class Resolve(Section):
         0.01, gt=0, le=1, description="singular value below which motion into it is held off [m]"
     )
 
+    @model_validator(mode="after")
+    def _is_bounded(self) -> "Resolve":
+        # Joint rates are at most |ẋ| / (2 λm √(1 − λm²/σ0²)), the greatest damped gain there is.
+        for name in ("damping", "floor"):
+            value = getattr(self, name)
+            if value >= self.singular_region:
+                raise ValueError(
+                    f"{name} = {value:g} must be below singular_region = {self.singular_region:g}"
+                )
+        return self
+
 
 class Redundancy(Section):
     """What the null space is used for; each gain 0 switches its objective off."""

@@ -45,14 +45,15 @@ class Felt(NamedTuple):
 class Field:
     """The field of one cell."""
 
-    def __init__(self, p: Parameters) -> None:
+    def __init__(self, p: Parameters, rank: int = 6) -> None:
+        """Build it; `rank` is how many axes the arm reaches anywhere."""
         c, links = p.potential, p.links
         self._p = p
         self._links = links
         body = np.zeros(0, dtype=np.int64) if links is None else links.body
         k = Strengths(c.obstacles, c.lines, c.joint_limits, c.manipulability)
         smooth = c.line_model == "smooth"
-        potential = Potential(p.lower, p.upper, body, k, c.least_distance, smooth)
+        potential = Potential(p.lower, p.upper, body, k, c.least_distance, smooth, rank)
         self.flow = Flow(potential, body, max(FLATTEST * max(k), 1e-9))
         link = c.virtual_link
         self._repels = links is not None and (k.obstacles > 0.0 or k.lines > 0.0)

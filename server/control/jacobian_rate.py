@@ -31,23 +31,3 @@ def bent(J: Array, dq: Array) -> Array:
         out[1, j] = w[2] * vx - w[0] * vz + z * v[0] - x * v[2]
         out[2, j] = w[0] * vy - w[1] * vx + x * v[1] - y * v[0]
     return out
-
-
-@compiled(MATRIX, MATRIX, VECTOR)
-def curvatures(J: Array, basis: Array, u: Array) -> Array:
-    """Return how much the tool's way bends along u (6,) under joint motions a, b of a basis (m, n).
-
-    The symmetric part of uᵀ (∂J/∂q · a) b, (m, m).
-    """
-    m = len(basis)
-    found = np.zeros((m, m))
-    for a in range(m):
-        change = bent(J, basis[a])
-        for j in range(J.shape[1]):
-            along = 0.0
-            for i in range(6):
-                along += u[i] * change[i, j]
-            for b in range(m):
-                found[a, b] += 0.5 * along * basis[b, j]
-                found[b, a] += 0.5 * along * basis[b, j]
-    return found

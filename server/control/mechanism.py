@@ -1,5 +1,6 @@
 """A kinematic chain: forward kinematics and Jacobian of the MRF, by Pinocchio."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,11 @@ from ...config.errors import ConfigError
 from ...config.load import Cell
 from .compiled import MATRIX, VECTOR, compiled
 from .frames import Array, Pose
+
+_POSTURES = 12
+"""So many are tried to find the axes that a chain reaches [1]."""
+_REACHED = 1e-6
+"""An axis is reached where its singular value is above this part of the greatest [1]."""
 
 
 class Kinematics(NamedTuple):
@@ -43,6 +49,8 @@ class Mechanism:
         self.T_world_base = T_world_base
         self._data = model.createData()
         self.tip = model.getFrameId(tip_link)
+        self.rank = self._reached()
+        """How many of a task's axes the chain reaches anywhere: 3 for a planar one [1]."""
         self._base_is_world = bool(
             np.array_equal(T_world_base.R, np.eye(3)) and not T_world_base.p.any()
         )
@@ -87,6 +95,16 @@ class Mechanism:
     def mass_matrix(self, q: Array) -> Array:
         """Return the mass matrix (n, n) [kg·m²] at q (n,) [rad], of the URDF's inertias."""
         return np.array(pin.crba(self.model, self._data, q))
+
+    def _reached(self) -> int:
+        """Return the greatest rank that the Jacobian has at some postures, whatever its point."""
+        draw, most = np.random.default_rng(0), 0
+        for _ in range(_POSTURES):
+            q = draw.uniform(-math.pi, math.pi, self.n)
+            J = pin.computeFrameJacobian(self.model, self._data, q, self.tip)
+            s = np.linalg.svd(J, compute_uv=False)
+            most = max(most, int((s > _REACHED * s[0]).sum()))
+        return most
 
     def _placed(self, placement: "pin.SE3", T_world_base: Pose | None) -> Pose:
         """Return a placement in Base as a pose in World."""

@@ -24,9 +24,6 @@ NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
 _NONE: Final = 1e-12
 """Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
 
-TASK = 6
-"""Freedoms of the task: with no more joints than these, nothing is spare."""
-
 
 class Pulls(NamedTuple):
     """How strongly each objective acts."""
@@ -51,7 +48,7 @@ class Redundancy:
     def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         self._mid_range = MidRange(p.lower, p.upper)
-        self._spare = p.n > TASK
+        self._spare = p.n > mechanism.rank
         self._velocity = p.velocity
         self._bound = p.redundancy.max_rate * p.velocity
         self.pulls = Pulls(p.redundancy.gains, p.pull_posture)
@@ -90,7 +87,7 @@ class Redundancy:
     ) -> SelfMotion:
         """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
 
-        `null` (n − 6, n) has orthonormal rows that span the spare motions; `factor` is the
+        `null` (n − rank, n) has orthonormal rows that span the spare motions; `factor` is the
         reduced-speed setting, which scales the bound of the self-motion; `outside` holds what the
         objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
         s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
@@ -126,7 +123,7 @@ class Redundancy:
             case "mid_range":
                 return self._mid_range.rate(q)
             case "manipulability":
-                return manipulability.slope(J)[1]
+                return manipulability.slope(J, self._mechanism.rank)[1]
             case "posture":
                 return posture.rate(q, pulls.posture)
             case _:

@@ -27,8 +27,9 @@ from .limit import Limited, Limiter
 from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
 from .redundancy import Redundancy, SelfMotion
-from .resolve import Travel, resolve
+from .resolve import resolve
 from .rigid import jacobian_at, twist_at
+from .singular import Travel
 from .sources.following import FollowingState
 from .sources.force import ForceState
 from .sources.joystick import JoystickState
@@ -71,7 +72,7 @@ class Control:
         self.summing = Summing(p)
         self.gains = Gains(p.schedules, T)
         self.redundancy = Redundancy(p, mechanism)
-        self.field = Field(p)
+        self.field = Field(p, mechanism.rank)
         self.allow = Allow(p, guard)
         # Where links are is found once for all that the cell describes by the same ones.
         self._links = None if guard is None or guard.links is not p.links else guard.links
@@ -246,6 +247,7 @@ class Control:
             twist_at(asked, lever) if elsewhere else asked,
             self.p.resolve,
             Travel(q - self.p.lower, self.p.upper - q),
+            self.mechanism.rank,
         )
         dq = task.dq
         if spare:

@@ -1,6 +1,7 @@
 """The campaign's table of parts, in the order in which they are run."""
 
 from .asking import ASKING
+from .crossings import CROSSINGS
 from .crowd_runs import SCENES
 from .fuzz.runs import FUZZ
 from .hostile_runs import HOSTILE
@@ -19,4 +20,5 @@ PARTS: dict[str, Part] = {
     "wedges": WEDGES,
     "requests": ASKING,
     "fuzz": FUZZ,
+    "crossings": CROSSINGS,
 }

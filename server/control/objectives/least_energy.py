@@ -22,7 +22,7 @@ _MASSLESS: Final = 1e-9
 def rate(dq_task: Array, null: Array, M: Array) -> Array:
     """Return z (n,) [rad/s] for the task's rates (n,) and the mass matrix M (n, n).
 
-    `null` (n − 6, n) has orthonormal rows that span the spare motions.
+    `null` (n − rank, n) has orthonormal rows that span the spare motions.
     """
     n = len(dq_task)
     momentum = np.zeros(n)

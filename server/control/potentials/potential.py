@@ -12,7 +12,7 @@ from ..frames import Array
 from ..objectives import manipulability
 from ..scene import Scene
 from .push import push
-from .shape import Index, Shape
+from .shape import Index, Shape, screws
 
 
 class Strengths(NamedTuple):
@@ -53,12 +53,13 @@ class Potential:
         strengths: Strengths,
         least: float,
         smooth_lines: bool = True,
+        rank: int = 6,
     ) -> None:
         """Build for joints between `lower` and `upper` (n,) [rad].
 
         `body` (m,) counts the joints inboard of each link; `least` [m] bounds distances from
         below. Lines are charged all along, or else a charge stands for each where it is closest to
-        each link.
+        each link. `rank` is how many axes the arm reaches anywhere.
         """
         self._middle = 0.5 * (lower + upper)
         self._stiffness = strengths.joint_limits / (upper - lower)
@@ -66,6 +67,7 @@ class Potential:
         self._strengths = strengths
         self._least = least
         self._smooth_lines = smooth_lines
+        self._rank = rank
 
     def at(self, here: Shape, scene: Scene | None) -> Value:
         """Return V and −∂V/∂q of a shape in a scene; None: nothing repels its links."""
@@ -73,8 +75,10 @@ class Potential:
         torque, held = _to_the_middle(here.q, self._middle, self._stiffness)
         parts = {"joint_limits": held}
         if k.manipulability > 0.0:
-            # The same about any point: what moves the point has determinant one.
-            w, slope = manipulability.slope(here.screws)
+            # With all six axes it is the same about any point: what moves the point has
+            # determinant one.
+            J = here.screws if self._rank == 6 else screws(here.screws, -here.tool)
+            w, slope = manipulability.slope(J, self._rank)
             torque = torque + k.manipulability * slope
             parts["manipulability"] = -k.manipulability * w
         parts["obstacles"] = 0.0

@@ -25,14 +25,16 @@ class Shape(NamedTuple):
     """Twist of a joint's rate (6, n), taken at World's origin: `[v; ω]`."""
     ends: Array
     """Both ends of the links, in World (m, 2, 3) [m]."""
+    tool: Array
+    """Where the tool's point is, in World (3,) [m]."""
 
 
 def shape(q: Array, J: Array, p: Array, ends: Array) -> Shape:
-    """Return the shape at q (n,), with the Jacobian J (6, n) of a point p (3,) in World axes.
+    """Return the shape at q (n,), with the Jacobian J (6, n) of the tool's point p (3,) in World.
 
     `ends` (m, 2, 3) are the links' ends in World.
     """
-    return Shape(q, screws(J, p), ends)
+    return Shape(q, screws(J, p), ends, p)
 
 
 def ahead(at: Shape, body: Index, way: Array, step: float) -> Shape:
@@ -40,7 +42,7 @@ def ahead(at: Shape, body: Index, way: Array, step: float) -> Shape:
 
     `body` (m,) counts the joints inboard of each link.
     """
-    return Shape(*_moved(at.q, at.screws, at.ends, body, way, step))
+    return Shape(*_moved(at.q, at.screws, at.ends, at.tool, body, way, step))
 
 
 @compiled(XYZ, XYZ)
@@ -62,11 +64,11 @@ def screws(J: Array, p: Array) -> Array:
     return found
 
 
-@compiled(VECTOR, MATRIX, ARRAY3, INDEX, VECTOR, NUMBER)
+@compiled(VECTOR, MATRIX, ARRAY3, VECTOR, INDEX, VECTOR, NUMBER)
 def _moved(
-    q: Array, S: Array, ends: Array, body: Index, way: Array, step: float
-) -> tuple[Array, Array, Array]:
-    """Return angles, screws and ends of a shape after a small step."""
+    q: Array, S: Array, ends: Array, tool: Array, body: Index, way: Array, step: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return angles, screws, ends and tool of a shape after a small step."""
     n = len(q)
     angles, turned, shifted = np.empty(n), np.empty((6, n)), np.empty(ends.shape)
     twist = np.zeros((n + 1, 6))  # of each body, over the step
@@ -89,4 +91,8 @@ def _moved(
             dx = _cross(W, x)
             for i in range(3):
                 shifted[link, e, i] = x[i] + twist[b, i] + dx[i]
-    return angles, turned, shifted
+    moved, W = np.empty(3), (twist[n, 3], twist[n, 4], twist[n, 5])
+    dx = _cross(W, (tool[0], tool[1], tool[2]))
+    for i in range(3):
+        moved[i] = tool[i] + twist[n, i] + dx[i]
+    return angles, turned, shifted, moved
