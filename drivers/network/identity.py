@@ -197,7 +197,9 @@ def _found(where: Path, role: Role, name: str) -> Identity:
     authority = read(folder / f"{AUTHORITY}.crt")
     path = folder / f"{stem}.crt"
     if not path.is_file():
-        raise ConfigError(f"{path}: no such certificate; telerobot certify makes them")
+        raise ConfigError(
+            f"{path}: not there: telerobot certify makes it; or name yours with --identity"
+        )
     parsed = issued(path, authority)
     found = Identity(folder, certificate(parsed))
     now = datetime.now(UTC)

@@ -110,6 +110,13 @@ def test_an_operator_on_a_second_machine_drives_and_a_stranger_gets_nowhere(tmp_
             assert caught.value.reason == "not_certified"
             assert "observer-bob may not send on telerobot/pa10/operator/lease" in str(caught.value)
 
+        run([*page.command("telerobot certify"), "--operator", "carol"])
+        with (
+            Operator(plant.cell, identity="keys/operator-carol") as carol,
+            pytest.raises(OperatorError, match="does its daemon know operator-carol"),
+        ):
+            carol.wait_state(1.0)
+
         monkeypatch.chdir(stranger)
         assert nobody_answers("pa10", endpoint=page.endpoint.replace("tls/", "tcp/"))
         assert nobody_answers("pa10", endpoint=page.endpoint, identity="keys/operator-ann")

@@ -206,7 +206,7 @@ def test_each_process_finds_its_own(arm):
 def test_of_several_operators_the_one_of_the_name_is_taken_or_none(arm):
     certify(arm, "--operator", "ann", "--operator", "bob")
     assert identity_of(load_cell(arm), Role.OPERATOR, "bob").certificate.name == "operator-bob"
-    assert "operator-eve.crt: no such certificate" in refusal(arm, Role.OPERATOR, "eve")
+    assert "operator-eve.crt: not there" in refusal(arm, Role.OPERATOR, "eve")
 
 
 def test_the_wrong_certificate_is_said(arm, tmp_path):

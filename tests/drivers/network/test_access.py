@@ -5,25 +5,14 @@ import json
 import pytest
 import zenoh
 from telerobot.drivers.network.sessions import client_config, dialling_config, router_config
+from telerobot.protocols.topics import TOPICS
 from telerobot.tools.certify.router import write_router
 
 from .wire import Try, all_keys, free_endpoint, with_control
 
-COMMANDS = {
-    f"cmd/{key}"
-    for key in (
-        "keepalive", "joystick", "position", "force", "jog", "posture", "path", "master_pose",
-        "cancel",
-    )
-}  # fmt: skip
-REQUESTS = {
-    f"operator/{key}"
-    for key in (
-        "lease", "release", "mode", "protective_stop", "protective_clear", "gain", "switch",
-        "frame", "speed", "tare", "payload", "gripper", "redundancy", "path", "clutch",
-        "store_view", "avoidance", "reflection",
-    )
-}  # fmt: skip
+EVERY_KEY = {topic.key for topic in TOPICS}
+COMMANDS = {key for key in EVERY_KEY if key.startswith("cmd/")}
+REQUESTS = {key for key in EVERY_KEY if key.startswith("operator/")}
 TELEMETRY = {"tlm/state", "tlm/event", "tlm/description", "tlm/reflection"}
 FAULTS = {"rig/fault", "rig/motion"}
 TRUTH = {"rig/truth"}
@@ -134,6 +123,10 @@ def test_an_operator_of_two_cells_may_command_both(zone, endpoint, monkeypatch):
     assert tried.passes(session, router, session.put) == {
         f"telerobot/{cell}/{key}" for cell in ("pa10", "ur5e") for key in COMMANDS
     }
+
+
+def test_the_table_has_every_key_that_there_is():
+    assert COMMANDS | REQUESTS | TELEMETRY | FAULTS | TRUTH | SENSORS == EVERY_KEY
 
 
 def test_these_observations_see_everything_where_nothing_is_refused(zone, endpoint):
