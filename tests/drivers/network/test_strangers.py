@@ -73,11 +73,12 @@ def test_a_certificate_out_of_its_time_is_refused(zone, daemon, endpoint, when):
 def test_a_link_ends_with_the_certificate_that_opened_it(zone, endpoint):
     short = datetime.now(UTC) - timedelta(days=1) + timedelta(seconds=4)
     zone.certify("operator-short", "pa10/operator", now=short, days=1)
+    ends = zone.identity("operator-short").certificate.ends
     router = zone.open(router_config(endpoint, "pa10", zone.identity("daemon-pa10")))
     session = zone.open(client_config(endpoint, "pa10", zone.identity("operator-short")))
     assert list(session.info.routers_zid()) == [router.zid()]
     while list(session.info.routers_zid()):
-        router.put(STATE, b"x")
+        assert datetime.now(UTC) < ends + timedelta(seconds=20), "the link stays"
 
 
 @pytest.mark.parametrize("name", ["operator-ann", "sensor-vision", "rig-pa10", "observer-bob"])
