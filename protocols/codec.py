@@ -12,20 +12,19 @@ from typing import Any, Final, TypeVar, get_args
 import msgpack
 from pydantic import ValidationError
 
+from .bounds import bounds_of
 from .messages import VERSION, Message
 from .topics import Topic
 
 MessageT = TypeVar("MessageT", bound=Message)
 
 _LONGEST_VALUE: Final = 40
-_LIMITS: Final[dict[str, Any]] = {
-    "use_list": False,
-    "max_str_len": 4096,
-    "max_bin_len": 4096,
-    "max_array_len": 1024,
-    "max_map_len": 256,
-    "max_ext_len": 0,
-}
+_COMMON: Final = {"use_list": False, "max_ext_len": 0}
+_ROOM: Final = {"max_str_len": 4096, "max_bin_len": 64, "max_array_len": 1024, "max_map_len": 256}
+"""Limits for messages that bound themselves nowhere: telemetry."""
+
+_SLACK: Final = 8
+"""Parts that are up to twice as large as any field needs, and this, are refused by field [1]."""
 
 
 class Reason(StrEnum):
@@ -70,7 +69,7 @@ def decode_as(kind: type[MessageT], payload: bytes, max_bytes: int = 4096) -> Me
     """Return a message of a kind, such as a `Reply`. Raises `CodecError`."""
     if len(payload) > max_bytes:
         raise CodecError(Reason.TOO_LARGE, f"{len(payload)} bytes, at most {max_bytes}")
-    fields = _unpack(payload)
+    fields = _unpack(kind, payload)
     _take_version(fields)
     for name, members in _enum_fields(kind).items():
         value = fields.get(name)
@@ -88,10 +87,12 @@ def decode_as(kind: type[MessageT], payload: bytes, max_bytes: int = 4096) -> Me
     return message
 
 
-def _unpack(payload: bytes) -> dict[str, Any]:
+def _unpack(kind: type[Message], payload: bytes) -> dict[str, Any]:
+    limits, flat = _limits(kind)
+    pairs_hook = _OneMap() if flat else _pairs
     try:
         fields = msgpack.unpackb(
-            payload, object_pairs_hook=_pairs, ext_hook=_no_extension, **_LIMITS
+            payload, object_pairs_hook=pairs_hook, ext_hook=_no_extension, **limits
         )
     except CodecError:
         raise
@@ -101,6 +102,36 @@ def _unpack(payload: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise CodecError(Reason.NOT_A_MAP, f"a {type(fields).__name__} instead of a map")
     return fields
+
+
+@cache
+def _limits(kind: type[Message]) -> tuple[dict[str, Any], bool]:
+    """Return what MessagePack may hold for a kind, and whether no map is in its map."""
+    bounds = bounds_of(kind)
+    if bounds is None:
+        return {**_COMMON, **_ROOM}, False
+    needed = {
+        "max_str_len": bounds.text,
+        "max_bin_len": bounds.binary,
+        "max_array_len": bounds.array,
+        "max_map_len": bounds.fields,
+    }
+    return {**_COMMON, **{limit: 2 * most + _SLACK for limit, most in needed.items()}}, True
+
+
+class _OneMap:
+    """Makes the map of a message that has no other in it; the second one that ends is refused."""
+
+    __slots__ = ("_made",)
+
+    def __init__(self) -> None:
+        self._made = False
+
+    def __call__(self, pairs: list[tuple[object, object]]) -> dict[object, object]:
+        if self._made:
+            raise CodecError(Reason.NOT_MESSAGEPACK, "a map within the map")
+        self._made = True
+        return _pairs(pairs)
 
 
 def _pairs(pairs: list[tuple[object, object]]) -> dict[object, object]:

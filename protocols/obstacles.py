@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from .messages import Attitude, Command, Count, Message, Place, Speed
 
-ObstacleName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+ObstacleName = Annotated[str, Field(max_length=32, pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 Length = Annotated[float, Field(ge=0, le=10)]
 HalfSide = Annotated[float, Field(gt=0, le=20)]
 

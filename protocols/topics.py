@@ -7,9 +7,11 @@ library, any language can drive an arm: `agreement.py` says how the lease's secr
 
 from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
+from functools import cached_property
 
 from . import messages as m
 from . import motion, moving, requests
+from .bounds import bounds_of
 from .obstacles import AvoidanceRequest, ObstacleNews
 from .reflection import Reflection, ReflectionRequest
 from .rig import RigFault, RigTruth
@@ -86,10 +88,20 @@ class Topic:
     """What a well-behaved sender keeps to; None: when needed."""
     reliable: bool = False
     """Delivered reliably, blocking its sender; else real-time priority, dropped when congested."""
-    max_bytes: int = 4096
-    """Longer payloads are refused unread."""
+    largest: int | None = None
+    """Largest payload [B] of a message whose fields do not tell it (`bounds.py`)."""
     unread: int = 8
     """So many unread messages are kept; older ones are dropped for newer ones."""
+
+    @cached_property
+    def max_bytes(self) -> int:
+        """Longer payloads are refused unread [B]."""
+        bounds = bounds_of(self.message)
+        if self.largest is not None:
+            return self.largest
+        if bounds is None:
+            raise TypeError(f"{self.key}: nothing bounds its messages")
+        return bounds.size
 
     @property
     def needs_proof(self) -> bool:
@@ -115,7 +127,7 @@ POSITION = _command("position", m.PositionTarget, Life.GOAL)
 FORCE = _command("force", m.DesiredWrench, Life.GOAL)
 JOG = _command("jog", m.JointJog, Life.STREAM, 100)
 POSTURE = _command("posture", m.PostureMove, Life.GOAL)
-PATH = Topic("cmd/path", motion.PathMotion, Flow.COMMAND, Life.GOAL, max_bytes=8192)
+PATH = _command("path", motion.PathMotion, Life.GOAL)
 MASTER_POSE = _command("master_pose", motion.MasterPose, Life.STREAM, 100)
 CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 
@@ -145,17 +157,17 @@ STORE_VIEW = _request("store_view", StoreView)
 AVOIDANCE = _request("avoidance", AvoidanceRequest)
 REFLECT = _request("reflection", ReflectionRequest)
 
-STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, max_bytes=65536)
-EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, max_bytes=65536)
+STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, largest=65536)
+EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, largest=65536)
 DESCRIPTION = Topic(
-    "tlm/description", m.Description, Flow.TELEMETRY, Life.GOAL, 1, reliable=True, max_bytes=65536
+    "tlm/description", m.Description, Flow.TELEMETRY, Life.GOAL, 1, reliable=True, largest=65536
 )
 REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)
 """Only of cells that reflect forces."""
 
 RIG_FAULT = Topic("rig/fault", RigFault, Flow.RIG_COMMAND, reliable=True)
 RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)
-RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, max_bytes=65536)
+RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, largest=65536)
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,

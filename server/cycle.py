@@ -30,6 +30,7 @@ from .mode import Mode, Situation, Wish, next_mode
 from .orders import Orders
 from .plant import Plant, PlantReading
 from .power import Power
+from .reception import Reception
 from .telemetry import describe, report
 from .warm_up import warm_up
 from .watches import Watches
@@ -95,7 +96,8 @@ class Cycle:
         self._reopened = False
         self._retiring = False
         self._watches = Watches(cell, control, self._orders, self._events)
-        self._intake = Intake(link, self._admission, self._desk, self._orders, self._events)
+        reception = Reception(link, self._admission, clock.now, timing.period_s)
+        self._intake = Intake(reception, self._admission, self._desk, self._orders, self._events)
 
     def boot(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`."""
@@ -133,6 +135,15 @@ class Cycle:
     def T_wrist_mrf(self) -> Pose:
         """The MRF that is in force."""
         return self._orders.places.T_wrist_mrf
+
+    @property
+    def pressed(self) -> bool:
+        """True while so much junk comes in that it should be sorted more than once a period."""
+        return self._intake.pressed
+
+    def listen(self, until_s: float) -> None:
+        """Sort what has come in from the network, until a time between two ticks' work."""
+        self._intake.listen(Now(self.clock.now(), self.tick, self._enabled_since), until_s)
 
     def gather(self) -> None:
         """Take in what has come by now: a late answer shall not pass for one to the next SYNC."""

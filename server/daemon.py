@@ -36,6 +36,9 @@ from .realtime import prepare, release
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""
 
+LISTEN_S = 0.02
+"""Meanwhile, what comes in is sorted every [s]."""
+
 RETIRE_S = 3.0
 """A daemon that is asked to end takes at most this long to stop the arm [s]."""
 
@@ -178,7 +181,10 @@ def _boot(cycle: Cycle, clock: MonotonicClock, ending: Ending) -> bool:
                 told = str(error)
                 print(f"telerobot: waiting: {told}", file=sys.stderr, flush=True)
             cycle.wait_in_boot(str(error))
-            clock.sleep_until(clock.now() + RETRY_S)
+            again_s = clock.now() + RETRY_S
+            while clock.now() < again_s:  # what comes in meanwhile must not pile up
+                clock.sleep_until(clock.now() + LISTEN_S)
+                cycle.listen(again_s)
         else:
             return True
     return False

@@ -17,16 +17,15 @@ from ..protocols.obstacles import AvoidanceRequest
 from ..protocols.proof import Proof
 from ..protocols.reflection import ReflectionRequest
 from ..protocols.sightings import StoreView
-from ..protocols.topics import PROTECTIVE_CLEAR
 from .admission import Admission, Now, Refused, Why
 from .control.frames import Array, Pose
 from .events import Events
 from .frame_watch import FrameWatch
 from .grants import Grants
-from .link import Asked
 from .mode import Mode, Wish
 from .orders import Orders
 from .protective import ProtectiveStops
+from .reception import Letter, refusal_reply
 from .vision_watch import VisionWatch
 from .world import World
 
@@ -83,7 +82,7 @@ class View:
 class _Pending:
     """A wish whose request waits for its answer."""
 
-    asked: Asked
+    asked: Letter
     since_s: float
 
 
@@ -116,29 +115,16 @@ class Desk:
         """Forget what was asked for one tick only."""
         self.hold = self.resume = False
 
-    def serve(self, asked: Asked, view: View) -> None:
+    def serve(self, asked: Letter, view: View) -> None:
         """Answer one request, or keep it until its wish has come about."""
         try:
-            proof = None
-            if asked.topic.needs_proof or (asked.proof and asked.topic is PROTECTIVE_CLEAR):
-                proof = self._admission.prove(asked.topic, asked.payload, asked.proof, view.now)
-            message = self._admission.admit(asked.topic, asked.payload, proof, view.now)
-            reply = self._act(message, asked, proof, view)
+            message = self._admission.admit(asked.topic, asked.payload, asked.proof, view.now)
+            reply = self._act(message, asked, view)
         except Refused as refused:
-            self._events.warning(
-                "request_refused",
-                f"{asked.topic.key}: {refused.detail}",
-                topic=asked.topic.key,
-                reason=refused.reason,
-            )
-            reply = requests.Reply(
-                ok=False,
-                reason=str(refused.reason)[:64],
-                detail=refused.detail[:500],
-                tick=view.now.tick,
-            )
+            self._events.refused("request", asked.topic.key, refused.reason, refused.detail)
+            reply = refusal_reply(refused, view.now)
         if reply is not None:
-            asked.answer(encode(reply))
+            asked.reply(encode(reply))
 
     def settle(self, mode: Mode, view: View) -> None:
         """Answer the pending wish once it has come about or has taken too long."""
@@ -173,16 +159,12 @@ class Desk:
             reply = requests.Reply(ok=True, tick=now.tick)
         else:
             self._events.warning(f"{wish}_failed", refused.detail, reason=refused.reason)
-            reply = requests.Reply(
-                ok=False, reason=refused.reason, detail=refused.detail[:500], tick=now.tick
-            )
-        pending.asked.answer(encode(reply))
+            reply = refusal_reply(refused, now)
+        pending.asked.reply(encode(reply))
 
     # --- one method per request --------------------------------------------------------------
 
-    def _act(
-        self, message: m.Message, asked: Asked, proof: Proof | None, view: View
-    ) -> requests.Reply | None:
+    def _act(self, message: m.Message, asked: Letter, view: View) -> requests.Reply | None:
         ok = requests.Reply(ok=True, tick=view.now.tick)
         match message:
             case requests.LeaseRequest():
@@ -198,7 +180,7 @@ class Desk:
                 self._stops.latch(message.operator, message.seal)
                 self._events.warning("protective_stop", f"asked by {message.operator}")
             case requests.ProtectiveClear():
-                return self._clear(message, proof, view)
+                return self._clear(message, asked.proof, view)
             case requests.GainRequest():
                 reason = view.gain_bound(message.source, message.gain)
                 if reason is not None:
@@ -264,7 +246,7 @@ class Desk:
         return ok
 
     def _mode(
-        self, message: requests.ModeRequest, asked: Asked, view: View
+        self, message: requests.ModeRequest, asked: Letter, view: View
     ) -> requests.Reply | None:
         mode = view.mode
         allowed: dict[str, tuple[Mode, ...]] = {

@@ -42,6 +42,16 @@ class Events:
         """Note something that stops the arm."""
         self._add("error", name, detail, values)
 
+    def refused(self, kind: str, key: str, reason: str, detail: str, count: int = 1) -> None:
+        """Note that a command or a request was refused, or several on one key."""
+        more: dict[str, Value] = {"count": count} if count > 1 else {}
+        self._add(
+            "warning",
+            f"{kind}_refused",
+            f"{key}: {detail}",
+            {"topic": key, "reason": str(reason), **more},
+        )
+
     def take(self) -> list[Event]:
         """Return and forget what happened since the last call."""
         taken = list(self._pending)

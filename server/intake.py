@@ -1,24 +1,31 @@
 """What operators say in one period: requests answered, commands admitted and put in force."""
 
+from ..protocols.codec import encode
 from ..protocols.messages import Command, Keepalive
 from ..protocols.moving import FrameNews
 from ..protocols.obstacles import ObstacleNews
 from ..protocols.sightings import Sighting
-from ..protocols.topics import Topic
-from .admission import Admission, Refused
+from ..protocols.topics import Flow
+from .admission import Admission, Now, Refused
+from .control.frames import Pose
 from .desk import Desk, View
 from .events import Events
-from .link import Link
 from .orders import Orders
+from .reception import Letter, Reception, Refusal, refusal_reply
 
 
 class Intake:
-    """Takes everything from the link and hands it to the desk, the lease or the orders."""
+    """Takes what was received and hands it to the desk, the lease or the orders."""
 
     def __init__(
-        self, link: Link, admission: Admission, desk: Desk, orders: Orders, events: Events
+        self,
+        reception: Reception,
+        admission: Admission,
+        desk: Desk,
+        orders: Orders,
+        events: Events,
     ) -> None:
-        self._link = link
+        self._reception = reception
         self._admission = admission
         self._desk = desk
         self._orders = orders
@@ -32,45 +39,64 @@ class Intake:
         if holder is not None and not self._admission.lease.alive(now_s):
             self._events.warning("lease_expired", holder)
             self._admission.end()
-        for asked in self._link.requests():
+        self._reception.sort(view.now)
+        for refusal in self._reception.refusals():
+            self._answer(refusal, view)
+        for asked in self._reception.requests():
             self._desk.serve(asked, view)
-        commands = self._admitted(view)
         T_world_mrf = view.placed(self._orders.places.T_wrist_mrf)
-        if T_world_mrf is not None:
-            # Topics arrive apart; what one operator said within a period is taken as it was said.
-            for topic, command, _ in sorted(commands, key=lambda item: item[2]):
-                try:
-                    self._orders.take(command, now_s, T_world_mrf)
-                except Refused as refused:
-                    self._refuse(topic, refused)
+        for letter in self._reception.commands():
+            self._command(letter, view, T_world_mrf)
+        for letter in self._reception.sensors():
+            self._news(letter, view)
+        for refusal in self._reception.refusals():
+            self._answer(refusal, view)
+        self._reception.let_go(now_s + self._reception.budget_s)
         view.vision.look(view.now.tick)
         view.world.look(view.now.tick)
         self._look_at_energy()
         for name in self._orders.expired(now_s):
             self._events.info("stream_expired", name)
 
-    def _admitted(self, view: View) -> list[tuple[Topic, Command, int]]:
-        admitted: list[tuple[Topic, Command, int]] = []
-        for topic, payload, attached in self._link.commands():
-            try:
-                proof = None
-                if topic.needs_proof:
-                    proof = self._admission.prove(topic, payload, attached, view.now)
-                message = self._admission.admit(topic, payload, proof, view.now)
-                if isinstance(message, Sighting):
-                    view.vision.take(message, view.now.tick)
-                elif isinstance(message, ObstacleNews):
-                    view.world.take(message, view.now.tick)
-                elif isinstance(message, FrameNews):
-                    view.frames.take(message, view.now.tick)
-            except Refused as refused:
-                self._refuse(topic, refused)
-                continue
+    def listen(self, now: Now, until_s: float) -> None:
+        """Sort what has come while nothing else is due; let go of refused requests until a time."""
+        self._reception.sort(now)
+        self._reception.let_go(until_s)
+
+    @property
+    def pressed(self) -> bool:
+        """True while so much junk comes in that it should be sorted more often."""
+        return self._reception.pressed
+
+    def _command(self, letter: Letter, view: View, T_world_mrf: Pose | None) -> None:
+        try:
+            message = self._admission.admit(letter.topic, letter.payload, letter.proof, view.now)
             if isinstance(message, Keepalive):
                 self._admission.renew(view.now)
-            elif isinstance(message, Command) and proof is not None:
-                admitted.append((topic, message, proof.seq))
-        return admitted
+            elif isinstance(message, Command) and T_world_mrf is not None:
+                self._orders.take(message, view.now.time_s, T_world_mrf)
+        except Refused as refused:
+            self._events.refused("command", letter.topic.key, refused.reason, refused.detail)
+
+    def _news(self, letter: Letter, view: View) -> None:
+        try:
+            news = self._admission.admit(letter.topic, letter.payload, None, view.now)
+            if isinstance(news, Sighting):
+                view.vision.take(news, view.now.tick)
+            elif isinstance(news, ObstacleNews):
+                view.world.take(news, view.now.tick)
+            elif isinstance(news, FrameNews):
+                view.frames.take(news, view.now.tick)
+        except Refused as refused:
+            self._events.refused("command", letter.topic.key, refused.reason, refused.detail)
+
+    def _answer(self, refusal: Refusal, view: View) -> None:
+        """Tell of messages that were refused before they were read, and answer the first ones."""
+        key, refused = refusal.topic.key, refusal.refused
+        kind = "request" if refusal.topic.flow is Flow.REQUEST else "command"
+        self._events.refused(kind, key, refused.reason, refused.detail, refusal.count)
+        for answer in refusal.answers:
+            answer(encode(refusal_reply(refused, view.now)))
 
     def _look_at_energy(self) -> None:
         reflector = self._orders.reflector
@@ -82,11 +108,3 @@ class Intake:
                 ledger_j=round(reflector.ledger, 4),
                 protected=reflector.protected,
             )
-
-    def _refuse(self, topic: Topic, refused: Refused) -> None:
-        self._events.warning(
-            "command_refused",
-            f"{topic.key}: {refused.detail}",
-            topic=topic.key,
-            reason=str(refused.reason),
-        )

@@ -17,6 +17,9 @@ COLLECT_PART = 0.3
 GATHER_S = 1e-3
 """So long before a deadline the bus is emptied: it must not make SYNC late [s]."""
 
+LISTEN_PART = 0.5
+"""Under a flood, messages are sorted once more, so long before a deadline [periods]."""
+
 SKIP_PART = 0.5
 """A tick later than this part of a period is skipped, not squeezed in [1]."""
 
@@ -78,6 +81,9 @@ def run(
     statistics = LoopStatistics()
     deadline = clock.now() + period_s
     while go_on(cycle):
+        if cycle.pressed:
+            clock.sleep_until(deadline - LISTEN_PART * period_s)
+            cycle.listen(deadline - 2 * GATHER_S)
         clock.sleep_until(deadline - GATHER_S)
         cycle.gather()
         clock.sleep_until(deadline)

@@ -1,47 +1,50 @@
 """An operators' network inside one process, for simulation: the same bytes, no Zenoh."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from ..protocols.topics import Flow, Topic
-from .link import Asked, Put
+from .link import Parcel, room
 
 
 class MemoryLink:
     """Both ends of the network: the cycle polls it, an operator in the same process uses it."""
 
     def __init__(self) -> None:
-        self._commands: dict[str, deque[Put]] = {}
-        self._requests: deque[Asked] = deque()
+        self._rings: dict[str, deque[Parcel]] = {}
         self._listeners: list[Callable[[Topic, bytes], None]] = []
 
     def put(self, topic: Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
         if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
             raise ValueError(f"{topic.key} is no command")
-        box = self._commands.setdefault(topic.key, deque(maxlen=topic.unread))
-        box.append(Put(topic, payload, proof))
+        self._ring(topic).append(Parcel(payload, proof))
 
     def ask(
         self, topic: Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
     ) -> None:
         """Send a request as an operator; `answer` is called with the reply's bytes."""
-        self._requests.append(Asked(topic, payload, answer, proof))
+        if topic.flow is not Flow.REQUEST:
+            raise ValueError(f"{topic.key} is no request")
+
+        def reply(content: bytes | None) -> None:
+            if content is not None:
+                answer(content)
+
+        self._ring(topic).append(Parcel(payload, proof, reply))
 
     def listen(self, listener: Callable[[Topic, bytes], None]) -> None:
         """Hand all telemetry to a listener as it is published."""
         self._listeners.append(listener)
 
-    def commands(self) -> Iterator[Put]:
-        """Yield the commands and sensor readings that came in, oldest first on each topic."""
-        for box in self._commands.values():
-            while box:
-                yield box.popleft()
+    def room(self, topic: Topic) -> int:
+        """Return how many messages of a topic wait at most."""
+        return room(topic)
 
-    def requests(self) -> Iterator[Asked]:
-        """Yield the requests that came in."""
-        while self._requests:
-            yield self._requests.popleft()
+    def next(self, topic: Topic) -> Parcel | None:
+        """Return the oldest message that waits on a topic, None without one."""
+        ring = self._rings.get(topic.key)
+        return ring.popleft() if ring else None
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send telemetry."""
@@ -51,3 +54,6 @@ class MemoryLink:
     def close(self) -> None:
         """Forget everybody."""
         self._listeners.clear()
+
+    def _ring(self, topic: Topic) -> deque[Parcel]:
+        return self._rings.setdefault(topic.key, deque(maxlen=room(topic)))

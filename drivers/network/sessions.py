@@ -28,22 +28,57 @@ _AGAIN = {
     "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
 }
 
+BATCH_BYTES = 8192
+"""Messages of up to this size arrive whole; each may keep so much of the daemon's memory [B]."""
+
+MESSAGE_BYTES = 16384
+"""Longer messages, in pieces, are dropped by the daemon's Zenoh before they are whole [B]."""
+
+BATCHES = 16
+"""Batches of each priority that wait while a peer, or its link, is slow: Zenoh's most [1]."""
+
+PRIORITIES = (
+    "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low",
+    "background",
+)  # fmt: skip
+"""Telemetry's priority, and those that a request may choose for its reply."""
+
+PATIENCE_US = 100
+"""A tick waits so long for room for a reply; then the session of who reads none is ended [µs]."""
+
+# Shared memory would carry messages past the bound of their size.
+_BOUNDED = {
+    "transport/link/tx/batch_size": BATCH_BYTES,
+    "transport/link/rx/max_message_size": MESSAGE_BYTES,
+    "transport/shared_memory/enabled": False,
+}
+_QUEUE = "transport/link/tx/queue"
+_IMPATIENT = {
+    **{f"{_QUEUE}/size/{priority}": BATCHES for priority in PRIORITIES},
+    f"{_QUEUE}/congestion_control/drop/wait_before_drop": 0,
+    f"{_QUEUE}/congestion_control/drop/max_wait_before_drop_fragments": 0,
+    f"{_QUEUE}/congestion_control/block/wait_before_close": PATIENCE_US,
+}
+
 
 def router_config(listen: str, cell: str = "", identity: Identity | None = None) -> "zenoh.Config":
     """Return the configuration of a cell's daemon, which others dial at `listen`.
 
-    With an identity it lets those do what they may whose certificates lie beside its own.
+    With an identity it lets those do what they may whose certificates lie beside its own. What a
+    peer sends, or fails to read, costs the daemon little memory, and its ticks little time.
     """
     if identity is None:
-        return _config({"mode": "router", "listen/endpoints": [listen]})
+        return _config({"mode": "router", "listen/endpoints": [listen], **_BOUNDED, **_IMPATIENT})
     every, _ = known(identity.folder)
     settings = router_settings(listen, identity.folder, identity.certificate.name)
-    return _config({**settings, "access_control": enforced(in_cell(every, cell))})
+    access = {"access_control": enforced(in_cell(every, cell))}
+    return _config({**settings, **_IMPATIENT, **access})
 
 
 def router_settings(listen: str, folder: Path, name: str) -> dict[str, object]:
     """Return the settings of a router that shows a certificate, without its access control."""
-    return {"mode": "router", "listen/endpoints": [listen], **_COMMON, **_tls(folder, name)}
+    shown = {**_COMMON, **_BOUNDED, **_tls(folder, name)}
+    return {"mode": "router", "listen/endpoints": [listen], **shown}
 
 
 def client_config(
@@ -54,6 +89,17 @@ def client_config(
     Opening it fails where nobody answers; a link that is lost later is dialled again.
     """
     return _config({"mode": "client", "connect/endpoints": [endpoint], **_trust(cell, identity)})
+
+
+def member_config(
+    endpoint: str, cell: str = "", identity: Identity | None = None
+) -> "zenoh.Config":
+    """Return the configuration of a daemon that dials a common router, as `client_config`.
+
+    Bounded as a daemon's own router is.
+    """
+    settings = {"mode": "client", "connect/endpoints": [endpoint], **_BOUNDED, **_IMPATIENT}
+    return _config({**settings, **_trust(cell, identity)})
 
 
 def dialling_config(

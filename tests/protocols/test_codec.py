@@ -173,16 +173,21 @@ GOOD = msgpack.packb(TWIST)
         GOOD + b"\0",
         b"\xc1",
         b"\x82\xa1v\x01\xa1v\x01",
-        b"\x81\xa1v" + b"\x91" * 3000,
+        b"\x81\xa1v" + b"\x91" * 200,
         b"\x81\xa1v\xd4\x05\x00",
         b"\x81\xa1v\xd6\xff\x00\x00\x00\x00",
         b"\x81\xa1v\xdb" + struct.pack(">I", 2**31),
         b"\x81\xa1v\xdd" + struct.pack(">I", 2**31),
         b"\x81\xa1v\xa1\xff",
         b"\x81\x91\x01\x01",
+        b"\x81\xa1v" * 50 + b"\xc0",
+        b"\x81\xa1v\x92\x80\x80",
+        b"\x81\xa1v\xdc\x00\x15" + b"\xc0" * 21,
+        b"\xde\x00\x15" + b"".join(b"\xa1" + bytes([c, 0]) for c in range(65, 86)),
     ],
     ids=["empty", "cut", "extra", "reserved", "twice", "deep", "extension", "timestamp",
-         "huge string", "huge array", "not utf-8", "array as key"],
+         "huge string", "huge array", "not utf-8", "array as key", "nested maps", "maps within",
+         "array beyond any field", "map beyond all fields"],
 )  # fmt: skip
 def test_what_is_not_one_messagepack_map_is_refused(payload: bytes) -> None:
     with pytest.raises(CodecError) as refused:
@@ -191,8 +196,9 @@ def test_what_is_not_one_messagepack_map_is_refused(payload: bytes) -> None:
 
 
 def test_a_payload_over_the_topics_size_is_refused_unread() -> None:
-    with pytest.raises(CodecError, match="too_large: 4097 bytes, at most 4096"):
-        decode(topics.JOYSTICK, b"\xc1" * 4097)
+    most = topics.JOYSTICK.max_bytes
+    with pytest.raises(CodecError, match=f"too_large: {most + 1} bytes, at most {most}"):
+        decode(topics.JOYSTICK, b"\xc1" * (most + 1))
 
 
 @given(st.binary(max_size=200))

@@ -10,15 +10,15 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.proof import prove
-from telerobot.server.admission import Admission, Now, Why
+from telerobot.server.admission import Admission, Now, Refused, Why
 from telerobot.server.control.frames import Pose
 from telerobot.server.desk import ENABLE_TIMEOUT_S, Desk, View
 from telerobot.server.events import Events
 from telerobot.server.frame_watch import FrameWatch
 from telerobot.server.grants import Grants
-from telerobot.server.link import Asked
 from telerobot.server.mode import Mode, Wish
 from telerobot.server.orders import Orders
+from telerobot.server.reception import Letter, refusal_reply
 from telerobot.server.vision_watch import VisionWatch
 from telerobot.server.world import World
 from telerobot.tools.seeded_keys import seeded_keys
@@ -59,7 +59,11 @@ class Counter:
     def put(self, topic, payload, proof=b""):
         before = len(self.replies)
         answer = lambda reply: self.replies.append(decode_as(requests.Reply, reply))  # noqa: E731
-        self.desk.serve(Asked(topic, payload, answer, proof), self.view)
+        try:
+            proven = self.admission.prove(topic, payload, proof, self.view.now) if proof else None
+        except Refused as refused:
+            return refusal_reply(refused, self.view.now)
+        self.desk.serve(Letter(topic, payload, proven, answer), self.view)
         return self.replies[-1] if len(self.replies) > before else None
 
     def lease(self, operator="ann"):

@@ -67,6 +67,7 @@ class _Stalling:
     """A cycle whose third tick takes almost five periods, on a clock that it moves."""
 
     mode, output, compute_s = Mode.READY, None, 0.0
+    pressed = False
 
     def __init__(self, clock):
         self.plant, self.clock, self.tick, self.told = _Plant(), clock, 0, []
@@ -140,3 +141,29 @@ def test_an_answer_that_comes_late_once_does_not_make_all_samples_a_period_old()
     cycle = _Listening(clock)
     run(cycle, clock, 0.01, lambda cycle: cycle.tick < 8)
     assert cycle.used == [1, 2, 2, 4, 5, 6, 7, 8]
+
+
+class _Pressed(_Stalling):
+    """A cycle under a flood from its second tick to its fourth, that notes when it may listen."""
+
+    def __init__(self, clock):
+        super().__init__(clock)
+        self.heard = []
+
+    @property
+    def pressed(self):
+        return 2 <= self.tick < 5
+
+    def finish(self):
+        self.clock.time_s += 0.001
+
+    def listen(self, until_s):
+        self.heard.append((round(self.clock.time_s, 4), round(until_s, 4)))
+
+
+def test_under_a_flood_the_network_is_listened_to_between_two_ticks_and_ends_before_sync():
+    clock = _Clock()
+    cycle = _Pressed(clock)
+    run(cycle, clock, 0.01, lambda cycle: cycle.tick < 7)
+    assert cycle.heard == [(0.025, 0.028), (0.035, 0.038), (0.045, 0.048)]
+    assert cycle.told == [0] * 7

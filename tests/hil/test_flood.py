@@ -1,0 +1,64 @@
+"""Junk at 10,000 messages a second, from a process without any secret, costs no tick.
+
+Judged by the daemon's own count of overruns, against a quiet time of the same run.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FLOODER = Path(__file__).parent / "flooder.py"
+FLOOD_S, RATE = 3.0, 10_000
+
+NOISE = 5
+"""Overruns that a machine with other work may have in one flood and not in another [1]."""
+
+pytestmark = pytest.mark.hil
+
+
+def resident_mb(process):
+    lines = Path(f"/proc/{process.pid}/status").read_text(encoding="ascii").splitlines()
+    return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) / 1024
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        ("random", "nested", "forged", "wellformed"),
+        ("random@cmd/keepalive", "forged@cmd/keepalive", "nested@sensor/obstacle"),
+        ("wellformed@operator/lease", "random@operator/mode", "nested@operator/protective_stop"),
+        ("huge", "deaf"),
+    ],
+    ids=["all keys", "puts", "requests", "huge and deaf"],
+)
+def test_a_flood_costs_no_tick_no_memory_and_not_the_lease(plant, kinds):
+    operator = plant.enabled_operator()
+    operator.joystick([0, 0, 0.005, 0, 0, 0], expressed_in="base")
+
+    def overruns_of(turn):
+        before = operator.state.overruns
+        turn()
+        return operator.state.overruns - before
+
+    quiet = overruns_of(lambda: plant.run_for(FLOOD_S))
+    before_mb = resident_mb(plant.daemon)
+    for kind in kinds:
+        rate = 5 if kind == "huge" else RATE
+        arguments = [plant.cell.config.zenoh.listen, "pa10", kind, str(rate), str(FLOOD_S)]
+        with subprocess.Popen(
+            [sys.executable, FLOODER, *arguments], stdout=subprocess.PIPE
+        ) as child:
+            flooded = overruns_of(
+                lambda: plant.until(lambda: child.poll() is not None, 60.0, "the flood did not end")
+            )
+            sent = int(child.stdout.read())
+        assert sent > (5 if kind == "huge" else 0.3 * RATE * FLOOD_S), kind
+        assert flooded <= quiet + NOISE, kind
+        assert resident_mb(plant.daemon) - before_mb < 20.0, kind
+        assert operator.holds_lease, kind
+        assert (operator.state.mode, operator.state.protective_stop) == ("enabled", False), kind
+    before = plant.truth.pose_mrf[2]
+    plant.run_for(1.0)
+    assert plant.truth.pose_mrf[2] - before == pytest.approx(0.005, abs=2e-3)
