@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from .errors import ConfigError, nearest
-from .urdf_elements import check_bodies, check_elements, unshaped_links
+from .urdf_elements import check_bodies, check_elements, normalise, unshaped_links
 
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
@@ -59,11 +59,14 @@ class Robot:
         return list(unshaped_links(_parse(self.urdf)))
 
     def description(self) -> str:
-        """Return the URDF's text with each continuous joint of the chain as a bounded revolute one.
+        """Return the URDF's text, each continuous joint of the chain as a bounded revolute one.
+
+        Numbers are written in one way.
 
         Libraries give a continuous joint two coordinates; a drive has one.
         """
         root = _parse(self.urdf)
+        normalise(root)
         bounded = {j.name: j for j in self.joints if j.kind == "continuous"}
         for element in root.findall("joint"):
             joint = bounded.get(element.get("name", ""))

@@ -16,6 +16,8 @@ from .errors import ConfigError
 
 FARTHEST: Final = 1e4
 """No part of a robot is longer, or farther from its joint, than this [m]."""
+LEAST: Final = 1e-300
+"""Numbers are not nearer to zero than this."""
 HEAVIEST: Final = 1e6
 """No link has more mass [kg], or more inertia [kg·m²]."""
 
@@ -99,6 +101,16 @@ def check_bodies(
                 f"{urdf}: link '{child.get('link')}': <inertial> is missing or of mass 0: "
                 f"joint '{name}' would move nothing; give mass and inertia"
             )
+
+
+def normalise(root: ET.Element) -> None:
+    """Write all numbers of checked elements in one way: readers differ on blanks and signs."""
+    for part in (*root.findall("link"), *root.findall("joint")):
+        for element in part.iter():
+            for attribute in _RULES.get(element.tag, {}):
+                text = element.get(attribute)
+                if text is not None:
+                    element.set(attribute, " ".join(repr(x) for x in _numbers(text)))
 
 
 def unshaped_links(root: ET.Element) -> Iterator[str]:
@@ -187,9 +199,11 @@ def _numbers(text: str) -> list[float]:
     if not text.isascii() or "_" in text:
         return []
     try:
-        return [float(word) for word in text.split()]
+        values = [float(word) for word in text.split()]
     except ValueError:
         return []
+    # Some readers take a number that is next to nothing for none at all.
+    return values if all(x == 0.0 or abs(x) >= LEAST for x in values) else []
 
 
 def _shown(text: str) -> str:

@@ -32,6 +32,7 @@ SYNC_DOUBT_S: Final = 2.5e-4
 """A SYNC that took so much longer to send than others went out nobody knows when [s]."""
 _MOST_FRAMES_AT_ONCE: Final = 1000
 _SDO_ABORT: Final = 0x80
+_SDO_BYTES: Final = 8
 _BUS_OFF: Final = 0x40  # socketcan's error class CAN_ERR_BUSOFF
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # its errors are raised to us too
 _OPERATIONAL: Final = bytes((can301.NmtState.OPERATIONAL,))
@@ -223,6 +224,8 @@ class Fieldbus:
         try:
             if handler is not None:
                 handler(bytes(message.data), stamp)
+            elif can_id == self._awaited and len(message.data) != _SDO_BYTES:
+                self.malformed += 1  # canopen would look for more in it
             elif can_id in self._for_canopen or can_id == self._awaited:
                 # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.
                 self.network.notify(can_id, message.data, stamp)

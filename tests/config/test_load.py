@@ -2,10 +2,13 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from telerobot.config import agree
 from telerobot.config.load import ConfigError, load_cell, script_path, shipped
 from telerobot.protocols import can301
+from telerobot.server.control.frames import Pose
+from telerobot.server.control.mechanism import Mechanism
 
 
 def refusal(path: Path | str) -> str:
@@ -121,6 +124,7 @@ def test_what_a_person_gets_wrong_is_named_with_key_value_and_bound(small, old, 
         ('<axis xyz="0 1 0"/>', "<axis/>", r"joint 'j2': <axis xyz>: is missing"),
         ('xyz="0 0 0.4"', 'xyz="0 0 1e9"', r"joint 'j1': <origin xyz>: value '0 0 1e9': .* 10000"),
         ('<mass value="1"/>', "", r"link 'base': <inertial>: <mass> is missing"),
+        ('<mass value="1"/>', '<mass value="5e-324"/>', r"<mass value>: value '5e-324': must be a"),
         ('<mass value="1"/>', "<mass/>", r"link 'base': <mass value>: is missing"),
         (
             '<mass value="1"/>',
@@ -216,6 +220,15 @@ def test_a_continuous_joint_is_one_turn_either_way(small):
     description = robot.description()
     assert "continuous" not in description
     assert f'upper="{2 * math.pi!r}"' in description
+
+
+def test_blanks_around_a_number_cost_no_link_its_inertia(small):
+    """One reader takes them, the next drops the link's inertia, and says so to nobody."""
+    small.replace_in_urdf('<mass value="1"/>', '<mass value=" +1.0\t"/>')
+    small.replace_in_urdf('<axis xyz="0 1 0"/>', '<axis xyz="0\n1  0 "/>')
+    mechanism = Mechanism.from_cell(load_cell(small.cell))
+    assert [inertia.mass for inertia in mechanism.model.inertias][1:] == [1.0, 1.0, 3.0]
+    assert mechanism.kinematics(np.zeros(3), Pose.identity()).J[3:, 1].tolist() == [0.0, 1.0, 0.0]
 
 
 def test_a_slide_keeps_its_metres(small):

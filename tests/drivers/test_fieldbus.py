@@ -253,3 +253,20 @@ def test_a_reply_that_came_unasked_is_not_taken_for_the_next_one(cell: Any) -> N
     cell.fieldbus.receive(0.0)
     data = cell.fieldbus.network[5].sdo.upload(0x6502, 0)
     assert data != b"\xff" * 4
+
+
+def test_a_reply_that_is_too_short_is_none(cell: Any) -> None:
+    """Over any bus a frame may have fewer bytes than its protocol says."""
+    cell.played.answers_sdo = False
+    ask = cell.played.bus.on_message
+
+    def answer_shortly(message: can.Message) -> None:
+        ask(message)
+        if message.arbitration_id == can301.sdo_request_id(5):
+            for length in range(8):
+                cell.played.send(can301.sdo_reply_id(5), bytes(length))
+
+    cell.played.bus.on_message = answer_shortly
+    with pytest.raises(SdoCommunicationError):
+        cell.fieldbus.network[5].sdo.upload(0x6502, 0)
+    assert cell.fieldbus.malformed >= 8

@@ -61,10 +61,12 @@ def play(seed: int) -> Outcome:
         for e in simulation.events
         if e.name in ("tick_raised", "gate_refused")
     ]
-    if simulation.observer.violations:
-        first = simulation.observer.violations[0]
+    # What forged drives say of their own motion is no setpoint.
+    sent = [v for v in simulation.observer.violations if not v.kind.startswith("measured")]
+    if sent:
+        first = sent[0]
         outcome.reasons.append(
-            f"{len(simulation.observer.violations)} limit violations, the first {first.joint} "
+            f"{len(sent)} limit violations, the first {first.joint} "
             f"{first.kind} {first.value:.6g} over {first.bound:.6g} at {first.time_s:.3f} s"
         )
     return outcome
