@@ -22,6 +22,10 @@ pytestmark = pytest.mark.hil
 
 README = Path(__file__).resolve().parents[2] / "config" / "README.md"
 START_S = 60.0
+"""Wall time after which what does not come up, or about, is a failure [s]."""
+
+PLAY_S = 180.0
+"""The same of a script, which is played in a process that has to start first [s]."""
 
 
 class Page:
@@ -101,7 +105,7 @@ def test_an_operator_on_a_second_machine_drives_and_a_stranger_gets_nowhere(tmp_
 
             before = bob.state.q
             with subprocess.Popen(page.command("telerobot drive"), cwd=second) as drive:
-                plant.wait(lambda: mode(bob) and drive.poll() is not None, START_S, "it goes on")
+                plant.wait(lambda: mode(bob) and drive.poll() is not None, PLAY_S, "it goes on")
             assert drive.returncode == 0
             assert bob.state.q != pytest.approx(before, abs=0.1), "nothing has moved"
 
