@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Self
 
-from .topics import ANY_REQUEST, PREFIX, SENSORS, TOPICS, Flow, Role, Topic
+from .topics import SENSORS, TOPICS, Flow, Role, Topic
 
 NAME: Final = r"[a-z][a-z0-9_]{0,31}"
 """Names of cells and of who is certified: parts of keys, of file names and of common names."""
@@ -94,8 +94,3 @@ def _granted(grant: Grant, topic: Topic) -> bool:
 
 def _keys(cell: str, topics: Iterable[Topic], *, asks: bool) -> frozenset[str]:
     return frozenset(topic.full_key(cell) for topic in topics if topic.flow.asks is asks)
-
-
-def every_request(cell: str) -> str:
-    """Return the key expression of all requests of a cell, which its daemon answers at once."""
-    return f"{PREFIX}/{cell}/{ANY_REQUEST}"

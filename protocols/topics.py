@@ -20,9 +20,6 @@ from .sightings import Sighting, StoreView
 PREFIX = "telerobot"
 """First part of every key."""
 
-ANY_REQUEST = "operator/*"
-"""The keys of all requests of a cell."""
-
 
 class Role(StrEnum):
     """What somebody on the network is; access control follows from it (`roles.py`)."""

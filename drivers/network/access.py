@@ -8,7 +8,7 @@ wildcard, of a stranger or not, is included in none and passes nothing.
 
 from collections.abc import Iterable, Mapping
 
-from ...protocols.roles import Grant, every_request, rights
+from ...protocols.roles import Grant, rights
 
 Grants = Mapping[str, Iterable[Grant]]
 """By the common name of a certificate."""
@@ -59,17 +59,15 @@ def _control(
 
 def _rules(name: str, grants: tuple[Grant, ...]) -> list[dict[str, object]]:
     may = rights(grants)
-    asked = {every_request(g.cell) for g in grants if rights((g,)).asks}
-    served = {every_request(g.cell) for g in grants if rights((g,)).answers}
     every = (
         ("puts", "ingress", "put", may.puts),
         ("learns who hears", "egress", "declare_subscriber", may.puts),
         ("subscribes", "ingress", "declare_subscriber", may.hears),
         ("hears", "egress", "put", may.hears),
         ("asks", "ingress", "query", may.asks),
-        ("learns who answers", "egress", "declare_queryable", asked),
+        ("learns who answers", "egress", "declare_queryable", may.asks),
         ("is answered", "egress", "reply", may.asks),
-        ("serves", "ingress", "declare_queryable", served),
+        ("serves", "ingress", "declare_queryable", may.answers),
         ("is asked", "egress", "query", may.answers),
         ("answers", "ingress", "reply", may.answers),
     )

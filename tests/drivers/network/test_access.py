@@ -136,7 +136,7 @@ def test_these_observations_see_everything_where_nothing_is_refused(zone, endpoi
     assert tried.let_through() == {verb: set(KEYS) for verb in VERBS}
 
 
-@pytest.mark.parametrize("name", ["operator-ann", "operator-lost"])
+@pytest.mark.parametrize("name", ["operator-ann", "operator-lost", "judge-pa10"])
 @pytest.mark.parametrize("wild", ["telerobot/**", "**", "telerobot/*/cmd/*", "telerobot/pa10/**"])
 def test_a_wildcard_opens_nothing(zone, endpoint, name, wild):
     router = daemon(zone, endpoint, out=False)

@@ -23,7 +23,7 @@ def daemon(zone, endpoint):
     """Return the session of a daemon that listens, and answers on the lease's key."""
     session = zone.open(router_config(endpoint, "pa10", zone.identity("daemon-pa10")))
     session.declare_queryable(
-        "telerobot/pa10/operator/*", lambda query: query.reply(query.key_expr, b"granted")
+        "telerobot/pa10/operator/lease", lambda query: query.reply(query.key_expr, b"granted")
     )
     return session
 
