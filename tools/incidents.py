@@ -59,6 +59,7 @@ class ObstacleStep(Part):
     What is physical and what the daemon is told are two things: without `physical` it is only
     told, without `tell` it is only there. Of one that moves, news is told 20 times a second, with
     its velocity where `max_acceleration` is given; `silent` ends the news, the obstacle goes on.
+    With `remove` the daemon is told that it is gone, and it stands still where it is, or at `xyz`.
     """
 
     name: str = Field(max_length=32)

@@ -77,7 +77,9 @@ class MovingObstacles:
         place = step.xyz
         if place is None and moving is not None:
             place = moving.at(since_s)
-        if step.tell:
+        if step.tell and step.remove:  # where it is, or goes, is no news of one that is gone
+            self._tell(ObstacleNews(name=step.name, tick=tick, remove=True))
+        elif step.tell:
             told: dict[str, Any] = {
                 key: value for key in _TOLD_ONCE if (value := getattr(step, key)) is not None
             }
@@ -85,7 +87,7 @@ class MovingObstacles:
                 told["xyz"] = place
             if step.velocity is not None:
                 told["velocity"] = step.velocity
-            self._tell(ObstacleNews(name=step.name, tick=tick, remove=step.remove, **told))
+            self._tell(ObstacleNews(name=step.name, tick=tick, **told))
         if place is not None and step.physical:
             self._place(step.name, place)
         if place is not None and step.velocity is not None and any(step.velocity):

@@ -128,3 +128,26 @@ def test_equal_runs_among_obstacles_send_equal_frames(crowded):
     script = load_script("obstacle_comes").model_copy(update={"duration_s": 5.0})
     first, second = (play(crowded, script).summary["command_hash"] for _ in range(2))
     assert first == second
+
+
+def moving(name):
+    return {"name": name, "velocity": (0.0, -0.1, 0.0), "max_speed": 0.2}
+
+
+@pytest.mark.parametrize("more", [{}, {"xyz": (3.0, 3.0, 0.5)}])
+def test_a_script_removes_an_obstacle_that_moves(crowded, more):
+    """It is gone for the daemon, and stands still where it was, or where the script puts it."""
+    steps = [
+        {"at_s": 0.2, "obstacle": {**moving("visitor"), "xyz": (1.5, 0.5, 0.5)}},
+        {"at_s": 0.6, "obstacle": {"name": "visitor", "remove": True, **more}},
+    ]
+    run = play(crowded, Script.model_validate({"duration_s": 1.2, "step": steps}))
+    assert run.summary["failure"] is None
+    assert run.summary["refused"] == []
+    assert names(run).count("obstacle_removed") == 1
+    removed = next(e for e in run.simulation.events if e.name == "obstacle_removed")
+    later = [e for e in run.simulation.events if e.tick > removed.tick]
+    assert [e for e in later if e.name in ("command_refused", "obstacle_set")] == []
+    world = run.simulation.rig.world
+    place = world.data.mocap_pos[world.model.body("obstacle_visitor").mocapid[0]]
+    assert place == pytest.approx(more.get("xyz", (1.5, 0.46, 0.5)), abs=0.002)
