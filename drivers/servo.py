@@ -30,9 +30,9 @@ RESET_SYNCS: Final = 25
 OBEYED_SYNCS: Final = 3
 """What a drive is told takes effect at the next SYNC; the one after samples it, and that answer may
 be counted as one to the SYNC after it: only from here on a statusword is about it."""
-SWITCH_OFF_SYNCS: Final = 100
+SWITCH_OFF_S: Final = 1.0
 """A drive that is still on, or in its quick stop, so long after it was told to switch off does not
-do it by itself: closing a brake and a quick stop's ramp take less."""
+do it by itself: closing a brake and a quick stop's ramp take less [s]."""
 _ENABLED: Final = DriveState.OPERATION_ENABLED
 _DISABLED: Final = DriveState.SWITCH_ON_DISABLED
 
@@ -240,8 +240,8 @@ class ServoDrive:
     @property
     def _overdue(self) -> bool:
         """True for a drive that should long have switched off."""
-        since = self._bus.sync_count - self._told_sync
-        return self._target is _DISABLED and not self._stopped and since > SWITCH_OFF_SYNCS
+        since_s = (self._bus.sync_count - self._told_sync) * self._timing.period_s
+        return self._target is _DISABLED and not self._stopped and since_s > SWITCH_OFF_S
 
     def _controlword(self) -> int:
         state = self._state

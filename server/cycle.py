@@ -23,6 +23,7 @@ from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
 from .desk import Desk, View
 from .exposure import opening_events
+from .faults import Faults
 from .grants import Grants
 from .intake import Intake
 from .link import Link
@@ -76,8 +77,7 @@ class Cycle:
         self.output: Output | None = None
         self.cell, self.plant, self.clock = cell, plant, clock
         self._control, self._link, self._gain_bound = control, link, gain_bound
-        nodes = {d.joint: d.node for d in cell.config.mechanism.drives}
-        self._nodes = tuple(nodes[j] for j in control.p.joints)
+        self._faults = Faults(cell, control.p)
         self._late_in_a_row = 0
         self._tolerated_overruns = timing.tolerated_overruns
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
@@ -183,7 +183,7 @@ class Cycle:
         # Only now: what was just ordered was placed where arm and frames were together, a tick ago.
         moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
         self._orders.places.moved = self._watches.frames.step(self.tick, moving=moving)
-        trouble = self._find_trouble(reading)
+        trouble = self._faults.find(self.mode, reading, self.output)
         if trouble is not None and self.mode is not Mode.FAULT:
             self._quick_stop(trouble, "fault")
         self._change_mode(reading, trouble, view)
@@ -224,24 +224,6 @@ class Cycle:
 
     # --- faults and modes --------------------------------------------------------------------
 
-    def _find_trouble(self, reading: PlantReading) -> Trouble | None:
-        trouble = reading.trouble or self._power.trouble(self.mode, reading)
-        if trouble is not None:
-            return trouble
-        if self.mode.energised and self.output is not None:
-            error = np.abs(self.output.following_error)
-            window = self._control.p.following_window
-            if (error > window).any():
-                j = int(np.argmax(error / window))
-                joint = self._control.p.joints[j]
-                return Trouble(
-                    Cause.FOLLOWING_ERROR,
-                    joint,
-                    f"command and joint are {error[j]:.4f} rad apart, at most {window[j]:.4f}",
-                    {"node": self._nodes[j], "error_rad": float(error[j])},
-                )
-        return None
-
     def _quick_stop(self, trouble: Trouble, name: str) -> None:
         """Stop every drive on its own ramp, now, and say why."""
         self.plant.quick_stop()
@@ -257,7 +239,8 @@ class Cycle:
 
     def _change_mode(self, reading: PlantReading, trouble: Trouble | None, view: View) -> None:
         desk, before = self._desk, self.mode
-        if before is Mode.FAULT and desk.wish is Wish.RESET and not self._reopened:
+        reopen = before is Mode.FAULT and desk.wish is Wish.RESET and not self._reopened
+        if reopen:
             trouble = self._reopen(view.now)
         self._reopened = self._reopened and desk.wish is Wish.RESET
         if self._reopened and self.plant.fieldbus.trouble is not None:
@@ -271,7 +254,7 @@ class Cycle:
                 wish=Wish.DISABLE if self._retiring else desk.wish,
                 hold=desk.hold,
                 resume=desk.resume,
-                open=reading.q is not None,
+                open=reading.q is not None and not reopen,  # what was read before is void then
                 healthy=trouble is None,
                 drives_enabled=reading.enabled,
                 drives_off=reading.off,
@@ -362,7 +345,7 @@ class Cycle:
             paused=orders.paused,
             view=watches.vision.goal(orders.places.moved.base.T) if moving else None,
             posture=orders.posture if moving else None,
-            at_posture=orders.posture_reached,
+            at_posture=orders.at_rest,
             wrench_desired=orders.wrench_desired,
             scene=watches.world.scene(self.tick) if watches.world.known else None,
             R_world_wrench=orders.wrench_axes(T_world_mrf),
@@ -385,7 +368,7 @@ class Cycle:
         if self.output.at_goal and orders.posture is not None:
             orders.finish_posture()
             self._events.info("posture_reached")
-        elif orders.posture_reached and np.abs(self.output.twists["following"]).max() > LED:
+        elif orders.at_rest and np.abs(self.output.twists["following"]).max() > LED:
             orders.led_by_hand()
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:

@@ -193,6 +193,7 @@ class Desk:
                 if message.on and message.source is m.SourceName.VISION:
                     view.vision.require_view()
                 self._orders.tuning.on[message.source] = message.on
+                self._orders.idle = self._orders.idle and not message.on
                 if message.on and message.source is m.SourceName.POSITION:
                     self._orders.restart_path()
                 self._events.info("source_switched", message.source, on=message.on)
@@ -213,6 +214,7 @@ class Desk:
                 self._events.info("gripper_closed" if message.closed else "gripper_opened")
             case motion.RedundancyRequest():
                 self._orders.tuning.set_objective(message)
+                self._orders.idle = False
                 self._events.info("objective_set", message.objective, gain=message.gain)
             case motion.ClutchRequest():
                 self._orders.set_clutch(message)

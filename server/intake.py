@@ -52,6 +52,7 @@ class Intake:
         for refusal in self._reception.refusals():
             self._answer(refusal, view)
         self._reception.let_go(now_s + self._reception.budget_s)
+        self._tell_dropped()
         view.vision.look(view.now.tick)
         view.world.look(view.now.tick)
         self._look_at_energy()
@@ -97,6 +98,12 @@ class Intake:
         self._events.refused(kind, key, refused.reason, refused.detail, refusal.count)
         for answer in refusal.answers:
             answer(encode(refusal_reply(refused, view.now)))
+
+    def _tell_dropped(self) -> None:
+        """Tell of goals that ended because something else was asked for."""
+        for what, key in self._orders.dropped:
+            self._events.info(f"{what}_dropped", f"by {key}", by=key)
+        self._orders.dropped.clear()
 
     def _look_at_energy(self) -> None:
         reflector = self._orders.reflector

@@ -14,6 +14,7 @@ from ..config.load import Cell
 from ..protocols import messages as m
 from ..protocols import motion, moving
 from ..protocols.reflection import Reflection, ReflectionRequest
+from ..protocols.topics import TOPICS, Flow
 from .admission import Refused, Why
 from .control.frames import Array, Pose, rotate_twist
 from .control.paths.goals import Goal, PathGoal, Pursuit
@@ -27,6 +28,12 @@ from .reflection import Reflector
 from .tuning import Tuning
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
+
+
+_BY: dict[type[m.Message], str] = {
+    topic.message: topic.key for topic in TOPICS if topic.flow is Flow.COMMAND
+}
+"""The topic of each command."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,10 @@ class Orders:
         """Forces for the operator's handle; None in a cell that reflects none."""
         self.posture: Array | None = None
         self.posture_reached = False
+        self.idle = True
+        """Nothing was asked for since the arm was enabled."""
+        self.dropped: list[tuple[str, str]] = []
+        """Goals that another command ended under way, "posture" or "goal", and by which topic."""
         self.wrench_desired = np.zeros(6)
         self._wrench_axes = m.Frame.MRF
         self._take: dict[type[m.Message], Callable[..., None]] = {
@@ -83,10 +94,34 @@ class Orders:
 
     def take(self, message: m.Command, now_s: float, T_world_mrf: Pose) -> None:
         """Put a command in force. Raises `Refused` where it does not fit this cell."""
+        before = self.goal, self.posture
         try:
             self._take[type(message)](message, now_s, T_world_mrf)
         except UnknownFrame as error:
             raise Refused(Why.UNKNOWN_FRAME, str(error)) from None
+        self.idle = self.idle and not self._asks(message)
+        for name, old, new in zip(
+            ("goal", "posture"), before, (self.goal, self.posture), strict=True
+        ):
+            if old is not None and new is None and not isinstance(message, m.CancelGoals):
+                self.dropped.append((name, _BY[type(message)]))
+
+    def _asks(self, message: m.Command) -> bool:
+        """Return whether a command asks for motion, or for a force."""
+        match message:
+            case m.JoystickTwist():
+                return any(message.twist)
+            case m.JointJog():
+                return any(message.rates)
+            case motion.MasterPose():
+                return self.goal is not None
+            case _:
+                return not isinstance(message, m.CancelGoals)
+
+    @property
+    def at_rest(self) -> bool:
+        """True where no self-motion is to lead the arm away: at a posture, or not asked at all."""
+        return self.idle or self.posture_reached
 
     def clear(self) -> None:
         """Drop every stream and goal: what was ordered before is dead.
@@ -99,6 +134,7 @@ class Orders:
         if self.reflector is not None:
             self.reflector.protected = True
         self._drop_goals()
+        self.idle = True
         self.wrench_desired, self._wrench_axes = np.zeros(6), m.Frame.MRF
 
     def finish_posture(self) -> None:
@@ -108,7 +144,7 @@ class Orders:
 
     def led_by_hand(self) -> None:
         """A hand moves the tool: as with a stick, the arm is no posture's any more."""
-        self.posture_reached = False
+        self.posture_reached = self.idle = False
 
     def _drop_goals(self) -> None:
         self.goal = self.posture = None

@@ -1,15 +1,12 @@
 """The drives' power follows the mode: on and off by what the drives say, and never against it.
 
 The arm is enabled from drives that are off: each is given room for where its joint stands, and then
-led to Operation enabled. While the arm is energised, a drive that is anywhere else is a fault.
+led to Operation enabled.
 """
 
 from ..config.load import Cell
-from ..drivers.device import Cause, Trouble
-from ..protocols.cia402 import DriveState
 from .control.frames import Array
 from .events import Events
-from .mode import Mode
 from .plant import Plant, PlantReading
 
 OUTSIDE = 1e-4
@@ -22,8 +19,6 @@ class Power:
     def __init__(self, cell: Cell, plant: Plant, events: Events) -> None:
         self._plant, self._events = plant, events
         self._joints = cell.robot.joints
-        nodes = {d.joint: d.node for d in cell.config.mechanism.drives}
-        self._nodes = [nodes[j.name] for j in self._joints]
         self._begun = False
 
     def follow(self, on: bool, reading: PlantReading) -> bool:
@@ -44,17 +39,6 @@ class Power:
         else:
             self._plant.disable()
         return blocked
-
-    def trouble(self, mode: Mode, reading: PlantReading) -> Trouble | None:
-        """Return which drive is not on though the mode says so, or None."""
-        if not mode.energised:
-            return None
-        for joint, node, state in zip(self._joints, self._nodes, reading.states, strict=True):
-            if state is not DriveState.OPERATION_ENABLED:
-                there = "no state" if state is None else state.name.lower()
-                detail = f"the mode is {mode}, the drive is in {there}"
-                return Trouble(Cause.STATE_LOST, joint.name, detail, {"node": node})
-        return None
 
     def _tell_outside(self, q: Array) -> None:
         """Name every joint that stands outside its limits, and by how much."""

@@ -7,6 +7,7 @@ from typing import Final
 from ..config.load import Cell, load_cell
 from .checks.bus_load import bus_load
 from .checks.drives import drives
+from .checks.enabling import enabling
 from .checks.following import following
 from .checks.holding import holding
 from .checks.network import network
@@ -22,6 +23,7 @@ CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
     network,
     bus_load,
     drives,
+    enabling,
     stability,
     reflection,
     postures,

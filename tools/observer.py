@@ -5,6 +5,9 @@ cell file, and forms finite differences of the setpoints that were in force at e
 tolerance is what quantised targets add: `STEPS` encoder steps, over T for speed, T² for
 acceleration and T³ for jerk.
 
+A joint that stood outside its limits when its drive was enabled may be anywhere from there inwards,
+and never further out than it has come since.
+
 Drives in CSV and CST are sent speeds and torques, which are judged by their own bounds (torque and
 its rate in CST); the motion is then judged by what the joints did, as TPDOs tell.
 """
@@ -26,6 +29,9 @@ GATE = 1e-3
 
 TRACKING = 0.05
 """A joint that catches up with its command may be faster than its bound by this part [1]."""
+
+SAG = 0.005
+"""A joint that is enabled at its limit, or outside, may sag by so much [rad]."""
 
 _SYNC = 0x080
 _RPDO1 = 0x200
@@ -51,12 +57,29 @@ class _Joint:
     """One step of 6071h, signed [N·m]."""
     fastest: float
     """Greatest speed that may be sent in CSV [rad/s]."""
+    low: float
+    """Least angle that counts as inside [rad]: the limit, or how far outside the joint still is."""
+    high: float
     measured: float | None = None
     before: float | None = None
     """What it was at the SYNC before the last [rad]."""
     pending: float | None = None
     enabled: bool = False
     history: list[tuple[float, float]] = field(default_factory=list)
+
+    def stands(self, q: float) -> None:
+        """Take in where the joint stands while its drive is off."""
+        self.low, self.high = min(self.lower, q - SAG), max(self.upper, q + SAG)
+
+    def left(self, q: float, sag: float = 0.0) -> float | None:
+        """Return the bound that an angle is beyond, if any; one further in is a new bound."""
+        if q < self.low - self.step:
+            return self.lower
+        if q > self.high + self.step:
+            return self.upper
+        self.low = min(self.lower, max(self.low, q - sag))
+        self.high = max(self.upper, min(self.high, q + sag))
+        return None
 
 
 @dataclass(frozen=True)
@@ -92,6 +115,8 @@ class Observer:
                 torque_bounds=(drive.max_torque, drive.max_torque_rate or float("inf")),
                 torque_step=drive.direction * drive.rated_torque * 1e-3,
                 fastest=drive.max_velocity + cell.config.torque.speed_gain * drive.following_window,
+                low=joint.lower,
+                high=joint.upper,
             )
         self.violations: list[Violation] = []
         self.max_speed_ratio = 0.0
@@ -116,6 +141,8 @@ class Observer:
             if watched is not None:
                 statusword, counts = struct.unpack_from("<Hi", data)
                 watched.enabled = statusword & _ENABLED_MASK == _ENABLED
+                if not watched.enabled:
+                    watched.stands(watched.zero + watched.scale * counts)
                 if self._mode != "csp":
                     self._moved(time_s, watched, watched.zero + watched.scale * counts)
 
@@ -130,14 +157,14 @@ class Observer:
         joint.before, joint.measured = joint.measured if joint.enabled else None, q
         if not joint.enabled:
             return
-        if not joint.lower - joint.step <= q <= joint.upper + joint.step:
-            bound = joint.lower if q < joint.lower else joint.upper
+        bound = joint.left(q, SAG)
+        if bound is not None:
             self._found(time_s, joint, "measured_position", q, bound)
         if joint.before is not None:
-            speed, bound = (q - joint.before) / self._period, joint.bounds[0]
-            self.max_speed_ratio = max(self.max_speed_ratio, abs(speed) / bound)
-            if abs(speed) > bound * (1 + TRACKING) + joint.step / self._period:
-                self._found(time_s, joint, "measured_velocity", speed, bound)
+            speed, most = (q - joint.before) / self._period, joint.bounds[0]
+            self.max_speed_ratio = max(self.max_speed_ratio, abs(speed) / most)
+            if abs(speed) > most * (1 + TRACKING) + joint.step / self._period:
+                self._found(time_s, joint, "measured_velocity", speed, most)
 
     def _found(self, time_s: float, joint: _Joint, kind: str, value: float, bound: float) -> None:
         self.violations.append(Violation(time_s, joint.name, kind, value, bound))
@@ -167,9 +194,9 @@ class Observer:
         joint.history = [(time_s, torque)]
 
     def _judge_position(self, joint: _Joint, time_s: float, q: float) -> None:
-        if not joint.lower - joint.step <= q <= joint.upper + joint.step:
-            bound = joint.lower if q < joint.lower else joint.upper
-            self._found(time_s, joint, "position", q, bound)
+        beyond = joint.left(q)
+        if beyond is not None:
+            self._found(time_s, joint, "position", q, beyond)
         joint.history = [*joint.history[-3:], (time_s, q)]
         angles = [q for _, q in joint.history]
         for order, kind in enumerate(("velocity", "acceleration", "jerk")):

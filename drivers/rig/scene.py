@@ -28,6 +28,8 @@ HELD = "held"
 _LOCK_SOLREF = (0.002, 1.0)
 _LOCK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """A closed brake gives way by microradians: MuJoCo's constraints are springs, this one is hard."""
+_END_STOP = 0.2
+"""A joint's mechanical end stop lies this far beyond its limit in the URDF, a soft one [rad]."""
 _PLATE_HALF_THICKNESS = 0.02
 POINT_INERTIA = 2e-4
 """About each axis of the payload's centre of mass, per kilogram [m²]."""
@@ -134,6 +136,7 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
         joint.frictionloss = _of_joint(rig.drive.friction, i, n)
         joint.solref_friction[:], joint.solimp_friction[:] = SOLREF, _LOCK_SOLIMP
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        joint.range[:] += -_END_STOP, _END_STOP
         motor = arm.add_actuator(
             name=drive.joint, target=drive.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
         )

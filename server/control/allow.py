@@ -7,6 +7,8 @@ along which the tool would stop: it slides on along the barrier.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from .avoidance.clearance import Levels, Shown
 from .avoidance.guard import Guard, Situation, Watch
 from .avoidance.joint_room import JointRoom
@@ -61,11 +63,13 @@ class Allow:
         scene: Scene | None = None,
         base: Body | None = None,
         placed: Placed | None = None,
+        by_joint: bool = False,
     ) -> Allowed:
         """Return the rates nearest to dq (n,) [rad/s] that all bounds allow.
 
         `error` (n,) [rad] is the command's lead over the joints, which the leash bounds; `base` a
-        Base that moves; `placed` where links are, where that is known.
+        Base that moves; `placed` where links are, where that is known. `by_joint`: the joints are
+        commanded themselves, so that one at its bound is held there, and no other makes up for it.
         """
         q, V = memory.motion.q, settings.speed_factor * self._p.velocity
         dq, share, low, high, beyond = self.room.within(dq, V, q, error)
@@ -74,6 +78,8 @@ class Allow:
         if leash is not None:
             limits += self._reasons(self.room.limits(q).left_by(dq), "joint_limit")
             limits += self._reasons(leash.left_by(dq), "leash")
+        if by_joint and beyond:
+            dq, beyond = np.clip(dq, low, high), False
         watch = None
         if self.guard is not None and settings.avoid:
             p, T = k.T_world_mrf.p, settings.T_wrist_mrf

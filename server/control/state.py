@@ -94,7 +94,8 @@ class Inputs:
     """Where the desired view is; None without one, or when pictures are stale."""
     posture: Array | None = None
     at_posture: bool = False
-    """A posture was reached and nothing was asked for since: no self-motion leads away from it."""
+    """A posture was reached, or the arm just enabled, and nothing was asked for since: no
+    self-motion leads away from there."""
     wrench_desired: Array = field(default_factory=lambda: np.zeros(6))
     """Wrench to exert, at the MRF (6,) [N, N·m]."""
     scene: Scene | None = None

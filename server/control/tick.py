@@ -59,6 +59,8 @@ class _Asked(NamedTuple):
     field: Felt | None = None
     give_way: Array | None = None
     """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
+    by_joint: bool = False
+    """The joints are commanded themselves: jogged, or led to a posture."""
 
 
 class Control:
@@ -137,6 +139,7 @@ class Control:
             inputs.scene,
             None if moved is None else moved.base,
             placed,
+            asked.by_joint,
         )
         limited = self._limit(memory, inputs, allowed)
         refusal = self.gate.refusal(limited.motion.q, memory.sent)
@@ -233,7 +236,9 @@ class Control:
         self_motion = self.redundancy.none()
         if joint_rates is not None:
             dq = s_tool * joint_rates
-            return memory, _Asked(dq, twists, twist, s_tool, limits, math.nan, self_motion)
+            return memory, _Asked(
+                dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True
+            )
         q = memory.motion.q
         factor, felt = inputs.settings.speed_factor, None
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture

@@ -251,6 +251,46 @@ def test_a_stick_that_moves_ends_a_posture_and_never_a_target(orders):
     assert orders.goal is not None
 
 
+@pytest.mark.parametrize(
+    ("message", "fields", "key"),
+    [
+        (m.JoystickTwist, {"twist": (0.1, 0, 0, 0, 0, 0)}, "cmd/joystick"),
+        (m.JointJog, {"rates": (0.1, 0, 0, 0, 0, 0, 0)}, "cmd/jog"),
+        (m.PositionTarget, POSE, "cmd/position"),
+    ],
+)
+def test_a_posture_that_is_dropped_for_something_else_is_told(orders, message, fields, key):
+    take(orders, m.PostureMove, posture="ready")
+    assert orders.dropped == []
+    take(orders, message, **fields)
+    assert orders.dropped == [("posture", key)]
+
+
+def test_a_goal_that_a_jog_drops_is_told_and_what_is_cancelled_or_replaced_is_not(orders):
+    take(orders, m.PositionTarget, **POSE)
+    take(orders, m.PositionTarget, **POSE)
+    take(orders, m.CancelGoals)
+    take(orders, m.PostureMove, posture="ready")
+    take(orders, m.JoystickTwist, twist=(0.0,) * 6)
+    take(orders, m.CancelGoals)
+    assert orders.dropped == []
+    take(orders, m.PositionTarget, **POSE)
+    take(orders, m.JointJog, rates=(0.1, 0, 0, 0, 0, 0, 0))
+    assert orders.dropped == [("goal", "cmd/jog")]
+
+
+def test_nothing_is_asked_of_an_arm_until_a_command_asks_for_motion(orders):
+    orders.clear()
+    take(orders, m.JoystickTwist, twist=(0.0,) * 6)
+    take(orders, m.JointJog, rates=(0.0,) * 7)
+    take(orders, m.CancelGoals)
+    assert orders.at_rest
+    take(orders, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
+    assert not orders.at_rest
+    orders.clear()
+    assert orders.at_rest
+
+
 def test_a_posture_that_is_reached_gives_way_and_is_said_to_be_until_the_next_goal(orders):
     take(orders, m.PostureMove, posture="ready")
     orders.finish_posture()

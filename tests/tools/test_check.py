@@ -78,6 +78,19 @@ def test_halves_of_two_samples_must_not_look_like_one(small):
     assert "sample halves" in errors(small.cell)
 
 
+def test_a_margin_that_a_sagging_joint_uses_up_is_warned_of(small):
+    found = findings(small.replace("max_jerk = 200.0", "max_jerk = 200.0\nposition_margin = 0.001"))
+    assert found["enabling at a limit"].status is Status.WARN
+    assert found["enabling at a limit"].values["position_margin"] == 0.001
+
+
+def test_a_drive_that_ramps_down_longer_than_it_is_given_to_switch_off_is_an_error(small):
+    path = small.replace("max_jerk = 200.0", "max_jerk = 200.0\nquick_stop_deceleration = 0.5")
+    found = findings(path)["switching off"]
+    assert found.status is Status.ERROR
+    assert found.values["ramp_s"] > found.values["patience_s"] == 1.0
+
+
 def test_an_encoder_too_coarse_for_the_jerk_bound_is_an_error(small):
     # 4 / (10^4 · 10^-6) = 400 rad/s³ of apparent jerk against a bound of 200
     found = findings(small.replace("2670176.8", "10000.0"))["j1 encoder"]

@@ -3,7 +3,8 @@
 A joint may approach a limit only as fast as it can still stop before it:
 v ≤ √(b² + 2 a' d) − b with b = a'·lag, d the room, a' a part of the deceleration, and lag the
 time that jerk and period take before braking acts. The leash slows a command that runs ahead of
-its joint, from half its length on. Motion away is always free.
+its joint, from half its length on. Motion away is always free. A joint that stands outside its
+limits may stay there or come in, and is not led: enabling an arm moves nothing.
 """
 
 import math
@@ -17,9 +18,6 @@ from ..scene import Index
 
 BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
-
-RETURN_RATE = 1.0
-"""A joint beyond its bound is led back at this rate [1/s], times how far it is."""
 
 
 class Room(NamedTuple):
@@ -80,7 +78,10 @@ class JointRoom:
         )  # fmt: skip
 
     def approach(self, room: Array) -> Array:
-        """Return the greatest rate (n,) towards a bound that is `room` (n,) [rad] away."""
+        """Return the greatest rate (n,) towards a bound that is `room` (n,) [rad] away.
+
+        It is 0 beyond the bound, where `room` is negative.
+        """
         return _approach(room, self._a, self._b)
 
     def limits(self, q: Array) -> Room:
@@ -99,7 +100,7 @@ def _approach(room: Array, a: Array, b: Array) -> Array:
         if room[j] >= 0.0:
             out[j] = math.sqrt(b[j] ** 2 + 2.0 * a[j] * room[j]) - b[j]
         else:
-            out[j] = RETURN_RATE * room[j]
+            out[j] = 0.0
     return out
 
 

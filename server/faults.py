@@ -1,0 +1,55 @@
+"""What a quick stop is called for by: devices in trouble, drives elsewhere, joints left behind."""
+
+import numpy as np
+
+from ..config.load import Cell
+from ..drivers.device import Cause, Trouble
+from ..protocols.cia402 import DriveState
+from .control.parameters import Parameters
+from .control.state import Output
+from .mode import Mode
+from .plant import PlantReading
+
+
+class Faults:
+    """Judges one cell's readings."""
+
+    def __init__(self, cell: Cell, p: Parameters) -> None:
+        nodes = {d.joint: d.node for d in cell.config.mechanism.drives}
+        self._joints, self._window = p.joints, p.following_window
+        self._nodes = tuple(nodes[j] for j in p.joints)
+
+    def find(self, mode: Mode, reading: PlantReading, output: Output | None) -> Trouble | None:
+        """Return what is wrong now, or None; `output` is the last tick's."""
+        if reading.trouble is not None or not mode.energised:
+            return reading.trouble
+        return self._elsewhere(mode, reading) or self._left_behind(output)
+
+    def _elsewhere(self, mode: Mode, reading: PlantReading) -> Trouble | None:
+        """Return which drive is not in Operation enabled, though the mode says that all are."""
+        if DriveState.OPERATION_ENABLED in reading.states and len(set(reading.states)) == 1:
+            return None
+        j = next(i for i, s in enumerate(reading.states) if s is not DriveState.OPERATION_ENABLED)
+        state = reading.states[j]
+        there = "no state" if state is None else state.name.lower()
+        return Trouble(
+            Cause.STATE_LOST,
+            self._joints[j],
+            f"the mode is {mode}, the drive is in {there}",
+            {"node": self._nodes[j]},
+        )
+
+    def _left_behind(self, output: Output | None) -> Trouble | None:
+        """Return which joint is too far from its command."""
+        if output is None:
+            return None
+        error = np.abs(output.following_error)
+        if not (error > self._window).any():
+            return None
+        j = int(np.argmax(error / self._window))
+        return Trouble(
+            Cause.FOLLOWING_ERROR,
+            self._joints[j],
+            f"command and joint are {error[j]:.4f} rad apart, at most {self._window[j]:.4f}",
+            {"node": self._nodes[j], "error_rad": float(error[j])},
+        )
