@@ -23,6 +23,19 @@ def test_an_operator_moves_the_arm_and_leaves_it_holding(plant):
     assert watcher.state.lease_holder is None
 
 
+def test_enabled_at_once_after_it_was_disabled_every_drive_is_on(plant):
+    ann = plant.enabled_operator("ann")
+    for _ in range(4):
+        ann.disable()
+        plant.turn()
+        assert set(plant.truth.drives) <= {"switch_on_disabled", "ready_to_switch_on"}
+        ann.enable()
+        plant.turn()
+        assert set(plant.truth.drives) == {"operation_enabled"}
+    ann.joystick(STICK, seconds=0.5, expressed_in="base")
+    assert ann.state.mode == "enabled"
+
+
 def test_a_goal_is_waited_for_from_when_it_was_heard(plant):
     ann = plant.enabled_operator("ann")
     ann.posture("ready")
