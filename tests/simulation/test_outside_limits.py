@@ -52,11 +52,11 @@ def told(simulation, name):
 @pytest.mark.parametrize("mode", CASES)
 @pytest.mark.parametrize(
     ("joint", "sense", "beyond"),
-    [(W1, -1, 0.005), (W1, -1, 0.03), (W1, -1, 0.1), (S1, 1, 0.1), (W1, -1, 0.0), (S1, 1, -0.004)],
+    [(W1, -1, 0.005), (W1, -1, 0.03), (S1, 1, 0.1), (W1, -1, 0.0)],
 )
 def test_enabling_moves_nothing_wherever_the_joints_stand(mode, joint, sense, beyond):
     cell, q = standing(mode, joint, beyond, sense)
-    simulation, way = played(cell, seconds=0.6)
+    simulation, way = played(cell, seconds=0.4)
     assert np.abs(way - q).max() < 1e-3
     found = told(simulation, "outside_limit")
     assert len(found) == (beyond > 0)
@@ -83,7 +83,7 @@ def test_a_joint_outside_comes_back_in_at_bounded_rates_and_never_goes_further_o
 ):
     beyond = 0.03
     cell, q = standing(mode, W1, beyond, sense=-1)
-    simulation, way = played(cell, {"at_s": 0.2, **step}, seconds=2.0)
+    simulation, way = played(cell, {"at_s": 0.1, **step}, seconds=1.0)
     w1, bound = way[:, W1], cell.config.mechanism.drives[W1].max_velocity
     assert w1.min() > q[W1] - 1e-3
     assert np.abs(np.diff(w1)).max() / simulation.rig.dt < 1.05 * bound
