@@ -4,7 +4,7 @@ import pytest
 from telerobot.protocols import codec as protocol_codec
 from telerobot.protocols.topics import TOPICS
 from telerobot.server.control.avoidance.guard import Guard
-from telerobot.tools.campaign.fuzz import bus, codec, files, network
+from telerobot.tools.campaign.fuzz import bus, codec, files, network, wire
 from telerobot.tools.campaign.fuzz.outcome import Endurance, Outcome
 from telerobot.tools.campaign.fuzz.values import Values
 from telerobot.tools.campaign.part import Selection
@@ -28,9 +28,17 @@ def test_wild_input_raises_nothing_breaks_no_bound_and_faults_no_arm(what, seed)
     assert outcome.reasons == []
 
 
+@pytest.mark.hil
+def test_a_stranger_on_the_wire_moves_nobody_who_drives():
+    outcome = wire.play(0)
+    assert outcome.inputs["messages on the wire"] > 1000
+    assert outcome.reasons == []
+
+
 def test_equal_seeds_draw_equal_inputs_and_the_command_runs_them_all():
     jobs = PARTS["fuzz"].jobs(Selection((), range(3, 5)))
-    assert [seed for _, seed in jobs] == [3] * 4 + [4] * 4
+    assert [seed for _, seed in jobs] == [3] * 5 + [4] * 4
+    assert [kind for kind, seed in jobs if seed == 3][-1] == "wire"
     first, again, other = (PARTS["fuzz"].play(("codec", seed)) for seed in (3, 3, 4))
     assert first.inputs == again.inputs
     assert first.inputs != other.inputs

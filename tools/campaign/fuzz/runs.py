@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..part import Part, Selection
-from . import bus, codec, files, network
+from . import bus, codec, files, network, wire
 from .outcome import Endurance, Outcome
 
 KINDS: dict[str, Callable[[int], Outcome]] = {
@@ -11,6 +11,7 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
     "network": network.play,
     "bus": bus.play,
     "files": files.play,
+    "wire": wire.play,
 }
 """What is fuzzed, and who does it with a seed."""
 
@@ -19,7 +20,13 @@ Job = tuple[str, int]
 
 
 def _jobs(selection: Selection) -> list[Job]:
-    return [(kind, seed) for seed in selection.seeds for kind in KINDS]
+    every = {"wire": wire.EVERY}  # processes take their time
+    return [
+        (kind, seed)
+        for i, seed in enumerate(selection.seeds)
+        for kind in KINDS
+        if i % every.get(kind, 1) == 0
+    ]
 
 
 def _play(job: Job) -> Outcome:
