@@ -3,7 +3,8 @@
 from typing import Literal
 
 from ..config.load import Cell
-from ..drivers.network.identity import Identity, known
+from ..drivers.network.certificates import known
+from ..drivers.network.identity import Identity
 from .events import Events
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import zenoh
 
 from .access import enforced, trusting
-from .identity import AUTHORITY, Identity, in_cell, known, servers
+from .certificates import AUTHORITY, in_cell, known
+from .identity import Identity, servers
 
 LINK_LEASE_MS = 1000
 """Zenoh takes a peer that is silent for this long for dead [ms]."""

@@ -6,7 +6,8 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from telerobot.config.load import ConfigError, load_cell
-from telerobot.drivers.network.identity import certificate, identity_of, known, read
+from telerobot.drivers.network.certificates import certificate, known, read
+from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.topics import Role
 from telerobot.server.exposure import doubts
 from telerobot.tools.address import moved
@@ -152,6 +153,29 @@ def test_what_is_missing_in_a_certificate_is_added_only_when_told(arm, tmp_path,
     assert granted(keys, "operator-ann") == {"telerobot:pa10/operator", "telerobot:ur5e/operator"}
 
 
+def test_a_daemon_that_gets_another_name_is_certified_for_it_when_told(arm, capsys):
+    certify(arm)
+    assert certify(arm, "--host", "arm.local") == 2
+    assert "does not certify arm.local; --renew adds that" in capsys.readouterr().err
+    assert certify(arm, "--host", "arm.local", "--renew") == 0
+    keys = arm.parent / "keys"
+    assert {"arm.local", "127.0.0.1"} < certificate(read(keys / "daemon-pa10.crt")).hosts
+    assert certificate(read(keys / "operator-operator.crt")).hosts == frozenset()
+
+
+@pytest.mark.parametrize("host", ["arm local", "*.local", "-arm", "arm..local", ""])
+def test_what_is_no_host_is_refused(arm, host, capsys):
+    with pytest.raises(SystemExit):
+        certify(arm, f"--host={host}")
+    assert "is no host's name or address" in capsys.readouterr().err
+
+
+def test_an_endpoint_without_its_router_is_refused(arm, capsys):
+    assert certify(arm, "--listen", "tls/[::]:7447") == 2
+    assert "name it by --router" in capsys.readouterr().err
+    assert not (arm.parent / "keys").exists()
+
+
 def test_a_certificate_of_another_authority_is_not_renewed(arm, tmp_path, capsys):
     certify(arm, "--operator", "ann")
     certify(arm, "--directory", tmp_path / "foreign", "--operator", "eve")
@@ -207,6 +231,20 @@ def test_of_several_operators_the_one_of_the_name_is_taken_or_none(arm):
     certify(arm, "--operator", "ann", "--operator", "bob")
     assert identity_of(load_cell(arm), Role.OPERATOR, "bob").certificate.name == "operator-bob"
     assert "operator-eve.crt: not there" in refusal(arm, Role.OPERATOR, "eve")
+
+
+def test_a_folder_that_is_not_there_is_said(arm):
+    told = refusal(arm, Role.OPERATOR, "ann")
+    assert told.startswith(f"{arm.parent / 'keys'}: not there: telerobot certify makes it")
+    certify(arm)
+    (arm.parent / "keys" / "authority.crt").unlink()
+    assert "authority.crt: cannot be read: No such file" in refusal(arm, Role.OPERATOR, "ann")
+
+
+def test_a_certificate_may_be_named_with_its_ending(arm):
+    certify(arm, "--operator", "ann", "--operator", "bob")
+    cell = moved(load_cell(arm), identity=arm.parent / "keys" / "operator-bob.crt")
+    assert identity_of(cell, Role.OPERATOR, "ann").certificate.name == "operator-bob"
 
 
 def test_the_wrong_certificate_is_said(arm, tmp_path):

@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from ...config.errors import ConfigError
-from ...drivers.network.identity import AUTHORITY, read
+from ...drivers.network.certificates import AUTHORITY, read
 from ...protocols.roles import SERVERS, Grant
 
 YEARS_OF_AUTHORITY: Final = 10

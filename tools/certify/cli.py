@@ -1,31 +1,19 @@
 """`telerobot certify CELL …`: certificates for those who take part in the cells' network."""
 
 import argparse
-import ipaddress
 import re
-import socket
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from ...config.load import Cell, ConfigError, load_cell
-from ...drivers.network.identity import AUTHORITY, Certificate, certificate, issued, read
-from ...protocols.roles import NAME, Grant
-from ...protocols.topics import SENSORS, Role
+from ...drivers.network.certificates import Certificate, certificate, issued, read
+from ...protocols.roles import NAME
+from ...protocols.topics import Role
 from .authority import DAYS, Authority
+from .holders import Holder, is_host, named, sensor_keys, standing
 from .router import write_router
 
 LONGEST_DAYS = 3650
-
-
-@dataclass(frozen=True)
-class Holder:
-    """Who is to be certified for what."""
-
-    name: str
-    """The common name."""
-    grants: frozenset[Grant]
-    hosts: frozenset[str] = frozenset()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument(
         "--sensor", metavar="NAME[=KEY,…]", type=_sensor, action="append", default=[],
-        help=f"may put on its keys, of {', '.join(_keys())}; on the one of its name by default",
+        help=f"may put on its keys, of {', '.join(sensor_keys())}; on the one of its name by default",
     )  # fmt: skip
     parser.add_argument(
         "--router", metavar="NAME", type=_name, help="a router that the cells' daemons dial"
@@ -73,16 +61,18 @@ def run(args: argparse.Namespace) -> int:
     """Make what is missing; print what there is. Raises `ConfigError`."""
     cells = [load_cell(name) for name in args.cells]
     folder = args.directory or _folder(cells)
+    if args.listen and not args.router:
+        raise ConfigError(f"--listen: value '{args.listen}': is a router's; name it by --router")
     now = datetime.now(UTC)
     authority = Authority.of(folder)
     if authority is None:
         authority = Authority.make(folder, now)
         print(f"made  {folder / 'authority'}  keep its key where nobody else gets at it")
-    named = args.operator or args.observer or args.sensor or args.router
-    if args.renew and not named:
-        holders = _standing(authority, {cell.config.name for cell in cells})
+    anybody = args.operator or args.observer or args.sensor or args.router
+    if args.renew and not anybody:
+        holders = standing(authority, {c.config.name for c in cells}, frozenset(args.host))
     else:
-        holders = _holders(cells, args)
+        holders = named(cells, args)
     for holder in holders:
         path = folder / f"{holder.name}.crt"
         there = certificate(issued(path, authority.own)) if path.exists() else None
@@ -96,72 +86,9 @@ def run(args: argparse.Namespace) -> int:
             )
             word = "made" if there is None else "renewed"
         _tell(word, path, certificate(read(path)))
-    for path in write_router(folder, args.listen if args.router else None, args.router):
+    for path in write_router(folder, args.listen, args.router):
         print(f"wrote {path}  configuration of the router")
     return 0
-
-
-def _holders(cells: list[Cell], args: argparse.Namespace) -> list[Holder]:
-    """Return whom the arguments name, and what every cell has: its daemon, its virtual hardware.
-
-    Without a name, one of each role that the cells can use.
-    """
-    names = [cell.config.name for cell in cells]
-    here, given = frozenset(_own_hosts()), frozenset(args.host)
-    made = []
-    for cell, name in zip(cells, names, strict=True):
-        # Behind a router a daemon is not dialled: the hosts are the router's.
-        hosts = here | _listening(cell) | (frozenset() if args.router else given)
-        made.append(Holder(f"{Role.DAEMON}-{name}", frozenset({Grant(name, Role.DAEMON)}), hosts))
-        if cell.config.rig is not None:
-            made += _virtual(name)
-    operators, observers, sensors = args.operator, args.observer, args.sensor
-    if not (operators or observers or sensors or args.router):
-        operators, observers = ["operator"], ["observer"]
-        sensors = [(key, (f"sensor/{key}",)) for key in _used(cells)]
-    for role, each in ((Role.OPERATOR, operators), (Role.OBSERVER, observers)):
-        made += [
-            Holder(f"{role}-{who}", frozenset(Grant(cell, role) for cell in names)) for who in each
-        ]
-    for who, keys in sensors:
-        grants = frozenset(Grant(cell, Role.SENSOR, key) for cell in names for key in keys)
-        made.append(Holder(f"{Role.SENSOR}-{who}", grants))
-    if args.router:
-        grants = frozenset(Grant(cell, Role.ROUTER) for cell in names)
-        made.append(Holder(f"{Role.ROUTER}-{args.router}", grants, here | given))
-    return made
-
-
-def _standing(authority: Authority, cells: set[str]) -> list[Holder]:
-    """Return whom an authority certified for any of the cells."""
-    paths = (path for path in authority.folder.glob("*.crt") if path.stem != AUTHORITY)
-    every = [certificate(issued(path, authority.own)) for path in sorted(paths)]
-    return [
-        Holder(one.name, frozenset(one.grants), one.hosts)
-        for one in every
-        if cells.intersection(grant.cell for grant in one.grants)
-    ]
-
-
-def _virtual(cell: str) -> list[Holder]:
-    """Return a cell's rig, whose sensors tell of frames, and the one who plays all parts there."""
-    rig = {Grant(cell, Role.RIG), Grant(cell, Role.SENSOR, "sensor/frame")}
-    judge = {Grant(cell, Role.JUDGE), Grant(cell, Role.OPERATOR)}
-    judge |= {Grant(cell, Role.SENSOR, topic.key) for topic in SENSORS}
-    return [
-        Holder(f"{Role.RIG}-{cell}", frozenset(rig)),
-        Holder(f"{Role.JUDGE}-{cell}", frozenset(judge)),
-    ]
-
-
-def _used(cells: list[Cell]) -> list[str]:
-    """Return the keys on which sensors of these cells put."""
-    used = {
-        "vision": any(cell.config.cameras for cell in cells),
-        "obstacle": any(cell.config.keeps_clear for cell in cells),
-        "frame": any(cell.config.frames.moving for cell in cells),
-    }
-    return [key for key in _keys() if used[key]]
 
 
 def _refuse_more(path: Path, there: Certificate, holder: Holder, hosts: frozenset[str]) -> None:
@@ -191,30 +118,6 @@ def _folder(cells: list[Cell]) -> Path:
     return folders.pop()
 
 
-def _own_hosts() -> tuple[str, ...]:
-    host = socket.gethostname().lower()
-    return ("localhost", "127.0.0.1", "::1", *([host] if _is_host(host) else []))
-
-
-def _listening(cell: Cell) -> frozenset[str]:
-    """Return the host at which a cell's daemon listens, where it is one to dial."""
-    host = cell.config.zenoh.listen.partition("/")[2].rpartition(":")[0].strip("[]")
-    return frozenset() if host in ("0.0.0.0", "::") or not _is_host(host) else frozenset({host})
-
-
-def _is_host(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host)
-    except ValueError:
-        label = r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?"
-        return len(host) <= 253 and re.fullmatch(rf"{label}(\.{label})*", host) is not None
-    return True
-
-
-def _keys() -> list[str]:
-    return [topic.key.removeprefix("sensor/") for topic in SENSORS]
-
-
 def _name(text: str) -> str:
     if not re.fullmatch(NAME, text):
         raise argparse.ArgumentTypeError(
@@ -226,14 +129,16 @@ def _name(text: str) -> str:
 def _sensor(text: str) -> tuple[str, tuple[str, ...]]:
     name, given, listed = text.partition("=")
     keys = listed.split(",") if given else [name]
-    wrong = [key for key in keys if key not in _keys()]
+    wrong = [key for key in keys if key not in sensor_keys()]
     if wrong:
-        raise argparse.ArgumentTypeError(f"{wrong[0]!r} is no sensor's key; those are {_keys()}")
+        raise argparse.ArgumentTypeError(
+            f"{wrong[0]!r} is no sensor's key; those are {sensor_keys()}"
+        )
     return _name(name), tuple(f"sensor/{key}" for key in keys)
 
 
 def _host(text: str) -> str:
-    if not _is_host(text.lower()):
+    if not is_host(text.lower()):
         raise argparse.ArgumentTypeError(f"{text!r} is no host's name or address")
     return text.lower()
 

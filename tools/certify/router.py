@@ -8,7 +8,7 @@ from typing import Any
 from ...config.load import ConfigError
 from ...config.security import SECURE
 from ...drivers.network.access import enforced
-from ...drivers.network.identity import known
+from ...drivers.network.certificates import known
 from ...drivers.network.sessions import router_settings
 from ...protocols.topics import Role
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...config.load import Cell, ConfigError
 from ...config.security import refuse_exposure
-from ...drivers.network.identity import known
+from ...drivers.network.certificates import known
 from ..findings import Finding, Status
 
 

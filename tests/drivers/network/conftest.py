@@ -4,7 +4,8 @@ from datetime import UTC, datetime
 
 import pytest
 import zenoh
-from telerobot.drivers.network.identity import Identity, certificate, read
+from telerobot.drivers.network.certificates import certificate, read
+from telerobot.drivers.network.identity import Identity
 from telerobot.protocols.roles import Grant
 from telerobot.tools.certify.authority import Authority
 
