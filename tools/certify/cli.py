@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument(
         "--sensor", metavar="NAME[=KEY,…]", type=_sensor, action="append", default=[],
-        help=f"may put on its keys, of {', '.join(sensor_keys())}; on the one of its name by default",
+        help=f"may put on its keys, of {', '.join(sensor_keys())}; by default that of its name",
     )  # fmt: skip
     parser.add_argument(
         "--router", metavar="NAME", type=_name, help="a router that the cells' daemons dial"

@@ -98,6 +98,7 @@ def _listening(cell: Cell) -> frozenset[str]:
 
 
 def is_host(host: str) -> bool:
+    """Return whether a text is a host's name, in small letters, or its address."""
     try:
         ipaddress.ip_address(host)
     except ValueError:
@@ -107,4 +108,5 @@ def is_host(host: str) -> bool:
 
 
 def sensor_keys() -> list[str]:
+    """Return the keys that sensors put on, by their last part."""
     return [topic.key.removeprefix("sensor/") for topic in SENSORS]
