@@ -75,7 +75,8 @@ class Operator(Motions):
             self.session = Session(self.cell, self.endpoint, shown)
         except ConnectionError as error:
             raise OperatorError("no_daemon", str(error)) from None
-        depths = {t.STATE: 1, t.REFLECTION: 1, t.EVENT: 256, t.DESCRIPTION: 1}
+        # Of what is true only now, the newest that can be read; junk between does not push it out.
+        depths = {t.STATE: 64, t.REFLECTION: 64, t.EVENT: 256, t.DESCRIPTION: 8}
         self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
         self.pilot = Pilot(name, self.cell, self._put, self.session.ask)
         self.description: m.Description | None = None
@@ -133,8 +134,12 @@ class Operator(Motions):
     def turn(self) -> None:
         """Read what came in and send what is due, once; waits for nothing."""
         for topic, inbox in self._inboxes.items():
-            for payload in inbox.take():
-                self._take(topic, payload)
+            payloads = list(inbox.take())
+            if topic.life is not t.Life.STREAM:
+                for payload in payloads:
+                    self._take(topic, payload)
+            elif payloads:
+                any(self._take(topic, payload) for payload in reversed(payloads))
         self.session.poll()
         self.pilot.run(time.monotonic())
 
@@ -290,11 +295,12 @@ class Operator(Motions):
                 self.pilot.secret = None  # it has run out already: there is nothing to release
         self.session.close()
 
-    def _take(self, topic: t.Topic, payload: bytes) -> None:
+    def _take(self, topic: t.Topic, payload: bytes) -> bool:
+        """Take in what was told; return False for what cannot be read."""
         try:
             message = decode_as(topic.message, payload, topic.max_bytes)
         except CodecError:
-            return  # another version's telemetry; commands would be refused by name
+            return False  # another version's telemetry; commands would be refused by name
         if isinstance(message, m.State):
             self._take_state(message, time.monotonic())
         elif isinstance(message, Reflection):
@@ -304,6 +310,7 @@ class Operator(Motions):
             self.on_event(message)
         elif isinstance(message, m.Description):
             self.description = message
+        return True
 
     def _take_state(self, state: m.State, now_s: float) -> None:
         self.pilot.on_state(state)

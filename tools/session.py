@@ -21,17 +21,25 @@ class NotCertified(Exception):
 
 
 class Inbox:
-    """What came in on one topic since the last look; older news gives way to newer."""
+    """What came in on one topic since the last look; older news gives way to newer.
+
+    What was put on an expression with a wildcard was put by no daemon, whatever it matches.
+    """
 
     def __init__(
-        self, subscriber: "zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]"
+        self,
+        subscriber: "zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]",
+        max_bytes: int,
     ) -> None:
         self._subscriber = subscriber
+        self._key = str(subscriber.key_expr)
+        self._max_bytes = max_bytes
 
     def take(self) -> Iterator[bytes]:
         """Yield the payloads that wait, oldest first."""
         while (sample := self._subscriber.try_recv()) is not None:
-            yield sample.payload.to_bytes()
+            if str(sample.key_expr) == self._key and len(sample.payload) <= self._max_bytes:
+                yield sample.payload.to_bytes()
 
 
 @dataclass(frozen=True)
@@ -67,9 +75,10 @@ class Session:
         self._waiting: list[_Waiting] = []
 
     def subscribe(self, topic: t.Topic, depth: int) -> Inbox:
-        """Listen to a topic, keeping the newest `depth` payloads between two looks."""
+        """Listen to a topic, keeping the newest `depth` messages between two looks."""
         ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
-        return Inbox(self._session.declare_subscriber(topic.full_key(self.cell), ring))
+        key = topic.full_key(self.cell)
+        return Inbox(self._session.declare_subscriber(key, ring), topic.max_bytes)
 
     def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send a command; a congested link drops it.

@@ -9,6 +9,7 @@ wildcard, of a stranger or not, is included in none and passes nothing.
 from collections.abc import Iterable, Mapping
 
 from ...protocols.roles import Grant, rights
+from ...protocols.topics import Role
 
 Grants = Mapping[str, Iterable[Grant]]
 """By the common name of a certificate."""
@@ -32,6 +33,31 @@ def enforced(holders: Grants) -> dict[str, object]:
             names.append(name)
             policies.append({"rules": [rule["id"] for rule in own], "subjects": [name]})
     return _control(rules, names, policies)
+
+
+def reserved(cell: str) -> dict[str, object]:
+    """Return the `access_control` of a daemon's own router that asks nobody for a certificate.
+
+    Everybody may do what they like on it, but nobody takes the daemon's part: telemetry is put and
+    requests are answered by none but the daemon's own session, and none but that hears commands
+    and sensors. An expression with a wildcard is included in no rule: who listens on one hears
+    nothing that is reserved, but who puts on one reaches all, so that readers hold to exact keys.
+    """
+    own = rights((Grant(cell, Role.DAEMON),))
+    rules = [
+        _rule("telemetry", ("ingress",), ("put", "delete"), own.puts, "deny"),
+        _rule("commands", ("egress",), ("put", "delete"), own.hears, "deny"),
+        _rule("requests", ("egress",), ("query",), own.answers, "deny"),
+        _rule("answers", ("ingress",), ("declare_queryable", "reply"), own.answers, "deny"),
+    ]
+    policy = {"rules": [rule["id"] for rule in rules], "subjects": ["everybody"]}
+    return {
+        "enabled": True,
+        "default_permission": "allow",
+        "rules": rules,
+        "subjects": [{"id": "everybody"}],
+        "policies": [policy],
+    }
 
 
 def trusting(servers: Iterable[str]) -> dict[str, object]:
@@ -79,11 +105,15 @@ def _rules(name: str, grants: tuple[Grant, ...]) -> list[dict[str, object]]:
 
 
 def _rule(
-    name: str, flows: Iterable[str], messages: Iterable[str], keys: Iterable[str]
+    name: str,
+    flows: Iterable[str],
+    messages: Iterable[str],
+    keys: Iterable[str],
+    permission: str = "allow",
 ) -> dict[str, object]:
     return {
         "id": name,
-        "permission": "allow",
+        "permission": permission,
         "flows": list(flows),
         "messages": list(messages),
         "key_exprs": sorted(keys),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import zenoh
 
-from .access import enforced, trusting
+from .access import enforced, reserved, trusting
 from .certificates import AUTHORITY, in_cell, known
 from .identity import Identity, servers
 
@@ -65,11 +65,13 @@ _IMPATIENT = {
 def router_config(listen: str, cell: str = "", identity: Identity | None = None) -> "zenoh.Config":
     """Return the configuration of a cell's daemon, which others dial at `listen`.
 
-    With an identity it lets those do what they may whose certificates lie beside its own. What a
-    peer sends, or fails to read, costs the daemon little memory, and its ticks little time.
+    With an identity it lets those do what they may whose certificates lie beside its own; without,
+    it lets nobody take the daemon's part. What a peer sends, or fails to read, costs the daemon
+    little memory, and its ticks little time.
     """
     if identity is None:
-        return _config({"mode": "router", "listen/endpoints": [listen], **_BOUNDED, **_IMPATIENT})
+        open_ = {"mode": "router", "listen/endpoints": [listen], **_BOUNDED, **_IMPATIENT}
+        return _config({**open_, "access_control": reserved(cell)} if cell else open_)
     every, _ = known(identity.folder)
     settings = router_settings(listen, identity.folder, identity.certificate.name)
     access = {"access_control": enforced(in_cell(every, cell))}

@@ -166,3 +166,32 @@ def test_the_admin_space_is_closed_without_certificates_too(zone):
     assert tried.passes(session, router, session.put) == set(KEYS)
     told = {str(reply.ok.key_expr) for reply in session.get("@/**")}
     assert all(key.startswith(f"@/{session.zid()}/") for key in told), "only of itself"
+
+
+def test_without_certificates_nobody_takes_the_daemons_part(zone):
+    """A stranger may put, ask and listen, but not be the daemon, nor hear what it is told."""
+    endpoint = free_endpoint("tcp")
+    router = zone.open(router_config(endpoint, "pa10"))
+    stranger = zone.open(client_config(endpoint))
+    through = Try(router, stranger, KEYS).let_through()
+    own = {f"telerobot/pa10/{key}" for key in TELEMETRY}
+    told = {f"telerobot/pa10/{key}" for key in COMMANDS | SENSORS}
+    asked = {f"telerobot/pa10/{key}" for key in REQUESTS}
+    every = set(KEYS)
+    assert through["put"] == through["delete"] == every - own
+    assert through["hear"] == every - told
+    assert through["ask"] == every
+    assert through["serve"] == every - asked
+
+
+def test_without_certificates_a_wildcard_hears_no_command_and_answers_no_request(zone):
+    endpoint = free_endpoint("tcp")
+    router = zone.open(router_config(endpoint, "pa10"))
+    ann, stranger = zone.open(client_config(endpoint)), zone.open(client_config(endpoint))
+    tried = Try(router, stranger, KEYS)
+    told = {f"telerobot/pa10/{key}" for key in COMMANDS | SENSORS}
+    asked = {f"telerobot/pa10/{key}" for key in REQUESTS}
+    heard = tried.passes(ann, stranger, ann.put, KEYS, ("telerobot/**",))
+    assert heard.isdisjoint(told)
+    tried = Try(router, stranger, ("telerobot/**",))
+    assert tried.reaches(ann, stranger, KEYS).isdisjoint(asked)
