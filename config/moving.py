@@ -20,8 +20,17 @@ class MovingFrame(Section):
         0.06, gt=0, le=2, description="time constant of the filter over its news [s]"
     )
     least_quality: float = Field(0.3, ge=0, le=1, description="news below is not believed [1]")
-    speed: float = Field(0.5, gt=0, le=10, description="faster than this it never moves [m/s]")
+    speed: float = Field(0.5, gt=0, le=10, description="faster it is never believed to move [m/s]")
     angular_speed: float = Field(0.5, gt=0, le=10, description="the same [rad/s]")
+    acceleration: float = Field(
+        1.0, gt=0, le=100, description="with more it is never believed to accelerate [m/s²]"
+    )
+    angular_acceleration: float = Field(1.0, gt=0, le=100, description="the same [rad/s²]")
+    extent: tuple[Positive, Positive] | None = Field(
+        None,
+        description="further from where the cell has it, it is never believed to be [m], [rad]; "
+        "none: anywhere",
+    )
     slack: tuple[Positive, Positive] = Field(
         (0.02, 0.05), description="difference of two poses that is still noise [m], [rad]"
     )

@@ -15,7 +15,8 @@ class FrameNews(Message):
 
     `tick` is the telemetry tick in which it was measured. `xyz` [m] and `rpy` [rad] are its pose in
     `seen_from`, `twist` [m/s, rad/s] its twist seen from there, at its origin, in that frame's
-    axes, where it is measured; else it is found from the poses. `quality` is from 0 to 1.
+    axes, where it is measured; else it is found from the poses. `quality` is from 0 to 1. What is
+    faster, accelerates more or is further away than the cell says is not believed.
     """
 
     name: Literal["base", "carrier"]

@@ -45,9 +45,12 @@ class Flow(Enum):
     REQUEST = ("ask", Role.OPERATOR, Role.DAEMON)
     """By an operator, most with a proof of the lease; answered with a `Reply`."""
     SENSOR = ("put", Role.SENSOR, Role.DAEMON)
-    """Read without a lease: it is no order. It moves nothing until the lease holder switches the
-    source on that uses it, and it is used only as long as the tick that it belongs to is recent.
-    A sensor may put only on the keys that it is certified for."""
+    """Read without a lease: it is no order, and it counts only as long as the tick that it belongs
+    to is recent. While the arm is enabled it can move it, inside bounds of the cell that
+    `telerobot check` tells: a picture once the lease holder has stored a view and switched vision
+    on; a frame where motion is relative to it, or to World on a Base that moves, at rest, too; an
+    obstacle turns aside or stops what somebody asks for, and pushes the elbow where the cell has a
+    field or virtual spheres. A sensor may put only on the keys that it is certified for."""
     TELEMETRY = (
         "put", Role.DAEMON,
         Role.OPERATOR, Role.SENSOR, Role.OBSERVER, Role.RIG, Role.JUDGE,

@@ -5,6 +5,7 @@ piece that is not believed, and a frame lost and found again, is an event; a row
 one.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..protocols.moving import FrameNews
 from .admission import Refused, Why
 from .control.follower import Followed, Follower
 from .control.frames import Pose, rotate_twist, rotation_exp
-from .control.tracking import Doubt, Plausible, Track, observed
+from .control.tracking import Doubt, Doubted, Plausible, Track, observed
 from .control.tree import Body, Moved
 from .events import Events
 
@@ -33,7 +34,7 @@ class _Watched:
     follower: Follower
     followed: Followed
     track: Track | None = None
-    doubt: Doubt | None = None
+    doubt: Doubted | None = None
     """Why the newest news was not believed."""
 
 
@@ -79,8 +80,8 @@ class FrameWatch:
         if news.tick > tick:
             raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
         believed = self._judge(watched, news, tick)
-        if isinstance(believed, Doubt):
-            if believed is not watched.doubt:
+        if isinstance(believed, Doubted):
+            if watched.doubt is None or believed.doubt is not watched.doubt.doubt:
                 self._tell("frame_rejected", news.name, believed)
             watched.doubt = believed
             return
@@ -93,7 +94,7 @@ class FrameWatch:
         for name, w in self._watched.items():
             if w.track is not None and tick - w.track.tick > w.timeout:
                 w.track = None
-                self._tell("frame_lost", name, w.doubt or Doubt.NO_NEWS)
+                self._tell("frame_lost", name, w.doubt)
             w.followed = w.follower.step(w.followed, w.track, tick, self._lead_s, not moving)
         if self._watched:
             self.moved = self._moved()
@@ -126,19 +127,23 @@ class FrameWatch:
             config.angular_speed,
             *config.slack,
             config.smoothing_s,
+            config.acceleration,
+            config.angular_acceleration,
+            config.extent or (math.inf, math.inf),
+            self._standing[name],
         )
         follower = Follower(
             bounds(config.speed, config.angular_speed),
-            bounds(limits.acceleration, limits.angular_acceleration),
+            bounds(config.acceleration, config.angular_acceleration),
             bounds(limits.jerk, limits.angular_jerk),
             period,
         )
         timeout = round(config.timeout_s / period)
         return _Watched(plausible, timeout, follower, follower.standing(self._standing[name]))
 
-    def _judge(self, watched: _Watched, news: FrameNews, tick: int) -> Track | Doubt:
+    def _judge(self, watched: _Watched, news: FrameNews, tick: int) -> Track | Doubted:
         if tick - news.tick > watched.timeout:
-            return Doubt.LATE
+            return Doubted(Doubt.LATE, tick - news.tick, watched.timeout, "ticks")
         T = Pose.from_xyz_rpy(news.xyz, news.rpy)
         twist = None if news.twist is None else np.array(news.twist)
         if news.seen_from == "base":
@@ -161,5 +166,17 @@ class FrameWatch:
         back = -((tick - then) * period + self._lead_s) * now.twist
         return Body(Pose(rotation_exp(back[3:]) @ now.T.R, now.T.p + back[:3]), now.twist)
 
-    def _tell(self, event: str, name: str, doubt: Doubt) -> None:
-        self._events.warning(event, f"{name}: {doubt}", frame=name, reason=str(doubt))
+    def _tell(self, event: str, name: str, doubted: Doubted | None) -> None:
+        """Tell why news was not believed, with value and bound; None: there was none."""
+        if doubted is None:
+            reason = str(Doubt.NO_NEWS)
+            self._events.warning(event, f"{name}: {reason}", frame=name, reason=reason)
+            return
+        self._events.warning(
+            event,
+            f"{name}: {doubted.words}",
+            frame=name,
+            reason=str(doubted.doubt),
+            value=float(f"{doubted.value:.4g}"),
+            bound=float(f"{doubted.bound:.4g}"),
+        )

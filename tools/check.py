@@ -13,6 +13,7 @@ from .checks.holding import holding
 from .checks.network import network
 from .checks.postures import postures
 from .checks.reflection import reflection
+from .checks.sensors import sensors
 from .checks.stability import stability
 from .checks.timing import timing
 from .checks.torque import torque
@@ -30,6 +31,7 @@ CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
     holding,
     torque,
     following,
+    sensors,
 )
 
 

@@ -5,7 +5,7 @@ keep every barrier: self-motion is spent first, then speed along the path, and o
 along which the tool would stop: it slides on along the barrier.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -14,12 +14,30 @@ from .avoidance.guard import Guard, Situation, Watch
 from .avoidance.joint_room import JointRoom
 from .avoidance.links import Placed
 from .avoidance.nearest import nearest
-from .frames import Array
+from .frames import Array, sizes
 from .mechanism import Kinematics
 from .parameters import Parameters
 from .scene import Scene
-from .state import Memory, Settings
+from .state import Inputs, Memory, Settings
 from .tree import Body
+
+ORDERED: Final = 1e-3
+"""A source that asks for more than this means it; below, it makes up for noise [m/s, rad/s]."""
+
+_ACCOMMODATION: Final = "force"
+
+
+def ordered(twists: dict[str, Array], inputs: Inputs) -> bool:
+    """Return whether anything but accommodation tells the arm to move.
+
+    Noise of the force/torque sensor always asks for a little. News of obstacles needs no lease: an
+    arm that nobody tells to move shall not be led away by it.
+    """
+    if inputs.jog is not None or inputs.posture is not None or inputs.wrench_desired.any():
+        return True
+    return any(
+        max(sizes(twist)) > ORDERED for source, twist in twists.items() if source != _ACCOMMODATION
+    )
 
 
 class Allowed(NamedTuple):
@@ -64,12 +82,14 @@ class Allow:
         base: Body | None = None,
         placed: Placed | None = None,
         by_joint: bool = False,
+        ordered: bool = True,
     ) -> Allowed:
         """Return the rates nearest to dq (n,) [rad/s] that all bounds allow.
 
         `error` (n,) [rad] is the command's lead over the joints, which the leash bounds; `base` a
         Base that moves; `placed` where links are, where that is known. `by_joint`: the joints are
         commanded themselves, so that one at its bound is held there, and no other makes up for it.
+        `ordered` tells whether somebody tells the arm to move.
         """
         q, V = memory.motion.q, settings.speed_factor * self._p.velocity
         dq, share, low, high, beyond = self.room.within(dq, V, q, error)
@@ -86,7 +106,7 @@ class Allow:
             at = Situation(
                 q, memory.motion.dq, error, p, k.J, T, scene, settings.speed_factor, base, placed
             )
-            watch = self.guard.watch(at, dq, memory.levels)
+            watch = self.guard.watch(at, dq, memory.levels, ordered)
             slow = self.guard.tool_share(watch)
             if slow < 1.0:
                 dq, share, limits = slow * dq, slow * share, (*limits, "near_speed")

@@ -4,6 +4,9 @@ Every piece of news changes what is believed a little, and the first after a sil
 by much. The arm is to notice neither: the frame goes on from where it was believed, at the twist
 that it had, and what it differs by from the new belief decays inside acceleration and jerk bounds.
 With no news at all it comes to rest where it then is, by the same bounds.
+
+While the arm depends on it, a frame is never told to be faster, or to accelerate more, than `most`
+says, whatever is believed: that is what news of it can do to the arm.
 """
 
 import math
@@ -12,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .frames import Array, Pose, pose_error, right_jacobian, rotation_exp, vector_rate
-from .tracking import Track
+from .tracking import Track, within
 from .trajectory import Motion
 from .tree import Body
 
@@ -36,9 +39,14 @@ class Followed(NamedTuple):
 
 
 class Follower:
-    """Follows one frame; `speed`, `acceleration`, `jerk` (6,) bound how it gets to the belief."""
+    """Follows one frame; `speed`, `acceleration`, `jerk` (6,) bound how it gets to the belief.
+
+    All of its motion is inside `speed` and `acceleration`, too.
+    """
 
     def __init__(self, speed: Array, acceleration: Array, jerk: Array, period_s: float) -> None:
+        self._speed = (float(speed[0]), float(speed[3]))
+        self._step = (period_s * float(acceleration[0]), period_s * float(acceleration[3]))
         self._bounds = [
             (part, float(speed[i]), float(acceleration[i]), float(jerk[i]))
             for i, part in ((0, slice(0, 3)), (3, slice(3, 6)))
@@ -59,7 +67,7 @@ class Follower:
         frame, so that what is believed is told as it is.
         """
         then_s = tick * self._period_s + lead_s
-        offset = self._decayed(state)
+        before, offset = state.now, self._decayed(state)
         if track is not state.track:
             now = self._placed(_believed(state, then_s, self._period_s), offset)
             rest = now.T if track is None else state.rest
@@ -67,8 +75,25 @@ class Follower:
             offset = _between(_believed(state, then_s, self._period_s), now, offset.ddq)
         if snap:
             offset = Motion.at_rest(np.zeros(6))
-        now = self._placed(_believed(state, then_s, self._period_s), offset)
+        believed = _believed(state, then_s, self._period_s)
+        now = self._placed(believed, offset)
+        if not snap:
+            now, offset = self._bounded(before, now, believed, offset)
         return state._replace(now=now, offset=offset)
+
+    def _bounded(
+        self, before: Body, now: Body, believed: Body, offset: Motion
+    ) -> tuple[Body, Motion]:
+        """Return the frame that is no faster than it may be, and its difference from the belief."""
+        asked = now.twist - before.twist
+        change = within(asked, self._step)
+        if change is asked and within(now.twist, self._speed) is now.twist:
+            return now, offset
+        twist = within(before.twist + change, self._speed)
+        way = self._period_s * twist
+        T = Pose(rotation_exp(way[3:]) @ before.T.R, before.T.p + way[:3])
+        held = Body(T, twist)
+        return held, _between(believed, held, offset.ddq + (twist - now.twist) / self._period_s)
 
     def _decayed(self, state: Followed) -> Motion:
         """Return the difference one period later."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .actuate import Now, actuation
-from .allow import Allow, Allowed
+from .allow import Allow, Allowed, ordered
 from .avoidance.guard import Guard, Watch
 from .avoidance.links import Placed
 from .evolve import evolve
@@ -140,6 +140,7 @@ class Control:
             None if moved is None else moved.base,
             placed,
             asked.by_joint,
+            self.allow.guard is None or ordered(asked.twists, inputs),
         )
         limited = self._limit(memory, inputs, allowed)
         refusal = self.gate.refusal(limited.motion.q, memory.sent)

@@ -5,6 +5,10 @@ section on fading-memory filters) over pose, twist and acceleration: a frame tha
 constant twist or acceleration is followed without steady error. Attitudes by the rotation
 logarithm. Each estimate belongs to the tick that its news names, and is carried on to any other by
 its own twist and acceleration; so what is late is no error as long as the motion is smooth.
+
+Anybody may send news, so a frame is never believed to move faster, to accelerate more or to be
+further away than its cell says: what would need that is not believed, and estimates are kept
+inside.
 """
 
 import math
@@ -27,9 +31,26 @@ class Doubt(StrEnum):
     QUALITY = "quality"
     JUMP = "jump"
     SPEED = "speed"
+    ACCELERATION = "acceleration"
+    EXTENT = "extent"
     LATE = "late"
     OUT_OF_ORDER = "out_of_order"
     NO_NEWS = "no_news"
+
+
+class Doubted(NamedTuple):
+    """News that was not believed: what of it, and what would have been."""
+
+    doubt: Doubt
+    value: float
+    bound: float
+    unit: str = ""
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.doubt}: {self.value:.3g}{unit}, bound {self.bound:.3g}{unit}"
 
 
 class Track(NamedTuple):
@@ -60,6 +81,12 @@ class Plausible:
     slack: float
     angular_slack: float
     smoothing_s: float
+    acceleration: float
+    angular_acceleration: float
+    extent: tuple[float, float]
+    """How far from `home` it may be [m], [rad]; infinite: anywhere."""
+    home: Pose
+    """Where it stands in World until there is news of it."""
 
 
 def observed(
@@ -69,25 +96,40 @@ def observed(
     twist: Array | None,
     quality: float,
     plausible: Plausible,
-) -> Track | Doubt:
+) -> Track | Doubted:
     """Return what is known after news of `tick`, or why it was not believed.
 
     `T` is the frame's pose in World, `twist` (6,) its own twist in World axes, if it was measured.
     """
     p = plausible
     if quality < p.least_quality:
-        return Doubt.QUALITY
-    if twist is not None and _beyond(twist, p.speed, p.angular_speed):
-        return Doubt.SPEED
+        return Doubted(Doubt.QUALITY, quality, p.least_quality)
+    doubted = _beyond(Doubt.EXTENT, pose_error(T, p.home), p.extent, ("m", "rad"))
+    if doubted is None and twist is not None:
+        doubted = _beyond(Doubt.SPEED, twist, (p.speed, p.angular_speed), ("m/s", "rad/s"))
+    if doubted is not None:
+        return doubted
     if track is None:
         return Track(tick, T, np.zeros(6) if twist is None else twist, np.zeros(6), tick)
     if tick <= track.tick:
-        return Doubt.OUT_OF_ORDER
+        return Doubted(Doubt.OUT_OF_ORDER, tick, track.tick + 1)
     dt = (tick - track.tick) * p.period_s
-    far, turned = p.slack + p.speed * dt, p.angular_slack + p.angular_speed * dt
-    if _beyond(pose_error(T, track.T), far, turned):
-        return Doubt.JUMP
-    return _filtered(track, tick, T, twist, dt, plausible)
+    far = (p.slack + p.speed * dt, p.angular_slack + p.angular_speed * dt)
+    doubted = _beyond(Doubt.JUMP, pose_error(T, track.T), far, ("m", "rad"))
+    if doubted is None and _settled(track, p):
+        # What is known and what is true may accelerate in opposite senses.
+        far = (
+            p.slack + p.acceleration * dt * dt,
+            p.angular_slack + p.angular_acceleration * dt * dt,
+        )
+        off = pose_error(T, track.at(dt).T)
+        doubted = _beyond(Doubt.ACCELERATION, off, far, ("m", "rad"))
+    return doubted or _filtered(track, tick, T, twist, dt, plausible)
+
+
+def _settled(track: Track, p: Plausible) -> bool:
+    """Return whether a frame has been known for long enough to tell how it moves."""
+    return (track.tick - track.since) * p.period_s >= NO_ACCELERATION * p.smoothing_s
 
 
 def _filtered(
@@ -103,24 +145,37 @@ def _filtered(
     if twist is None:
         v = expected.twist + (1.5 * forget**2 * (1.0 + keep) / dt) * error
         a = track.acceleration + (forget**3 / dt**2) * error
-        if known_s < NO_ACCELERATION * plausible.smoothing_s:
+        if not _settled(track, plausible):
             a = np.zeros(6)
     else:
         miss = twist - expected.twist
         v = expected.twist + (1.0 - keep**2) * miss
         a = track.acceleration + (forget**2 / dt) * miss
     R = rotation_exp(step[3:]) @ expected.T.R
-    v = _within(v, plausible.speed, plausible.angular_speed)
+    p = plausible
+    if _settled(track, p):  # at first, how fast it is has to be found out
+        most = (p.acceleration * dt, p.angular_acceleration * dt)
+        v = track.twist + within(v - track.twist, most)
+    v = within(v, (p.speed, p.angular_speed))
+    a = within(a, (p.acceleration, p.angular_acceleration))
     return Track(tick, Pose(R, expected.T.p + step[:3]), v, a, track.since)
 
 
-def _beyond(six: Array, linear: float, angular: float) -> bool:
-    return math.sqrt(six[:3] @ six[:3]) > linear or math.sqrt(six[3:] @ six[3:]) > angular
+def _beyond(
+    doubt: Doubt, six: Array, most: tuple[float, float], units: tuple[str, str]
+) -> Doubted | None:
+    """Return the doubt about a (6,) whose linear or angular part is larger than `most`."""
+    for part, bound, unit in zip((six[:3], six[3:]), most, units, strict=True):
+        size = math.sqrt(part @ part)
+        if size > bound:
+            return Doubted(doubt, size, bound, unit)
+    return None
 
 
-def _within(twist: Array, speed: float, angular_speed: float) -> Array:
-    v, w = math.sqrt(twist[:3] @ twist[:3]), math.sqrt(twist[3:] @ twist[3:])
-    if v <= speed and w <= angular_speed:
-        return twist
-    shares = (min(1.0, speed / max(v, 1e-12)), min(1.0, angular_speed / max(w, 1e-12)))
-    return np.asarray(twist * np.repeat(shares, 3))
+def within(six: Array, most: tuple[float, float]) -> Array:
+    """Return a (6,) whose linear and angular part are each shortened to at most `most`."""
+    v, w = math.sqrt(six[:3] @ six[:3]), math.sqrt(six[3:] @ six[3:])
+    if v <= most[0] and w <= most[1]:
+        return six
+    shares = (min(1.0, most[0] / max(v, 1e-12)), min(1.0, most[1] / max(w, 1e-12)))
+    return np.asarray(six * np.repeat(shares, 3))

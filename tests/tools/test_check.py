@@ -220,3 +220,25 @@ def test_the_heaviest_declared_payload_has_to_be_held(small):
     found = findings(small.cell)["holding start"]
     assert found.status is Status.ERROR
     assert found.text.endswith("with payload anvil")
+
+
+def test_what_sensor_keys_can_do_is_told_in_numbers():
+    found = findings("pa10_platform")
+    base = found["news of base"]
+    assert base.status is Status.OK
+    assert base.values["speed"] == 0.3
+    assert base.values["acceleration"] == 0.5
+    assert base.values["extent"] == 0.5
+    # 0.98 kg at 0.35 rad: the sine of the weight, and the mass times the acceleration.
+    assert base.values["force"] == pytest.approx(0.98 * (9.81 * 0.3482 + 0.5), rel=0.03)
+    assert base.values["tool_speed"] == 0.5  # with its lever more, but for the bound of the tool
+    assert "moves no idle arm" in found["news of obstacles"].text
+    assert findings("ranger")["news of obstacles"].values["self_motion"] > 0.0
+    assert "until a view is stored" in findings("pa10_vision")["pictures"].text
+
+
+def test_a_frame_that_may_be_anywhere_is_worth_a_word(small):
+    small.cell.write_text(small.cell.read_text() + "\n[frames.base]\nspeed = 0.1\n")
+    base = findings(small.cell)["news of base"]
+    assert base.status is Status.WARN
+    assert "extent" in base.text

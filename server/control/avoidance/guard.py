@@ -75,16 +75,19 @@ class Guard:
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         self._tool = self.links.body == self.links.chain.n
 
-    def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
-        """Return what is around the arm, if joints are to go at `asked` (n,) [rad/s]."""
+    def watch(self, at: Situation, asked: Array, levels: Levels, ordered: bool = True) -> Watch:
+        """Return what is around the arm, if joints are to go at `asked` (n,) [rad/s].
+
+        `ordered` tells whether somebody wants that, and no sensor's noise.
+        """
         clearance, J = self.clearance, at.J
-        speed, ordered, fastest = _asked(J, asked, at.dq)
+        speed, rate, fastest = _asked(J, asked, at.dq)
         sight = clearance.look(
             at.q, fastest, at.error, at.scene, at.factor, levels, at.base, at.placed
         )
         tool, closing = self.walls.around(J, at.p), sight.near.speed
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
-        widen = ordered > ORDERED
+        widen = ordered and rate > ORDERED
         rows = clearance.braking.rows(sight.near.rows, sight.room, closing, tool, at.factor, widen)
         return Watch(at, sight, rows, speed)
 

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from telerobot.server.control.follower import Follower
 from telerobot.server.control.frames import Pose, pose_error, rotation_exp
-from telerobot.server.control.tracking import Doubt, Plausible, observed
+from telerobot.server.control.tracking import Doubt, Doubted, Plausible, observed
 
 T = 0.01
 LATE, EVERY = 6, 3
 """Ticks from measurement to hearing, and between two measurements."""
-PLAUSIBLE = Plausible(T, 0.3, 1.0, 2.0, 0.02, 0.05, 0.06)
+PLAUSIBLE = Plausible(
+    T, 0.3, 1.0, 2.0, 0.02, 0.05, 0.06, 2.0, 6.0, (np.inf, np.inf), Pose.identity()
+)
 A, J = np.repeat([2.0, 6.0], 3), np.repeat([40.0, 120.0], 3)
 
 
@@ -47,7 +49,7 @@ class Listener:
                     pose = Pose(rotation_exp(n[3:]) @ pose.R, pose.p + n[:3])
                 twist = None if self.twist is None else self.twist(measured * T)
                 found = observed(self.track, measured, pose, twist, 1.0, self.plausible)
-                assert not isinstance(found, Doubt), f"{found} at {tick}"
+                assert not isinstance(found, Doubted), f"{found} at {tick}"
                 self.track = found
             self.state = self.follower.step(self.state, self.track, tick, T, snap)
             self.told.append(self.state.now)
@@ -116,6 +118,29 @@ def test_silence_brings_the_frame_to_rest_inside_its_bounds_and_news_brings_it_b
     listener.bounded()
 
 
+def test_no_news_makes_a_frame_faster_or_accelerate_more_than_it_may(rng):
+    """Wild but plausible news: each within the slack of the last, in one sense or another."""
+    listener = Listener(lambda t: Pose.identity())
+    speed, most = np.array([0.5, 1.0]), np.array([2.0, 6.0])
+    place, way, before = Pose.identity(), np.zeros(6), listener.state.now.twist
+    for tick in range(LATE, 600):
+        if tick % 20 == 0:
+            way = np.repeat([0.019, 0.045], 3) / np.sqrt(3.0) * rng.choice([-1.0, 0.0, 1.0], 6)
+        place = Pose(rotation_exp(way[3:]) @ place.R, place.p + way[:3])
+        found = observed(listener.track, tick - LATE, place, None, 1.0, PLAUSIBLE)
+        if isinstance(found, Doubted):
+            place = listener.track.T
+        else:
+            listener.track = found
+            assert np.linalg.norm(found.acceleration[:3]) <= 2.0 * 1.001
+        listener.state = listener.follower.step(listener.state, listener.track, tick, T, False)
+        twist = listener.state.now.twist
+        for part, v, a in zip((slice(0, 3), slice(3, 6)), speed, most, strict=True):
+            assert np.linalg.norm(twist[part]) <= v * 1.001
+            assert np.linalg.norm(twist[part] - before[part]) <= a * T * 1.001
+        before = twist
+
+
 def test_where_nothing_depends_on_it_the_frame_is_told_as_it_is_believed():
     far = Pose(rotation_exp(np.array([0.0, 0.5, 0.0])), np.array([1.0, 2.0, 3.0]))
     listener = Listener(lambda t: far)
@@ -132,9 +157,18 @@ def test_where_nothing_depends_on_it_the_frame_is_told_as_it_is_believed():
         (Doubt.OUT_OF_ORDER, {"tick": 10}),
         (Doubt.JUMP, {"T": Pose(np.eye(3), np.array([0.2, 0.0, 0.0]))}),
         (Doubt.JUMP, {"T": Pose(rotation_exp(np.array([0.3, 0, 0])), np.zeros(3))}),
+        (Doubt.ACCELERATION, {"T": Pose(np.eye(3), np.array([0.03, 0.0, 0.0]))}),
+        (Doubt.EXTENT, {"T": Pose(np.eye(3), np.array([0.5, 0.0, 0.0]))}),
+        (Doubt.EXTENT, {"T": Pose(rotation_exp(np.array([0.5, 0, 0])), np.zeros(3))}),
     ],
 )
-def test_what_is_not_plausible_is_not_believed(doubt, news):
-    track = observed(None, 10, Pose.identity(), None, 1.0, PLAUSIBLE)
-    given = {"tick": 12, "T": Pose.identity(), "twist": None, "quality": 1.0, **news}
-    assert observed(track, plausible=PLAUSIBLE, **given) is doubt
+def test_what_is_not_plausible_is_not_believed_and_told_with_value_and_bound(doubt, news):
+    track = None
+    near = replace(PLAUSIBLE, extent=(0.4, 0.4))
+    for tick in (4, 6, 8, 10, 30):
+        track = observed(track, tick, Pose.identity(), None, 1.0, near)
+    given = {"tick": 32, "T": Pose.identity(), "twist": None, "quality": 1.0, **news}
+    found = observed(track, plausible=near, **given)
+    assert found.doubt is doubt
+    assert (found.value < found.bound) == (doubt in (Doubt.QUALITY, Doubt.OUT_OF_ORDER))
+    assert str(doubt) in found.words
