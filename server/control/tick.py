@@ -243,13 +243,17 @@ class Control:
         q = memory.motion.q
         factor, felt = inputs.settings.speed_factor, None
         spare = inputs.intent is Intent.MOVE and not inputs.at_posture
-        seen = self.field.look(q, k, inputs.scene, memory.pulls, base, placed) if spare else None
-        give_way = self.field.give_way(seen, memory.off_path, inputs.goal, factor)
         # A new MRF brings no singularity nearer: they are judged at the same point of the tool.
         lever = k.T_world_wrist.R @ (self.p.T_wrist_tool.p - inputs.settings.T_wrist_mrf.p)
-        elsewhere, asked = np.count_nonzero(lever) > 0, shifted(s_tool * twist, give_way)
+        elsewhere = np.count_nonzero(lever) > 0
+        if elsewhere:
+            there = Pose(k.T_world_mrf.R, k.T_world_mrf.p + lever)
+            k = Kinematics(k.T_world_wrist, there, jacobian_at(k.J, lever))
+        seen = self.field.look(q, k, inputs.scene, memory.pulls, base, placed) if spare else None
+        give_way = self.field.give_way(seen, memory.off_path, inputs.goal, factor)
+        asked = shifted(s_tool * twist, give_way)
         task = resolve(
-            jacobian_at(k.J, lever) if elsewhere else k.J,
+            k.J,
             twist_at(asked, lever) if elsewhere else asked,
             self.p.resolve,
             Travel(q - self.p.lower, self.p.upper - q),
