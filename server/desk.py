@@ -170,6 +170,7 @@ class Desk:
             case requests.LeaseRequest():
                 granted = self._grants.grant(message, view.now)
                 self._events.info("lease_granted", message.operator, epoch=granted.epoch)
+                self._events.remind()
                 return granted
             case requests.LeaseRelease():
                 self._events.info("lease_released", self._admission.lease.holder or "")

@@ -23,6 +23,7 @@ class Events:
         self._pending: deque[Event] = deque()
         self._recent: dict[str, deque[float]] = {}
         self._suppressed: dict[str, int] = {}
+        self._standing: list[tuple[str, str, dict[str, Value]]] = []
         self.tick = 0
         self.time_s = 0.0
 
@@ -37,6 +38,16 @@ class Events:
     def warning(self, name: str, detail: str = "", /, **values: Value) -> None:
         """Note something that was refused or limited."""
         self._add("warning", name, detail, values)
+
+    def standing(self, name: str, detail: str = "", /, **values: Value) -> None:
+        """Note something that is wrong for the whole run: now, and at each `remind`."""
+        self._standing.append((name, detail, values))
+        self.warning(name, detail, **values)
+
+    def remind(self) -> None:
+        """Say again what is wrong for the whole run, to who has come since it began."""
+        for name, detail, values in self._standing:
+            self.warning(name, detail, **values)
 
     def error(self, name: str, detail: str = "", /, **values: Value) -> None:
         """Note something that stops the arm."""

@@ -30,7 +30,7 @@ def opening_events(cell: Cell) -> Events:
     """Return the events of a run that begins; the first says that anybody may command."""
     events = Events()
     for words in exposure(cell):
-        events.warning("insecure", words, endpoint=cell.config.zenoh.endpoint)
+        events.standing("insecure", words, endpoint=cell.config.zenoh.endpoint)
     return events
 
 

@@ -18,10 +18,12 @@ def reachable(cell, **security):
     return dataclasses.replace(cell, config=cell.config.model_copy(update={"zenoh": zenoh}))
 
 
-def test_it_is_the_first_event_and_stands_in_the_description(play, pa10):
+def test_it_is_the_first_event_and_told_to_who_takes_the_lease_and_described(play, pa10):
     cell = reachable(pa10, insecure=True)
     run = play(seconds=0.2, cell=cell)
     first = run.simulation.events[0]
+    (granted,) = run.events("lease_granted")
+    assert [e.tick for e in run.events("insecure")] == [first.tick, granted.tick]
     assert (first.name, first.severity) == ("insecure", "warning")
     assert "anybody there may read, command and stop this arm" in first.detail
     assert first.values["endpoint"] == EVERYWHERE
