@@ -30,3 +30,6 @@ class Touch(Section):
     confirm_s: float = Field(
         0.02, ge=0, le=0.5, description="contact must last this long to stop the arm [s]"
     )
+    leash: float = Field(
+        0.1, gt=0, le=0.5, description="a joint gives way in HOLD after a touch by at most [rad]"
+    )

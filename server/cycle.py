@@ -204,7 +204,7 @@ class Cycle:
             self._memory,
             self.output,
             self.plant.sensor is not None and self.plant.opened,
-            self.mode is Mode.ENABLED,
+            self.mode,
         )
         return View(
             now=Now(now_s, self.tick, self._enabled_since),
@@ -352,6 +352,7 @@ class Cycle:
             moved=moved,
             ground="world" if moved is None else orders.ground(now_s),
             T_wrist_goal=orders.T_wrist_goal,
+            pushed=None if moving else watches.touch.pushed,
         )
         start = time.perf_counter()
         self._memory, self.output = self._control.tick(self._memory, inputs)

@@ -7,10 +7,13 @@ from .control.dynamics import Dynamics
 from .control.frames import GRAVITY, Array
 from .control.mechanism import Mechanism
 from .control.parameters import Parameters
-from .control.state import Memory
+from .control.retreat import Pushed
+from .control.state import Memory, Output
 from .control.touch import Load, Touch, TouchState
 from .control.tree import Moved
 from .events import Events
+from .giving_way import GivingWay
+from .mode import Mode
 from .plant import PlantReading
 
 LOST_S = 0.5
@@ -21,31 +24,46 @@ class TouchWatch:
     """Collision detection of one cell; idle where the cell does not ask for it."""
 
     def __init__(self, cell: Cell, p: Parameters, mechanism: Mechanism, events: Events) -> None:
-        self._events, self._joints = events, p.joints
+        self._events = events
         self._calibration = None if p.T_wrist_sensor is None else p.wrench_calibration
         self._touch = _touch(cell, p, mechanism)
         self._state = TouchState()
         self._lost_after = round(LOST_S / p.period_s)
         self._blind_ticks = 0
-        self.stopping = False
-        """True while something pushes that the arm has stopped for."""
+        self._giving = GivingWay(p, events)
 
     @property
     def external(self) -> Array | None:
         """Torques (n,) of unseen contact [N·m], one period ago; None where not watched."""
         return self._state.external
 
-    def look(
-        self, reading: PlantReading, memory: Memory | None, moved: Moved, moving: bool
-    ) -> None:
-        """Take in a reading.
+    @property
+    def stopping(self) -> bool:
+        """True while something pushes that the arm has stopped for."""
+        return self._giving.touched
 
-        Only a `moving` arm is stopped; what pushes an arm at rest may stay until it is to move.
+    @property
+    def pushed(self) -> Pushed | None:
+        """What pushes the arm, and whether it is to give way; None where it is not known."""
+        return self._giving.pushed
+
+    def look(
+        self,
+        reading: PlantReading,
+        memory: Memory | None,
+        output: Output | None,
+        moved: Moved,
+        mode: Mode,
+    ) -> None:
+        """Take in a reading, and what the tick before made of the one before.
+
+        What pushes an arm that is long at rest in HOLD may stay until it is to move.
         """
         if self._touch is None:
             return
         if reading.q is None or not reading.enabled or memory is None or memory.load is None:
-            self._state, self.stopping, self._blind_ticks = TouchState(), False, 0
+            self._state, self._blind_ticks = TouchState(), 0
+            self._giving.reset()
             return
         load = self._carried(reading, memory.load)
         base = moved.T_world_base_measured
@@ -56,17 +74,8 @@ class TouchWatch:
             self._state, reading.q, reading.tau, load, reading.sampled_s
         )
         self._tell_blind(self._state.external is before)
-        found = self._touch.touched(self._state)
-        if found is not None and moving and not self.stopping:
-            self._events.warning(
-                "touched",
-                f"{self._joints[found.joint]}: {found.torque:+.1f} N·m that nothing explains, "
-                f"contact means {found.bound:g}",
-                joint=self._joints[found.joint],
-                torque_nm=found.torque,
-                bound_nm=found.bound,
-            )
-        self.stopping = found is not None and (moving or self.stopping)
+        found, pushed = self._touch.touched(self._state), self._touch.pushed(self._state)
+        self._giving.look(found, pushed, mode, memory, output)
 
     def _carried(self, reading: PlantReading, load: Array) -> Load | None:
         """Return what the sensor reads; while it is stale, its payload is what the arm carries.

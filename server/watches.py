@@ -5,6 +5,7 @@ from .control.state import Memory, Output
 from .control.tick import Control
 from .events import Events
 from .frame_watch import FrameWatch
+from .mode import Mode
 from .orders import Orders
 from .plant import PlantReading
 from .sensor_watch import SensorWatch
@@ -33,7 +34,7 @@ class Watches:
         memory: Memory | None,
         output: Output | None,
         has_sensor: bool,
-        moving: bool,
+        mode: Mode,
     ) -> None:
         """Take in what the devices said, and what the last tick made of it."""
         orders = self._orders
@@ -46,7 +47,7 @@ class Watches:
                 )
             self.sensor.look(reading, weight, twists)
         places = orders.places
-        self.touch.look(reading, memory, places.moved, moving)
+        self.touch.look(reading, memory, output, places.moved, mode)
 
     def remember(self, tick: int, output: Output) -> None:
         """Keep where the arm was in a tick, for pictures that were taken in it."""

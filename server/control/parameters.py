@@ -91,6 +91,8 @@ class Parameters:
     max_torque: Array
     max_torque_rate: Array
     """Bound of what a torque changes by (n,) [N·m/s]; infinite where the cell says none."""
+    retreat_leash: float | None
+    """How far joints give way after a touch [rad]; None in a cell without `[touch]`."""
 
     @property
     def n(self) -> int:
@@ -157,4 +159,5 @@ class Parameters:
             friction=np.array([d.friction for d in ordered]),
             max_torque=np.array([d.max_torque for d in ordered]),
             max_torque_rate=np.array([d.max_torque_rate or np.inf for d in ordered]),
+            retreat_leash=None if c.touch is None else c.touch.leash,
         )

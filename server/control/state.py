@@ -16,6 +16,7 @@ from .frames import Array, Pose
 from .paths.goals import Goal
 from .payload import Payload
 from .redundancy import Pulls, SelfMotion
+from .retreat import Pushed, RetreatState
 from .scene import Scene
 from .sources.following import FollowingState
 from .sources.force import ForceState
@@ -38,7 +39,7 @@ class Intent(Enum):
     STOP = auto()
     """The stored, verified stop runs out."""
     HOLD = auto()
-    """Stand; bleed off contact beyond the threshold."""
+    """Stand; bleed off contact beyond the threshold, give way to what was touched."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,8 @@ class Inputs:
     T_wrist_goal: Pose | None = None
     """The point of the tool that is led to the goal: the MRF of when it was ordered; None: the MRF
     of now."""
+    pushed: Pushed | None = None
+    """Unseen contact by the drives' torques; None where it is not known."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,9 @@ class Memory:
     """What is near the virtual spheres; None in a cell without any."""
     torque: TorqueState | None = None
     """What the torque law remembers, with drives in CST."""
+    retreat: RetreatState | None = None
+    """The way that led here, and how far the arm gave way on it; None in a cell that feels nothing.
+    """
 
 
 class Output(NamedTuple):

@@ -28,6 +28,7 @@ from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
 from .redundancy import Redundancy, SelfMotion
 from .resolve import resolve
+from .retreat import Retreat
 from .rigid import jacobian_at, twist_at
 from .singular import Travel
 from .sources.following import FollowingState
@@ -79,6 +80,7 @@ class Control:
         # Where links are is found once for all that the cell describes by the same ones.
         self._links = None if guard is None or guard.links is not p.links else guard.links
         self.joint_motion = JointMotion(p, self.allow.room)
+        self.retreat = None if p.retreat_leash is None else Retreat(p.n, p.retreat_leash, T)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.actuate = actuation(p, mechanism)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
@@ -97,6 +99,7 @@ class Control:
             vision=VisionState.idle(),
             force=ForceState(),
             following=FollowingState(),
+            retreat=None if self.retreat is None else self.retreat.start,
         )
 
     def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
@@ -129,11 +132,12 @@ class Control:
                 memory.motion.q[None], None if moved is None else moved.base.T
             )
         memory, asked = self._ask(memory, inputs, kinematics, placed)
+        memory, dq = self._give_way(memory, inputs, kinematics, asked.dq)
         error = memory.sent[1] - inputs.q_measured
         allowed = self.allow.nearest(
             memory,
             kinematics,
-            asked.dq,
+            dq,
             error,
             inputs.settings,
             inputs.scene,
@@ -272,6 +276,18 @@ class Control:
         return memory, _Asked(
             dq, twists, twist, s_tool, limits, task.sigma_min, self_motion, felt, give_way
         )
+
+    def _give_way(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, dq: Array
+    ) -> tuple[Memory, Array]:
+        """Add what gives way after a touch to joint rates dq (n,)."""
+        if self.retreat is None or memory.retreat is None:
+            return memory, dq
+        held = inputs.intent is Intent.HOLD
+        state, dq = self.retreat.step(
+            memory.retreat, memory.motion.q, dq, k.J, inputs.pushed, inputs.time_s, held
+        )
+        return memory if state is memory.retreat else evolve(memory, retreat=state), dq
 
     def _tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""

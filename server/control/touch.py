@@ -30,6 +30,7 @@ import numpy as np
 from .dynamics import Dynamics
 from .evolve import evolve
 from .frames import Array
+from .retreat import Pushed
 
 SLOW = 0.02
 """Joint speed above which the sign of friction is certain [rad/s]."""
@@ -172,6 +173,13 @@ class Touch:
         bound = self._bound + state.excused + state.chatter
         j = int(np.argmax(np.abs(state.external) / bound))
         return Touched(j, float(state.external[j]), float(bound[j]))
+
+    def pushed(self, state: TouchState) -> Pushed | None:
+        """Return the estimate that a state holds, None before there is one."""
+        if state.external is None or state.excused is None:
+            return None
+        excused = state.excused if state.chatter is None else state.excused + state.chatter
+        return Pushed(state.external, excused, self._bound)
 
 
 def _part_until_then(before: Load, now: Load, step_s: float) -> float:

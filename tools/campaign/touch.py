@@ -2,8 +2,8 @@
 
 Free motion with 2 kg more on the tool, of which the daemon knows: smooth sticks there and back,
 postures in between, for as long as the seeds last. A tool that slides along wall and table, slowly
-and quickly, pressed gently and hard, in all directions. And a push at the elbow while it moves,
-from every side.
+and quickly, pressed gently and hard, in all directions. A push at the elbow while it moves, from
+every side. And contact that the arm runs into, of which it must let go (`letting_go.py`).
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,8 @@ from ...config.load import Cell, load_cell
 from ...config.mechanism import Payload
 from ..script import Script
 from ..simulation import Simulation
+from . import letting_go
+from .letting_go import LetGo
 from .part import Part, Selection
 from .sliding import MADE_S, SLIDES, sliding
 
@@ -30,7 +32,13 @@ MOTIONS = ((0.0, 0.05, 0.02, 0.0, 0.0, 0.1), (0.0, -0.08, 0.05, 0.0, 0.0, 0.0))
 SIDES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 Job = tuple[str, int]
-"""`free` and a seed, or `push` or `slide` and its number."""
+"""`free` and a seed, `push` or `slide` and its number; of contacts `contact` or `laden` and its
+number, or `drawn` and a seed."""
+CONTACTS = {
+    "contact": letting_go.listed,
+    "laden": letting_go.laden,
+    "drawn": letting_go.drawn,
+}
 
 
 @dataclass(frozen=True)
@@ -50,20 +58,25 @@ class Run:
 class Feeling:
     """What all runs showed."""
 
-    runs: Sequence[Run]
+    runs: Sequence[Run | LetGo]
 
     @property
     def kept(self) -> bool:
-        """True when every push was felt in time and nothing else was."""
+        """True when every push was felt in time, nothing else was, and contact was let go of."""
         return not any(run.reasons for run in self.runs)
 
     def figures(self) -> dict[str, object]:
         """Return everything as plain values."""
-        pushes = [run for run in self.runs if run.kind == "push"]
+        motions = [run for run in self.runs if isinstance(run, Run)]
+        pushes = [run for run in motions if run.kind == "push"]
         felt = [run.touched_after_s for run in pushes if run.touched_after_s is not None]
-        free = [run for run in self.runs if run.kind == "free"]
-        slides = [run for run in self.runs if run.kind == "slide"]
+        free = [run for run in motions if run.kind == "free"]
+        slides = [run for run in motions if run.kind == "slide"]
+        contacts = self._contacts()
         return {
+            "contacts": len(contacts),
+            "let_go": sum(not run.reasons for run in contacts),
+            "pressed_n": round(max((run.pressed_n for run in contacts), default=0.0), 1),
             "pushes": len(pushes),
             "felt": len(felt),
             "felt_within_s": max(felt, default=None),
@@ -83,7 +96,13 @@ class Feeling:
             f"{f['false_alarms']} taken for a push",
             f"slides along wall and table: {f['slides']}, "
             f"{f['slides_taken_for_a_push']} taken for a push",
+            f"contact let go of: {f['let_go']} of {f['contacts']}, pressed with at most "
+            f"{f['pressed_n']} N from {letting_go.WITHIN_S:g} s after the stop on",
+            *letting_go.lines(self._contacts()),
         ]
+
+    def _contacts(self) -> list[LetGo]:
+        return [run for run in self.runs if isinstance(run, LetGo)]
 
 
 def laden(cell: Cell) -> Cell:
@@ -138,8 +157,14 @@ def push(number: int) -> Script:
     )
 
 
-def play(job: Job) -> Run:
+def play(job: Job) -> Run | LetGo:
     """Simulate one job and judge it."""
+    kind, number = job
+    return letting_go.play(CONTACTS[kind](number)) if kind in CONTACTS else feel(job)
+
+
+def feel(job: Job) -> Run:
+    """Simulate a push, or free motion, and judge it."""
     kind, number = job
     pushed = kind == "push"
     cell, name = load_cell(CELL), f"{kind} {number}"
@@ -173,10 +198,18 @@ def play(job: Job) -> Run:
 
 
 def jobs(selection: Selection) -> list[Job]:
-    """Return every push and slide, and free motion for two seeds in five: 100 make about 1100 s."""
-    pushes = [("push", i) for i in range(len(MOTIONS) * len(SIDES))]
-    slides = [("slide", i) for i in range(len(SLIDES))]
-    return pushes + slides + [("free", seed) for seed in selection.seeds if seed % 5 < 2]
+    """Return every push, slide and contact, and what is drawn.
+
+    Free motion for two seeds in five, 100 make about 1100 s; a contact for each of the others.
+    """
+    counts = {
+        "push": len(MOTIONS) * len(SIDES),
+        "slide": len(SLIDES),
+        "contact": len(letting_go.TABLE),
+        "laden": len(letting_go.LADEN),
+    }
+    made = [(kind, number) for kind, count in counts.items() for number in range(count)]
+    return made + [("free" if seed % 5 < 2 else "drawn", seed) for seed in selection.seeds]
 
 
 TOUCH = Part(jobs, play, Feeling)

@@ -1,0 +1,85 @@
+"""After a touch the arm lets go: judged by the physics' contact force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from telerobot.tools.campaign import letting_go
+
+STIFF = {
+    "forearm csp": (0, 2e5, "csp", True),
+    "forearm csp, no sensor": (0, 2e5, "csp", False),
+    "elbow csv, no sensor": (1, 2e5, "csv", False),
+    "elbow cst": (2, 2e5, "cst", True),
+}
+"""Of the campaign's table, see `letting_go.TABLE`."""
+
+MOVING = {"twist": [0.0, 0.05, 0.02, 0.0, 0.0, 0.1], "expressed_in": "base"}
+
+
+@pytest.mark.parametrize("row", STIFF.values(), ids=STIFF.keys())
+def test_an_arm_that_ran_into_something_lets_go_and_can_be_moved_away(row):
+    run = letting_go.play(letting_go.listed(letting_go.TABLE.index(row)), held_s=3.0)
+    assert run.reasons == []
+    assert run.peak_n > letting_go.GENTLE_N
+
+
+def test_it_lets_go_of_a_soft_wall_in_a_drawn_posture():
+    run = letting_go.play(letting_go.drawn(8), held_s=2.0)
+    assert run.reasons == []
+
+
+def test_a_wrist_that_a_wrong_payload_presses_on_a_table_lets_go():
+    run = letting_go.play(letting_go.laden(letting_go.LADEN.index((2e5, "csp"))))
+    assert run.reasons == []
+    assert run.peak_n > 4 * letting_go.GENTLE_N
+
+
+def test_a_push_that_lasts_is_given_way_to_inside_the_leash_and_told(play, pa10):
+    run = play(
+        {"at_s": 0.3, "joystick": MOVING},
+        {"at_s": 2.0, "fault": {"push": "e1", "vector": [-30.0, 0.0, 0.0]}},
+        {"at_s": 7.0, "fault": {"push": "e1", "on": False}},
+        {"at_s": 7.5, "mode": "resume"},
+        seconds=7.7,
+    )
+    (giving, *_), (stuck,) = run.events("giving_way"), run.events("still_pushed")
+    assert giving.values["joint"] == "s2"
+    assert stuck.severity == "warning"
+    held = np.array([s.q_command for s in run.states if s.mode == "hold"])
+    travel = np.abs(held - held[0]).max()
+    assert 0.5 * pa10.config.touch.leash < travel <= pa10.config.touch.leash
+    assert travel <= stuck.values["travelled_rad"] <= pa10.config.touch.leash
+    assert run.states[-1].mode == "enabled"
+    assert run.summary["limit_violations"] == 0
+
+
+def test_a_load_that_nobody_told_of_moves_nothing_in_hold(play, pa10):
+    """Without a sensor its weight looks like a push: the arm stops, and does not sink."""
+    mechanism = pa10.config.mechanism.model_copy(update={"force_torque": None})
+    rig = pa10.config.rig.model_copy(
+        update={"payload_mass": 5.0, "payload_com": (0.0, 0.0, 0.1), "wall": None, "boxes": ()}
+    )
+    config = pa10.config.model_copy(update={"mechanism": mechanism, "rig": rig})
+    cell = replace(pa10, config=config)
+    run = play({"at_s": 0.3, "joystick": MOVING}, seconds=3.0, cell=cell)
+    assert run.events("touched")
+    assert run.events("still_pushed")
+    held = np.array([s.q_command for s in run.states if s.mode == "hold"])
+    assert np.abs(held - held[0]).max() < 1e-3
+
+
+def test_without_a_sensor_the_tool_is_that_of_the_urdf_and_no_push(play, pa10):
+    mechanism = pa10.config.mechanism.model_copy(update={"force_torque": None})
+    cell = replace(pa10, config=pa10.config.model_copy(update={"mechanism": mechanism}))
+    run = play({"at_s": 0.3, "joystick": MOVING}, seconds=3.0, cell=cell)
+    assert run.events("touched") == []
+    assert run.states[-1].mode == "enabled"
+
+
+def test_contact_that_a_stop_runs_into_is_let_go_of_as_well():
+    """The operator's own HOLD comes as the forearm meets the post, before that was felt."""
+    plan = letting_go.listed(letting_go.TABLE.index(STIFF["forearm csp"]))
+    felt_s = letting_go.play(plan, held_s=0.1).touched_s
+    run = letting_go.play(plan, held_s=2.0, hold_s=felt_s - 0.01)
+    assert run.reasons == []
