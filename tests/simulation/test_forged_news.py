@@ -143,20 +143,31 @@ def test_with_the_crf_on_base_or_in_hold_no_news_of_base_moves_an_idle_arm():
         assert run.states[-1].frame_age_ticks["base"] is not None
 
 
+def comes(since, tick, _simulation):
+    """A ball comes at the upper arm, and stays inside it."""
+    if tick % 5 and since > T:
+        return
+    shape = {"shape": "sphere", "radius": 0.08, "max_speed": 0.6, "stale": "keep"}
+    y = max(0.0, 0.3 - 0.5 * since)
+    more = {} if since > T else {**shape, "max_acceleration": 5.0}
+    velocity = (0.0, -0.5 if y else 0.0, 0.0)
+    xyz = (0.15, y, 0.75)
+    yield t.OBSTACLE, ObstacleNews(name="forged", tick=tick, xyz=xyz, velocity=velocity, **more)
+
+
+def test_forged_obstacles_push_the_elbow_of_an_idle_arm_no_faster_than_its_self_motion():
+    run = play("pa10_hand_pole", comes)
+    config = run.simulation.cell.config
+    bound = config.redundancy.max_rate * np.array([d.max_velocity for d in config.mechanism.drives])
+    rates = np.abs([s.dq_command for s in run.states])
+    assert rates.max() > 0.05
+    assert (rates <= 1.05 * bound).all()
+    assert travel(run) < 3e-3
+
+
 @pytest.mark.parametrize("name", ["pa10_scene", "pa10_vision"])
 def test_forged_obstacles_do_not_move_an_arm_that_nobody_tells_to_move(name):
-    """One comes at the upper arm and stays inside it: the arm does not close in, that is all."""
-
-    def comes(since, tick, simulation):
-        if tick % 5 and since > T:
-            return
-        shape = {"shape": "sphere", "radius": 0.08, "max_speed": 0.6, "stale": "keep"}
-        y = max(0.0, 0.3 - 0.5 * since)
-        more = {} if since > T else {**shape, "max_acceleration": 5.0}
-        velocity = (0.0, -0.5 if y else 0.0, 0.0)
-        xyz = (0.15, y, 0.75)
-        yield t.OBSTACLE, ObstacleNews(name="forged", tick=tick, xyz=xyz, velocity=velocity, **more)
-
+    """It does not close in, and that is all."""
     run = play(name, comes)
     assert run.summary["mode"] == "enabled"
     if run.simulation.cell.config.keeps_clear:
