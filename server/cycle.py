@@ -141,9 +141,9 @@ class Cycle:
         """True while so much junk comes in that it should be sorted more than once a period."""
         return self._intake.pressed
 
-    def listen(self, until_s: float) -> None:
-        """Sort what has come in from the network, until a time between two ticks' work."""
-        self._intake.listen(Now(self.clock.now(), self.tick, self._enabled_since), until_s)
+    def listen(self) -> None:
+        """Sort what has come in from the network, between two ticks' work."""
+        self._intake.listen(Now(self.clock.now(), self.tick, self._enabled_since))
 
     def gather(self) -> None:
         """Take in what has come by now: a late answer shall not pass for one to the next SYNC."""

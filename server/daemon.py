@@ -184,7 +184,7 @@ def _boot(cycle: Cycle, clock: MonotonicClock, ending: Ending) -> bool:
             again_s = clock.now() + RETRY_S
             while clock.now() < again_s:  # what comes in meanwhile must not pile up
                 clock.sleep_until(clock.now() + LISTEN_S)
-                cycle.listen(again_s)
+                cycle.listen()
         else:
             return True
     return False

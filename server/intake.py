@@ -51,7 +51,6 @@ class Intake:
             self._news(letter, view)
         for refusal in self._reception.refusals():
             self._answer(refusal, view)
-        self._reception.let_go(now_s + self._reception.budget_s)
         self._tell_dropped()
         view.vision.look(view.now.tick)
         view.world.look(view.now.tick)
@@ -59,10 +58,9 @@ class Intake:
         for name in self._orders.expired(now_s):
             self._events.info("stream_expired", name)
 
-    def listen(self, now: Now, until_s: float) -> None:
-        """Sort what has come while nothing else is due; let go of refused requests until a time."""
+    def listen(self, now: Now) -> None:
+        """Sort what has come while nothing else is due."""
         self._reception.sort(now)
-        self._reception.let_go(until_s)
 
     @property
     def pressed(self) -> bool:

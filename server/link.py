@@ -1,12 +1,13 @@
 """The operators' network: what the cycle sees of it, and Zenoh behind it.
 
 Everything is polled. Messages wait in ring channels, one for each topic, newest wins, so no
-backlog is ever executed, a flood on one key crowds out no other, and no Python thread but the
-loop's own runs in the daemon.
+backlog is ever executed, and a flood on one key crowds out no other. No Python thread but the
+loop's own runs in the daemon, and one that sends answers.
 """
 
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Final, NamedTuple, Protocol
 
 import zenoh
@@ -15,6 +16,7 @@ from ..drivers.device import DeviceError
 from ..drivers.network.identity import Identity
 from ..drivers.network.sessions import member_config, router_config
 from ..protocols.topics import COMMANDS, REQUESTS, SENSORS, Flow, Topic
+from .answers import Answers
 
 RING: Final = 128
 """Messages of a topic that wait to be sorted: 12,800 a second at 100 Hz [1]."""
@@ -100,6 +102,8 @@ class ZenohLink:
             for topic in REQUESTS
         }
         self._cell = cell
+        self._answers = Answers()
+        self._keys = {topic.key: topic.full_key(cell) for topic in REQUESTS}
         self._publishers: dict[str, zenoh.Publisher] = {}
 
     def room(self, topic: Topic) -> int:
@@ -109,13 +113,21 @@ class ZenohLink:
     def next(self, topic: Topic) -> Parcel | None:
         """Return the oldest message that waits on a topic, None without one."""
         if topic.flow is Flow.REQUEST:
-            query = self._queries[topic.key].try_recv()
-            if query is None:
-                return None
-            answer = _answer(query, topic.full_key(self._cell))
-            return Parcel(query.payload or b"", query.attachment or b"", answer)
+            return self._next_request(topic)
         sample = self._puts[topic.key].try_recv()
         return None if sample is None else Parcel(sample.payload, sample.attachment or b"")
+
+    def _next_request(self, topic: Topic) -> Parcel | None:
+        queue, key = self._queries[topic.key], self._keys[topic.key]
+        for _ in range(RING):
+            query = None if self._answers.crowded else queue.try_recv()
+            if query is None:
+                return None
+            answer = partial(self._answers.give, query, key)
+            if str(query.key_expr) == key:
+                return Parcel(query.payload or b"", query.attachment or b"", answer)
+            answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
+        return None
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
@@ -133,14 +145,5 @@ class ZenohLink:
 
     def close(self) -> None:
         """Close the session."""
+        self._answers.close()
         self._session.close()  # type: ignore[no-untyped-call]  # its stubs
-
-
-def _answer(query: "zenoh.Query", key: str) -> Answer:
-    def answer(payload: bytes | None) -> None:
-        # Who asks all keys at once is told nothing: a request goes to one.
-        if payload is not None and str(query.key_expr) == key:
-            query.reply(key, payload)
-        query.drop()  # type: ignore[no-untyped-call]  # its stubs
-
-    return answer

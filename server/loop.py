@@ -83,7 +83,7 @@ def run(
     while go_on(cycle):
         if cycle.pressed:
             clock.sleep_until(deadline - LISTEN_PART * period_s)
-            cycle.listen(deadline - 2 * GATHER_S)
+            cycle.listen()
         clock.sleep_until(deadline - GATHER_S)
         cycle.gather()
         clock.sleep_until(deadline)

@@ -36,9 +36,6 @@ PART: Final = 0.1
 ANSWERED: Final = 4
 """Refused requests that are answered in a tick; further ones find nobody [1]."""
 
-UNANSWERED: Final = 512
-"""Refused requests that wait to be let go; beyond, the network lets them go by itself [1]."""
-
 PRESSED: Final = 16
 """More refusals than this between two looks are a flood, to be looked at more often [1]."""
 
@@ -77,14 +74,12 @@ class Reception:
         self._link = link
         self._admission = admission
         self._clock = clock
-        self.budget_s = PART * period_s
-        """What sorting, commands and sensors may each take of a tick [s]."""
+        self._budget_s = PART * period_s
         self._boxes = {x.key: deque[Letter](maxlen=x.unread) for x in (*FIRST, *REST)}
         self._next = 0
         self._next_sensor = 0
         self._refusals: dict[str, Refusal] = {}
         self._answers_left = ANSWERED
-        self._unanswered: deque[Answer] = deque()
         self.pressed = False
         """True while so much is refused that the rings should be emptied more often."""
 
@@ -97,12 +92,10 @@ class Reception:
                 if parcel is None:
                     break
                 refused += not self._keep(topic, parcel, now)
-        end_s = self._clock() + self.budget_s
+        end_s = self._clock() + self._budget_s
         for _ in range(len(REST)):
             topic = REST[self._next]
             self._next = (self._next + 1) % len(REST)
-            if topic.flow is t.Flow.REQUEST and len(self._unanswered) > UNANSWERED:
-                continue
             for _ in range(self._link.room(topic)):
                 parcel = self._link.next(topic)
                 if parcel is None:
@@ -111,12 +104,7 @@ class Reception:
                 if self._clock() > end_s:
                     self.pressed = True
                     return
-        self.pressed = refused > PRESSED or bool(self._unanswered)
-
-    def let_go(self, until_s: float) -> None:
-        """End refused requests that get no answer, until a time; the network may wait in it."""
-        while self._unanswered and self._clock() < until_s:
-            self._unanswered.popleft()(None)
+        self.pressed = refused > PRESSED
 
     def refusals(self) -> list[Refusal]:
         """Return and forget what was refused since the last call, one entry for each topic."""
@@ -137,7 +125,7 @@ class Reception:
 
     def sensors(self) -> Iterator[Letter]:
         """Yield sensors' readings, one of each topic in turn, as far as the budget allows."""
-        end_s = self._clock() + self.budget_s
+        end_s = self._clock() + self._budget_s
         idle = 0
         left = {x.key: self._link.room(x) for x in t.SENSORS}
         while idle < len(t.SENSORS):
@@ -199,7 +187,7 @@ class Reception:
             self._answers_left -= 1
             entry.answers += (parcel.answer,)
         else:
-            self._unanswered.append(parcel.answer)
+            parcel.answer(None)
 
     # --- mailboxes ---------------------------------------------------------------------------
 
@@ -218,7 +206,7 @@ class Reception:
         Topics arrive apart; what one operator said within a period is taken as it was said.
         """
         letters.sort(key=_seq)
-        end_s = self._clock() + self.budget_s
+        end_s = self._clock() + self._budget_s
         for i, letter in enumerate(letters):
             if i > 0 and self._clock() > end_s:
                 for left in letters[i:]:

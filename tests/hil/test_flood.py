@@ -27,8 +27,8 @@ def resident_mb(process):
     "kinds",
     [
         ("random", "nested", "forged", "wellformed"),
-        ("random@cmd/keepalive", "forged@cmd/keepalive", "nested@sensor/obstacle"),
-        ("wellformed@operator/lease", "random@operator/mode", "nested@operator/protective_stop"),
+        ("random@cmd/*", "forged@cmd/keepalive", "nested@sensor/obstacle"),
+        ("wellformed@operator/lease", "random@operator/**", "nested@operator/protective_stop"),
         ("huge", "deaf"),
     ],
     ids=["all keys", "puts", "requests", "huge and deaf"],

@@ -1,8 +1,13 @@
 import socket
 
 import pytest
+import zenoh
 from telerobot.drivers.device import DeviceError
+from telerobot.drivers.network.sessions import client_config
+from telerobot.protocols import topics as t
 from telerobot.server.link import ZenohLink
+
+TRIES = 100_000
 
 
 def refusal(endpoint: str) -> str:
@@ -23,3 +28,59 @@ def test_an_endpoint_that_is_taken_is_said_in_one_line():
 
 def test_a_protocol_that_zenoh_does_not_know_is_said():
     assert "nosuch" in refusal("nosuch/127.0.0.1:7447")
+
+
+@pytest.fixture
+def network():
+    """Return a daemon's link and the session of a peer."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    link = ZenohLink("cell", endpoint)
+    with zenoh.open(client_config(endpoint)) as peer:
+        yield link, peer
+    link.close()
+
+
+def asked(link, peer, topic, payload):
+    """Ask on a topic until the request comes in; return it and the replies' channel."""
+    for _ in range(TRIES):
+        replies = peer.get(topic.full_key("cell"), payload=payload, attachment=b"proof")
+        while not over(replies):
+            parcel = link.next(topic)
+            if parcel is not None:
+                return parcel, replies
+    raise AssertionError("the request did not come in")
+
+
+def over(replies):
+    """Return whether a request ended without an answer: nobody was known yet who gives one."""
+    try:
+        return replies.try_recv() is not None
+    except zenoh.ZError:
+        return True
+
+
+def test_a_request_comes_with_what_is_attached_and_its_answer_goes_back(network):
+    parcel, replies = asked(*network, t.TARE, b"please")
+    assert (bytes(parcel.payload), bytes(parcel.attached)) == (b"please", b"proof")
+    parcel.answer(b"yes")
+    assert replies.recv().ok.payload.to_bytes() == b"yes"
+
+
+def test_a_request_that_is_let_go_ends_for_who_asked(network):
+    parcel, replies = asked(*network, t.TARE, b"junk")
+    parcel.answer(None)
+    assert list(replies) == []
+
+
+def test_who_asks_on_all_keys_at_once_is_heard_on_none_and_gets_no_answer(network):
+    link, peer = network
+    asked(link, peer, t.TARE, b"the queryables are known")
+    replies = peer.get("telerobot/cell/operator/*", payload=b"x")
+    last, after = asked(link, peer, t.SPEED, b"after")
+    last.answer(b"yes")
+    after.recv()
+    seen = [link.next(topic) for topic in t.REQUESTS for _ in range(10)]
+    assert not [parcel for parcel in seen if parcel is not None and bytes(parcel.payload) == b"x"]
+    assert list(replies) == []
