@@ -55,7 +55,7 @@ def test_every_message_can_be_drawn():
 
 
 def test_a_decoder_that_raises_is_found(monkeypatch):
-    def careless(_payload):
+    def careless(*_arguments):
         return {}["v"]
 
     monkeypatch.setattr(protocol_codec, "_unpack", careless)
