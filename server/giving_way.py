@@ -71,8 +71,10 @@ class GivingWay:
             self._giving, self._told = False, _Told.NOTHING
         if found is not None and not self.touched:
             self._found(found, mode)
-        self._free_s = self._free_s + self._T if pushed is None or released(pushed) else 0.0
-        self.touched = self.touched and self._free_s <= OVER_S
+        if self.touched:
+            free = pushed is None or released(pushed)
+            self._free_s = self._free_s + self._T if free else 0.0
+            self.touched = self._free_s <= OVER_S
         if pushed is None:
             self.pushed = None
             return
@@ -106,6 +108,7 @@ class GivingWay:
             known = len(self._past) == self._past.maxlen
             self._free = self._past[0] if known else None
         self.touched = self._giving = True
+        self._free_s = 0.0
 
     def _tell(self, external: Array, memory: Memory) -> None:
         state = memory.retreat

@@ -73,10 +73,10 @@ class Pushed(NamedTuple):
 class RetreatState(NamedTuple):
     """The way that led here, and how far it was gone back."""
 
-    way: Array
-    """Commanded postures (k, n), newest last [rad]."""
-    at_s: Array
-    """When each was passed (k,) [s]."""
+    way: tuple[Array, ...] = ()
+    """Commanded postures (n,), newest last [rad]."""
+    at_s: tuple[float, ...] = ()
+    """When each was passed [s]."""
     felt_s: float | None = None
     """When the push was felt [s]; None before."""
     q: Array | None = None
@@ -98,11 +98,11 @@ class RetreatState(NamedTuple):
 class Retreat:
     """Gives way after a touch; `leash` is the longest travel of a joint [rad]."""
 
-    def __init__(self, n: int, leash: float, period_s: float) -> None:
+    def __init__(self, leash: float, period_s: float) -> None:
         self.leash = leash
         self._T = period_s
         self._kept = 16 + math.ceil(leash / STEP)
-        self.start = RetreatState(np.empty((0, n)), np.empty(0))
+        self.start = RetreatState()
 
     def used_up(self, state: RetreatState) -> bool:
         """Return whether there is no leash left."""
@@ -144,11 +144,10 @@ class Retreat:
         felt = pushed is not None and pushed.touched
         if felt != (state.felt_s is not None):
             state = state._replace(felt_s=time_s if felt else None)
-        if len(state.way) and not _apart(q, state.way[-1], STEP):
+        if state.way and not _apart(q, state.way[-1], STEP):
             return state
         return state._replace(
-            way=np.concatenate([state.way[1 - self._kept :], q[None]]),
-            at_s=np.append(state.at_s[1 - self._kept :], time_s),
+            way=(*state.way[1 - self._kept :], q), at_s=(*state.at_s[1 - self._kept :], time_s)
         )
 
     def _begun(self, state: RetreatState, q: Array, time_s: float) -> RetreatState:
@@ -156,7 +155,7 @@ class Retreat:
         if state.q is not None:
             return state
         free_s = (time_s if state.felt_s is None else state.felt_s) - LOOKBACK_S
-        since = int(np.count_nonzero(state.at_s > free_s))
+        since = sum(at_s > free_s for at_s in state.at_s)
         overrun = min(since + 1, len(state.way)) if since else 0
         return state._replace(q=q, overrun=overrun)
 
@@ -206,16 +205,16 @@ def _moved(state: RetreatState, q: Array) -> RetreatState:
     if state.q is not None and state.rate > 0.0:
         travelled += float(np.abs(q - state.q).max())
         if state.off_path:
-            way = way + (q - state.q)
-    while len(way) and _passed(way, q):
+            way = tuple(posture + (q - state.q) for posture in way)
+    while way and _passed(way, q):
         way, overrun = way[:-1], max(0, overrun - 1)
     return state._replace(
         way=way, at_s=state.at_s[: len(way)], overrun=overrun, travelled=travelled
     )
 
 
-def _passed(way: Array, q: Array) -> bool:
-    """Return whether the newest posture of the way (k, n) is reached, or lies behind q (n,)."""
+def _passed(way: tuple[Array, ...], q: Array) -> bool:
+    """Return whether the newest posture (n,) of the way is reached, or lies behind q (n,)."""
     if not _apart(q, way[-1], 0.25 * STEP):
         return True
     return len(way) > 1 and float((q - way[-1]) @ (way[-2] - way[-1])) > 0.0
@@ -223,7 +222,7 @@ def _passed(way: Array, q: Array) -> bool:
 
 def _way_back(state: RetreatState, q: Array) -> Array | None:
     """Return the direction (n,) of the way back, 1 for the joint that moves most."""
-    if not len(state.way):
+    if not state.way:
         return None
     way = state.way[-1] - q
     return np.asarray(way / np.abs(way).max())

@@ -80,7 +80,7 @@ class Control:
         # Where links are is found once for all that the cell describes by the same ones.
         self._links = None if guard is None or guard.links is not p.links else guard.links
         self.joint_motion = JointMotion(p, self.allow.room)
-        self.retreat = None if p.retreat_leash is None else Retreat(p.n, p.retreat_leash, T)
+        self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
         self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
         self.actuate = actuation(p, mechanism)
         self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)

@@ -98,7 +98,8 @@ def listed(number: int) -> Plan:
     rates[joint] = rate
     cell = _with(cell, start, mode, sensed)
     cell = _met(cell, start, rates, part, stiffness)
-    name = f"{part} s{joint + 1} {stiffness / 1e3:g} kN/m {mode}{'' if sensed else ', no sensor'}"
+    jogged, sensor = cell.robot.joints[joint].name, "" if sensed else ", no sensor"
+    name = f"{part} by {jogged} {stiffness / 1e3:g} kN/m {mode}{sensor}"
     return Plan(name, cell, tuple(rates.tolist()))
 
 

@@ -43,7 +43,7 @@ def held(retreat, state, q, time_s, pushed, asked=FREE, seconds=5.0):
 
 @pytest.fixture
 def retreat():
-    return Retreat(2, LEASH, T)
+    return Retreat(LEASH, T)
 
 
 def test_the_arm_goes_back_to_where_it_was_free_and_no_further(retreat):
