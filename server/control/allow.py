@@ -14,6 +14,7 @@ from .avoidance.guard import Guard, Situation, Watch
 from .avoidance.joint_room import JointRoom
 from .avoidance.links import Placed
 from .avoidance.nearest import nearest
+from .avoidance.resisted import Resistance
 from .frames import Array, sizes
 from .mechanism import Kinematics
 from .parameters import Parameters
@@ -51,6 +52,8 @@ class Allowed(NamedTuple):
     pace: float
     """Share of its own speed at which a path may go on, 0 to 1: it leads a tool that slides, and
     waits for one that the leash holds."""
+    resistance: Resistance
+    """What the next tick has to know of what holds the arm up."""
     watch: Watch | None = None
     """What is around the arm; None where clearances are not kept."""
     shown: Shown | None = None
@@ -69,7 +72,9 @@ class Allow:
         self._p = p
         self.guard = guard
         T = p.period_s
-        self.room = JointRoom(p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T)
+        self.room = JointRoom(
+            p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T, p.following_window
+        )
 
     def nearest(
         self,
@@ -126,9 +131,17 @@ class Allow:
             if found.fallback:
                 limits += (found.fallback,)
             pace = share if held else pace * found.pace
+        way = memory.sent[1] - memory.sent[2]
+        held_up = self.room.resisted(dq, memory.motion.dq, way, error, memory.resistance)
+        # An arm that may not move gives way at most, and is not held up.
+        if held_up.share < 1.0 and memory.moving_since_s is not None:
+            left = held_up.share
+            dq, share, pace = left * dq, left * share, left * pace
+            limits += (f"leash:{self._p.joints[held_up.joint]}",)
         if watch is None or broken is None or self.guard is None:
-            return Allowed(dq, share, limits, pace)
-        return Allowed(dq, share, limits, pace, watch, self.guard.shown(watch, broken))
+            return Allowed(dq, share, limits, pace, held_up.memory)
+        shown = self.guard.shown(watch, broken)
+        return Allowed(dq, share, limits, pace, held_up.memory, watch, shown)
 
     def _reasons(self, which: list[int], name: str) -> tuple[str, ...]:
         return tuple(f"{name}:{self._p.joints[i]}" for i in which)

@@ -11,6 +11,7 @@ import numpy as np
 
 from .avoidance.clearance import Gap, Levels, Shown
 from .avoidance.priority import Near
+from .avoidance.resisted import Resistance
 from .field import Felt
 from .frames import Array, Pose
 from .paths.goals import Goal
@@ -154,6 +155,8 @@ class Memory:
     retreat: RetreatState | None = None
     """The way that led here, and how far the arm gave way on it; None in a cell that feels nothing.
     """
+    resistance: Resistance | None = None
+    """What holds the arm up; None before the first tick."""
 
 
 class Output(NamedTuple):

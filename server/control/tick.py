@@ -168,6 +168,7 @@ class Control:
             memory,
             levels=allowed.levels,
             torque=actuated.state,
+            resistance=allowed.resistance,
             **self._moved_on(memory, inputs, limited, asked, scale, pace, kinematics),
         )
         return memory, Output(

@@ -10,6 +10,7 @@ from .peg_runs import PEG
 from .reflection import REFLECTION
 from .touch import TOUCH
 from .wedges import WEDGES
+from .wild_runs import WILD
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
@@ -21,4 +22,5 @@ PARTS: dict[str, Part] = {
     "requests": ASKING,
     "fuzz": FUZZ,
     "crossings": CROSSINGS,
+    "wild": WILD,
 }

@@ -15,6 +15,7 @@ import numpy as np
 from ..compiled import VECTOR, compiled
 from ..frames import Array
 from ..scene import Index
+from .resisted import Resistance, Resisted, slowed
 
 BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
@@ -57,6 +58,7 @@ class JointRoom:
         velocity: Array,
         leash: Array,
         period_s: float,
+        window: Array | None = None,
     ) -> None:
         self._lower = lower
         self._upper = upper
@@ -64,6 +66,8 @@ class JointRoom:
         self._b = self._a * 2.0 * (acceleration / jerk + period_s)
         self._velocity = velocity
         self._leash = leash
+        self._window = 2.0 * leash if window is None else window
+        self._period_s = period_s
 
     def within(self, dq: Array, most: Array, q: Array, error: Array) -> Within:
         """Return rates dq (n,) scaled to the bounds `most` (n,), and what all bounds allow.
@@ -76,6 +80,22 @@ class JointRoom:
                 error, self._leash, self._velocity,
             )
         )  # fmt: skip
+
+    def resisted(
+        self, dq: Array, now: Array, way: Array, error: Array, memory: Resistance | None
+    ) -> Resisted:
+        """Return what is left of rates dq (n,) so that joints keep their following windows.
+
+        Joints go at `now` (n,), and went the `way` (n,) in the tick whose effect is seen; the
+        command is ahead of them by `error` (n,).
+        """
+        if memory is None:
+            return Resisted(1.0, -1, Resistance(error, np.zeros(len(error))))
+        share, joint, pressed = slowed(
+            dq, now, way, error, *memory, self._leash, self._window, self._velocity,
+            self._a, self._b, self._period_s,
+        )  # fmt: skip
+        return Resisted(share, joint, Resistance(error, pressed))
 
     def approach(self, room: Array) -> Array:
         """Return the greatest rate (n,) towards a bound that is `room` (n,) [rad] away.

@@ -1,0 +1,45 @@
+"""Wild operators: careless but legal, the same for the same seed, and no reason for a fault."""
+
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.campaign.wild import equipped, wild
+from telerobot.tools.campaign.wild_runs import CELLS, play_in
+
+
+def test_equal_seeds_are_equally_wild():
+    cell = load_cell("pa10_vision")
+    assert wild(cell, 3) == wild(cell, 3)
+    assert wild(cell, 3) != wild(cell, 4)
+
+
+def test_they_use_all_that_a_cell_has():
+    cell, asked = load_cell("pa10_all"), set()
+    for seed in range(12):
+        for step in wild(equipped(cell, seed), seed).steps:
+            asked |= step.model_fields_set
+    wanted = {
+        "joystick", "jog", "position", "posture", "path", "master", "gain", "switch", "frame",
+        "speed", "mode", "obstacle", "store_view", "payload", "force", "redundancy", "avoidance",
+        "clutch", "cancel", "protective_stop", "path_control",
+    }  # fmt: skip
+    assert wanted <= asked
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_nothing_that_they_do_is_forged_and_nothing_of_the_hardware_fails(name):
+    cell = load_cell(name)
+    for seed in range(5):
+        for step in wild(cell, seed).steps:
+            assert step.raw is None
+            assert step.link is None
+            assert step.lease is None
+            # The things in a camera's view may be moved and covered; that is no fault of hardware.
+            assert step.fault is None or step.fault.kind in ("cover", "move", "silence")
+
+
+@pytest.mark.parametrize(("name", "seed"), [("ur5e_scene", 4), ("pa10_all", 2)])
+def test_a_wild_run_ends_without_a_fault_that_nothing_touched_explains(name, seed):
+    """`telerobot campaign --only wild` tries more."""
+    run = play_in(name, seed)
+    assert run.reasons == []
+    assert run.enabled_s > 1.0
