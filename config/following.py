@@ -35,6 +35,12 @@ class Following(Section):
         30.0, gt=0, le=1000, description="more than this is followed as if it were this [N]"
     )
     max_moment: float = Field(5.0, gt=0, le=100, description="the same [N·m]")
+    payload_smoothing_s: float = Field(
+        0.004,
+        ge=0,
+        le=0.1,
+        description="time constant of the force for a payload of M_e, in proportion to it [s]",
+    )
     stiffest_hand: float = Field(
         300.0, gt=0, le=1e6, description="stiffness of the hand or arm that guides the tool [N/m]"
     )

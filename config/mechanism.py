@@ -135,6 +135,12 @@ class Mechanism(Section):
         "csp",
         description="what the drives are sent: positions, speeds, or the torques of [torque]",
     )
+    drive_hz: float = Field(
+        25.0,
+        gt=0,
+        le=1000,
+        description="natural frequency of the drives' own loops, for bounds; a [rig] tells its own",
+    )
     tip_link: str = Field(description="last link of the chain: the Wrist frame")
     T_wrist_mrf: Pose = Field(
         default_factory=Pose, description="moving reference frame in the Wrist frame"

@@ -51,6 +51,7 @@ class Why(StrEnum):
     TOUCHED = "touched"
     STILL_WRONG = "still_wrong"
     UNSTABLE_GAIN = "unstable_gain"
+    UNSTABLE_PAYLOAD = "unstable_payload"
 
 
 class Refused(Exception):

@@ -106,6 +106,7 @@ class Cycle:
     def warm_up(self) -> None:
         """Run through a tick's code once, so that the first real one is not slow."""
         warm_up(self.cell, self._control)
+        self._orders.tuning.payload_judge.prepare()
 
     def close(self) -> None:
         """Stop and release everything, whatever state it is in."""
@@ -339,6 +340,7 @@ class Cycle:
             energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
             wrench_sensor=reading.wrench,
             wrench_age_s=reading.wrench_lag_s,
+            wrench_mean=reading.wrench_over_period,
             stick=orders.stick(now_s, T_world_mrf) if moving else None,
             jog=orders.jog(now_s) if moving else None,
             goal=orders.goal if moving else None,

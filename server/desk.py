@@ -184,6 +184,7 @@ class Desk:
                 return self._clear(message, asked.proof, view)
             case requests.GainRequest():
                 reason = view.gain_bound(message.source, message.gain)
+                reason = reason or self._orders.tuning.gain_refusal(message.source, message.gain)
                 if reason is not None:
                     if not message.forced:
                         raise Refused(Why.UNSTABLE_GAIN, reason)
@@ -193,7 +194,7 @@ class Desk:
             case requests.SwitchRequest():
                 if message.on and message.source is m.SourceName.VISION:
                     view.vision.require_view()
-                self._orders.tuning.on[message.source] = message.on
+                self._orders.tuning.switch(message.source, message.on)
                 self._orders.idle = self._orders.idle and not message.on
                 if message.on and message.source is m.SourceName.POSITION:
                     self._orders.restart_path()

@@ -3,7 +3,8 @@
 import math
 
 from ..config.load import Cell
-from .control.sources.force import INERTIA_PERIODS
+from .control.sources.following import smoothing_s
+from .control.sources.force import INERTIA_PERIODS, MEAN_PERIODS
 from .stability import BUS_PERIODS, filter_periods
 
 AHEAD_PERIODS = 1.0
@@ -13,19 +14,22 @@ HELD_PERIODS = 0.5
 """A speed or a torque is held for a period, a position is interpolated [periods]."""
 
 
-def delays(cell: Cell) -> dict[str, float]:
+def delays(cell: Cell, payload: float | None = None) -> dict[str, float]:
     """Return by how much each part makes the tool later than the hand's force asks [periods].
 
-    Raises `ValueError` for a cell without a force/torque sensor.
+    Under a payload [kg], by default the cell's own. Raises `ValueError` for a cell without a
+    force/torque sensor.
     """
     sensor, period = cell.config.mechanism.force_torque, cell.config.timing.period_s
     if sensor is None:
         raise ValueError(f"cell {cell.config.name}: no force/torque sensor, so no hand is felt")
-    mode = cell.config.mechanism.operation_mode
+    mode, following = cell.config.mechanism.operation_mode, cell.config.sources.following
+    mass = sensor.payload.mass if payload is None else payload
     return {
-        "sensor": 0.5 / (sensor.rate_hz * period),
+        "sensor": MEAN_PERIODS,
         "inertia": INERTIA_PERIODS if sensor.inertia else 0.0,
         "filter": filter_periods(sensor.filter_hz, period),
+        "payload": smoothing_s(following.payload_smoothing_s, mass, following.mass) / period,
         "bus": BUS_PERIODS - AHEAD_PERIODS,
         "drive": {
             "csp": 0.0,
@@ -35,21 +39,27 @@ def delays(cell: Cell) -> dict[str, float]:
     }
 
 
-def stiffest_hand(cell: Cell, share: float = 1.0) -> float:
+def stiffest_hand(cell: Cell, share: float = 1.0, payload: float | None = None) -> float:
     """Return the stiffness of a hand at which following would begin to swing [N/m].
 
-    The loop is `M s² + B s + share · k e^(−s d)`, d the whole delay. It swings at the frequency ω
-    where `ω tan(ω d) = B / M`, with `k = B ω / sin(ω d)`.
+    The loop is `M s² + B s + share · k e^(−s d) / (1 + s τ)`, τ the low-pass under the payload [kg]
+    and d the rest of the delay. It swings at the frequency ω where `ω tan φ = B / M`, with
+    `φ = ω d + atan(ω τ)`, and `k = B ω √(1 + ω² τ²) / sin φ`.
     """
-    following = cell.config.sources.following
-    d = sum(delays(cell).values()) * cell.config.timing.period_s
+    following, T = cell.config.sources.following, cell.config.timing.period_s
+    late = delays(cell, payload)
+    tau = late.pop("payload") * T
+    d = sum(late.values()) * T
     wanted = following.damping / following.mass
     low, high = 0.0, 0.5 * math.pi / d
     for _ in range(100):
         w = 0.5 * (low + high)
-        low, high = (w, high) if w * math.tan(w * d) < wanted else (low, w)
+        phase = w * d + math.atan(w * tau)
+        late_enough = phase >= 0.5 * math.pi or w * math.tan(phase) >= wanted
+        low, high = (low, w) if late_enough else (w, high)
     w = 0.5 * (low + high)
-    return following.damping * w / (math.sin(w * d) * max(share, 1e-9))
+    phase = w * d + math.atan(w * tau)
+    return following.damping * w * math.hypot(1.0, w * tau) / (math.sin(phase) * max(share, 1e-9))
 
 
 def following_refusal(cell: Cell, axis: int, share: float) -> str | None:

@@ -44,6 +44,12 @@ class PlantReading:
     trouble: Trouble | None
 
     @property
+    def wrench_over_period(self) -> tuple[Array, float] | None:
+        """The mean wrench (6,) and how much older it is than the joints' angles [s], if fresh."""
+        mean = self.wrench_mean
+        return None if mean is None else (mean.wrench, self.wrench_mean_lag_s)
+
+    @property
     def enabled(self) -> bool:
         """True when every drive is in Operation enabled, and was told nothing else since."""
         return self.obeyed and all(s is DriveState.OPERATION_ENABLED for s in self.states)

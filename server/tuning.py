@@ -9,6 +9,10 @@ from .admission import Refused, Why
 from .control.frames import Array, Pose
 from .control.payload import Payload
 from .control.redundancy import Pulls
+from .payload_judge import PayloadJudge
+
+OF_THE_WRENCH = ("following", "force")
+"""The sources that move the tool for what the sensor reads."""
 
 
 class Tuning:
@@ -54,6 +58,7 @@ class Tuning:
         self._gripper = config.mechanism.gripper
         self.gripper_closed: bool | None = None
         """None until an operator has said so: what it holds at start is held on."""
+        self.payload_judge = PayloadJudge(cell)
 
     @property
     def gains_in_force(self) -> dict[str, Array]:
@@ -77,16 +82,20 @@ class Tuning:
         self.pulls = Pulls({**self.pulls.gains, str(request.objective): request.gain}, q)
 
     def set_payload(self, request: requests.PayloadRequest) -> None:
-        """Redefine what hangs on the sensor. Raises `Refused` for a name that the cell lacks."""
+        """Redefine what hangs on the sensor.
+
+        Raises `Refused` for a name that the cell lacks, and for what would swing the tool.
+        """
         if self.payload is None:
             raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")
         if request.name is None:
-            self.payload = Payload(request.mass or 0.0, np.array(request.com))
+            payload = Payload(request.mass or 0.0, np.array(request.com))
         elif request.name in self._payloads:
-            self.payload = self._payloads[request.name]
+            payload = self._payloads[request.name]
         else:
             known = ", ".join(self._payloads) or "none in this cell"
             raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
+        self._hang(payload)
         if request.bias is not None:
             self.wrench_bias = -np.array(request.bias)
 
@@ -94,7 +103,32 @@ class Tuning:
         """Close or open the gripper, and switch to the payload that the cell has for that."""
         if self._gripper is None:
             raise Refused(Why.NOT_NOW, "the cell has no gripper")
-        self.gripper_closed = closed
         name = self._gripper.closed_payload if closed else self._gripper.open_payload
         if name is not None and self.payload is not None:
-            self.payload = self._payloads[name]
+            self._hang(self._payloads[name])
+        self.gripper_closed = closed
+
+    def switch(self, source: str, on: bool) -> None:
+        """Switch a source. Raises `Refused` where the payload would swing the tool by it."""
+        if on and source in OF_THE_WRENCH and self.payload is not None:
+            self._judge(self.payload, {**self.gains_in_force, source: self.gains[source]})
+        self.on[source] = on
+
+    def gain_refusal(self, source: str, gain: tuple[float, ...]) -> str | None:
+        """Return why the payload in force would swing the tool at a source's gain (6,), or None."""
+        if source not in OF_THE_WRENCH or self.payload is None:
+            return None
+        return self._refusal(self.payload, {**self.gains_in_force, source: np.array(gain)})
+
+    def _hang(self, payload: Payload) -> None:
+        self._judge(payload, self.gains_in_force)
+        self.payload = payload
+
+    def _judge(self, payload: Payload, gains: dict[str, Array]) -> None:
+        reason = self._refusal(payload, gains)
+        if reason is not None:
+            raise Refused(Why.UNSTABLE_PAYLOAD, reason)
+
+    def _refusal(self, payload: Payload, gains: dict[str, Array]) -> str | None:
+        following, force = (float(gains[name][:3].max()) for name in OF_THE_WRENCH)
+        return self.payload_judge.refusal(payload.mass, following, force)

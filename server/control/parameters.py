@@ -33,6 +33,7 @@ def _impedance(f: Following) -> Impedance:
         stiffness=f.stiffness,
         deadband=(f.deadband, f.moment_deadband),
         most=(f.max_force, f.max_moment),
+        payload_smoothing_s=f.payload_smoothing_s,
     )
 
 

@@ -87,6 +87,8 @@ class Inputs:
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float = 0.0
     """How much older the wrench's sample is than the joints' [s]."""
+    wrench_mean: tuple[Array, float] | None = None
+    """The mean of a period's samples (6,) and its age [s]; None: the newest stands for all."""
     stick: StickCommand | None = None
     jog: Array | None = None
     goal: Goal | None = None
@@ -139,6 +141,8 @@ class Memory:
     """What the sources' rates of the last tick were about."""
     load: Array | None = None
     """Payload and bias in effect (10,), see `sources.force.load_of`."""
+    quickness: float = 0.0
+    """Greatest acceleration that the tool was lately told [m/s²]."""
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
     hold: Array | None = None

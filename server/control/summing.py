@@ -25,6 +25,9 @@ from .sources.position import Position
 from .sources.vision import Vision, VisionState
 from .state import Inputs, Intent, Memory, Settings
 
+OVERSHOOT = 2.0
+"""A tool may be accelerated by this times what it was told: drives overshoot [1]."""
+
 _OFF = np.zeros(6)
 _OFF.flags.writeable = False
 _IDLE = FollowingState()
@@ -74,12 +77,18 @@ class Summing:
             inputs.time_s,
             inputs.wrench_age_s,
             free_fall,
+            OVERSHOOT * memory.quickness,
+            inputs.wrench_mean,
         )
         return evolve(memory, force=force, load=load)
 
     def wrench_mrf(self, memory: Memory, T_wrist_mrf: Pose) -> Array | None:
         """Return what the arm exerts at and in the MRF (6,), None when stale."""
         return self.force.wrench_mrf(memory.force, T_wrist_mrf)
+
+    def hand_mrf(self, memory: Memory, T_wrist_mrf: Pose) -> Array | None:
+        """Return the same of the mean readings, for what a payload's own force would upset."""
+        return self.force.hand_mrf(memory.force, T_wrist_mrf)
 
     def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
         """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
@@ -128,12 +137,14 @@ class Summing:
         jump = self._jump(memory, inputs, k, ground, position, force, desired)
         following, following_state = _OFF, _IDLE
         if "following" in gains:
+            hand = self.hand_mrf(memory, settings.T_wrist_mrf)
             following, following_state = self.following.rate(
                 memory.following if guided else _IDLE,
-                None if wrench is None else -wrench,
+                None if hand is None else -hand,
                 gains["following"] if guided else _OFF,
                 k.T_world_mrf,
                 1.0 if memory.near is None else 1.0 - memory.near.alpha,
+                memory.load,
             )
         frames, frames_state = np.zeros(6), FramesState()
         if guided:

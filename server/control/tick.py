@@ -43,6 +43,9 @@ from .trajectory import Motion, Stop
 SLID = 0.99
 """A tool that does less than this part of what its path does has been turned off it [1]."""
 
+LATELY = 0.9
+"""Share that is left after a tick of the greatest acceleration that the tool was told [1]."""
+
 STANDING = 1e-9
 """Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
 
@@ -149,6 +152,7 @@ class Control:
         limited = self._limit(memory, inputs, allowed)
         refusal = self.gate.refusal(limited.motion.q, memory.sent)
         wrench = self.summing.wrench_mrf(memory, inputs.settings.T_wrist_mrf)
+        hand = self.summing.hand_mrf(memory, inputs.settings.T_wrist_mrf)
         actuated = self.actuate(
             memory.torque,
             Now(
@@ -157,7 +161,7 @@ class Control:
                 memory.motion,
                 limited.motion,
                 kinematics,
-                None if wrench is None else -wrench,
+                None if hand is None else -hand,
                 inputs.settings.T_wrist_mrf,
                 inputs.time_s,
                 inputs.intent is Intent.SEED,
@@ -330,6 +334,7 @@ class Control:
         return {
             "motion": limited.motion,
             "stop": limited.stop,
+            "quickness": max(sizes(k.J @ limited.motion.ddq)[0], LATELY * memory.quickness),
             "sent": (limited.motion.q, memory.sent[0], memory.sent[1]),
             "position": self.summing.position.advance(
                 memory.position, 0.0 if limited.stopped else pace, slid=scale < SLID * pace

@@ -466,6 +466,8 @@ def test_frame_and_speed_are_set(ann):
 
 
 def test_gains_that_would_be_unstable_can_be_forced_and_that_is_told(ann):
+    assert ann.ask(t.PAYLOAD, mass=0.0).ok  # nothing that could swing at such a gain
+    ann.events.take()
     reply = ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(6.0,) * 6, forced=True)
     assert reply.ok
     np.testing.assert_array_equal(ann.orders.tuning.gains["force"], [6.0] * 6)

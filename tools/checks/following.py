@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from ...config.load import Cell
 from ...server.hand import delays, stiffest_hand
+from ...server.payload_judge import PayloadJudge, told
 from ..findings import Finding, Status, graded
 
 COMFORT = 0.5
@@ -26,10 +27,28 @@ def following(cell: Cell) -> Iterator[Finding]:
         + f" periods), then M/B = {source.mass / source.damping * 1e3:g} ms",
         {"lag_s": lag_s},
     )
-    bound = stiffest_hand(cell, share)
+    carried = payloads(cell)
+    name, mass = max(carried.items(), key=lambda item: item[1])
+    # The heaviest one is felt latest.
+    bound = stiffest_hand(cell, share, mass)
     yield Finding(
         "following hand",
         graded(source.stiffest_hand, COMFORT * bound, bound),
-        f"{source.stiffest_hand:g} N/m expected, stable below {bound:.3g} N/m",
+        f"{source.stiffest_hand:g} N/m expected, stable below {bound:.3g} N/m with {name}",
         {"stiffest_hand": source.stiffest_hand, "bound": bound},
     )
+    heaviest = PayloadJudge(cell).following
+    yield Finding(
+        "following payload",
+        graded(mass, COMFORT * heaviest, heaviest),
+        f"{name} of {mass:g} kg, the tool stands by itself {told(heaviest)} at M = "
+        f"{source.mass:g} kg, B = {source.damping:g} N·s/m",
+        {"payload": mass, "bound": heaviest},
+    )
+
+
+def payloads(cell: Cell) -> dict[str, float]:
+    """Return the masses of all that a cell may carry by name [kg]."""
+    mechanism = cell.config.mechanism
+    own = {} if mechanism.force_torque is None else {"payload": mechanism.force_torque.payload.mass}
+    return own | {f"payload {name}": p.mass for name, p in mechanism.payloads.items()}

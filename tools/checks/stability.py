@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
+from ...server.payload_judge import PayloadJudge, told
 from ...server.stability import (
     BUS_PERIODS,
     DRIVE_PERIODS,
@@ -11,6 +12,7 @@ from ...server.stability import (
     vision_periods,
 )
 from ..findings import Finding, Status, Value, graded
+from .following import payloads
 
 COMFORT = 0.5
 """Part of the bound above which contact overshoots noticeably [1]."""
@@ -61,6 +63,22 @@ def stability(cell: Cell) -> Iterator[Finding]:
             + ")",
             values | {f"delay_{n.replace(' ', '_')}": v for n, v in axis.delays.items()},
         )
+    yield from _payload(cell)
+
+
+def _payload(cell: Cell) -> Iterator[Finding]:
+    """Judge whether force control swings the tool by its payload's inertia."""
+    gain = max(cell.config.sources.force.gain[:3])
+    name, mass = max(payloads(cell).items(), key=lambda item: item[1])
+    if gain <= 0.0 or mass <= 0.0:
+        return
+    bound = PayloadJudge(cell).force / gain
+    yield Finding(
+        "force payload",
+        graded(mass, COMFORT * bound, bound),
+        f"{name} of {mass:g} kg, the tool stands by itself {told(bound)} at K_F = {gain:g} m/s/N",
+        {"payload": mass, "bound": bound},
+    )
 
 
 def _grade(gain: float, loop_gain: float, limit: float) -> Status:

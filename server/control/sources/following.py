@@ -3,6 +3,11 @@
 The reference obeys `M ẍ + B ẋ = F` (Hamaguchi, Taniguchi, eq. 4), integrated by Runge–Kutta of
 fourth order; the command follows it at the rate `ẋ + K (x − x_command)`. The reference is carried
 along by what the other sources ask, so that their rates add to the hand's and nobody is fought.
+
+A payload of m answers the reference's own acceleration with −m ẍ, and that is taken off what is
+felt only as well as sensor and encoders agree. What is left of m ẍ acts over M again. So the force
+is low-passed the longer, the heavier the payload is beside M: `Impedance.payload_smoothing_s` times
+m / M.
 """
 
 import math
@@ -38,6 +43,8 @@ class Impedance:
     """Force [N] and moment [N·m] that are noise."""
     most: tuple[float, float]
     """Force [N] and moment [N·m] beyond which more makes no difference."""
+    payload_smoothing_s: float = 0.0
+    """Time constant of the force for a payload of the mass M_e, and of the moment likewise [s]."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,8 @@ class FollowingState:
     """What it moves by in this tick (6,) [m, rad]."""
     asked: Array = field(default_factory=lambda: np.zeros(6))
     """The rate that was asked for in this tick (6,)."""
+    felt: Array | None = None
+    """The low-passed wrench on the arm at the MRF, in World axes (6,); None before there is one."""
 
 
 class Following:
@@ -67,16 +76,23 @@ class Following:
         gain: Array,
         T_world_mrf: Pose,
         share: float = 1.0,
+        load: Array | None = None,
     ) -> tuple[Array, FollowingState]:
         """Return the twist (6,) of the MRF in World axes, and the next state.
 
         `wrench_on_arm` (6,) is what pushes the arm, at and in the MRF, None when stale: the motion
         then dies out with M/B. `gain` (6,) is the share of it that is followed, in MRF axes;
-        `share` scales all of it, for an avoidance that takes precedence (eq. 10: 1 − α).
+        `share` scales all of it, for an avoidance that takes precedence (eq. 10: 1 − α). `load`
+        (10,) is the payload as `force.load_of` has it, None for none.
         """
         strength = min(1.0, float(gain.max()))
         if strength <= 0.0 and float(np.abs(state.twist).max()) < STANDING:
             return np.zeros(6), FollowingState()
+        felt = None
+        if wrench_on_arm is not None:
+            wrench_on_arm, felt = _calmed(
+                wrench_on_arm, T_world_mrf.R, state.felt, *self._shares(load)
+            )
         i, T = self._impedance, state.T_world_reference or T_world_mrf
         # What is switched off lets go of its reference as its gain fades.
         twist, step, asked = _led(
@@ -84,7 +100,21 @@ class Following:
             pose_error(T, T_world_mrf), i.mass, i.damping, *i.deadband, *i.most,
             share, strength * i.stiffness, self._period_s,
         )  # fmt: skip
-        return asked, FollowingState(twist, T, step, asked)
+        return asked, FollowingState(twist, T, step, asked, felt)
+
+    def _shares(self, load: Array | None) -> tuple[float, float]:
+        """Return the share of a new force and of a new moment that is taken over, 0 to 1."""
+        if load is None:
+            return 1.0, 1.0
+        i, m = self._impedance, float(load[0])
+        about = float(load[1:4] @ load[1:4]) / m if m > 0.0 else 0.0
+        return (
+            self._share(smoothing_s(i.payload_smoothing_s, m, float(i.mass[0]))),
+            self._share(smoothing_s(i.payload_smoothing_s, about, float(i.mass[3]))),
+        )
+
+    def _share(self, time_s: float) -> float:
+        return 1.0 if time_s <= 0.0 else -math.expm1(-self._period_s / time_s)
 
     def advance(
         self, state: FollowingState, twist: Array, granted: float, T_world_mrf: Pose
@@ -102,6 +132,40 @@ class Following:
             step[:3] = right_jacobian(-step[3:]) @ step[:3]
         reference = moved_near(state.T_world_reference, step, T_world_mrf, SLACK)
         return evolve(state, T_world_reference=reference)
+
+
+def smoothing_s(per_mass_s: float, payload: float, mass: float) -> float:
+    """Return the time constant [s] of the force under a payload, both masses in one unit."""
+    return per_mass_s * payload / mass
+
+
+def _calmed(
+    wrench: Array, R: Array, before: Array | None, force: float, moment: float
+) -> tuple[Array, Array]:
+    """Return the low-passed wrench (6,) in MRF axes, and in World's, where R (3, 3) leads."""
+    if before is None or (force >= 1.0 and moment >= 1.0):
+        return wrench, _turned(wrench, R)
+    felt = _blended(wrench, R, before, force, moment)
+    return _turned(felt, R.T), felt
+
+
+@compiled(VECTOR, MATRIX)
+def _turned(wrench: Array, R: Array) -> Array:
+    out = np.zeros(6)
+    for i in range(3):
+        for k in range(3):
+            out[i] += R[i, k] * wrench[k]
+            out[3 + i] += R[i, k] * wrench[3 + k]
+    return out
+
+
+@compiled(VECTOR, MATRIX, VECTOR, NUMBER, NUMBER)
+def _blended(wrench: Array, R: Array, before: Array, force: float, moment: float) -> Array:
+    new = _turned(wrench, R)
+    for i in range(3):
+        new[i] = before[i] + force * (new[i] - before[i])
+        new[3 + i] = before[3 + i] + moment * (new[3 + i] - before[3 + i])
+    return new
 
 
 @compiled(VECTOR, NUMBER, NUMBER, NUMBER, NUMBER)

@@ -9,6 +9,12 @@ Both are taken from the *measured* joints, at the instant of the sample. An acce
 difference, so it is known one period late; half of that is bridged by its own trend, and the wrench
 is brought to the same instant as a mean of two: `INERTIA_PERIODS` of delay, which the stability
 bound counts.
+
+For whatever is as light as a hand's virtual mass this is too rough. Drives run from setpoint to
+setpoint in jerks, of which one newest sample sees a part that depends on its instant. So there is
+a second wrench, a little later: the reading is the sensor's mean over a period, and the mean of two
+is that over two periods, weighted as a triangle. So is the second difference of places; the
+payload's own force falls out of `hand` whatever the tool does between two SYNCs.
 """
 
 import math
@@ -21,6 +27,9 @@ from ..frames import GRAVITY, Array, Pose, rotate_twist, wrench_to
 
 INERTIA_PERIODS = 0.5
 """Delay of the wrench where inertial forces are taken off [periods]."""
+
+MEAN_PERIODS = 0.5
+"""Delay of a reading that is the mean over a period; for `hand`, on top of the other [periods]."""
 
 _OLDEST = 1.0
 """An instant is interpolated between the last two SYNCs, so at most this old [periods]."""
@@ -44,6 +53,10 @@ class ForceState:
     """The newest wrench (6,) without weight, not filtered."""
     places: Array = field(default_factory=lambda: np.empty((0, 3, 4)))
     """T_world_sensor at the newest SYNCs, newest first (0 to 4, 3, 4): R and p side by side."""
+    hand: Array | None = None
+    """Filtered contact wrench (6,) of the mean readings, at and in the Sensor frame."""
+    mean: Array | None = None
+    """The newest mean reading (6,) without weight, not filtered."""
     time_s: float = 0.0
 
 
@@ -51,8 +64,9 @@ class Force:
     """Accommodates the measured wrench.
 
     `calibration` (6, 6) maps a reading without bias to the wrench in the Sensor's axes. The
-    payload's acceleration is believed up to `max_acceleration` [m/s²]: beyond it, SYNC was late,
-    not the tool quick. Without `inertia`, only weight is taken off, and nothing is delayed.
+    payload's acceleration is believed up to `max_acceleration` [m/s²] beyond the commanded one:
+    more means that SYNC was late, not that the tool was quick. Without `inertia`, only weight is
+    taken off, and nothing is delayed.
     """
 
     def __init__(
@@ -88,45 +102,64 @@ class Force:
         time_s: float = 0.0,
         age_s: float = 0.0,
         free_fall: Array = GRAVITY,
+        commanded: float = 0.0,
+        mean: tuple[Array, float] | None = None,
     ) -> ForceState:
         """Return the state after one sample (6,), None when stale.
 
         `T_world_wrist` is the measured Wrist pose at the last SYNC, `age_s` how much older the
         sample is [s], `time_s` the tick's time [s], `free_fall` (3,) how what is let go accelerates
         there [m/s²]: a Base that accelerates may stand for World, with its own acceleration in it.
+        `commanded` is the greatest acceleration that the tool was lately told [m/s²], `mean` the
+        mean of the period's samples (6,) and its age [s]; None: the newest stands for all.
         """
         if sample is None:
             return ForceState()
         if time_s - state.time_s > 1.5 * self._period_s:
-            state = ForceState(state.wrench)  # ticks were missed: differences would be wrong
-        older = min(max(age_s / self._period_s, 0.0), _OLDEST)
+            # Ticks were missed: differences would be wrong.
+            state = ForceState(state.wrench, hand=state.hand)
+        whole, whole_age_s = (sample, age_s) if mean is None else mean
         last, before = state.contact, state.wrench
-        wrench, newest, places = _seen(
+        wrench, newest, places, hand, whole = _seen(
             *T_world_wrist,
             *self.T_wrist_sensor,
             state.places,
             self._calibration,
             sample,
+            whole,
             load,
             free_fall,
             sample if last is None else last,
             sample if before is None else before,
-            older,
+            sample if state.mean is None else state.mean,
+            sample if state.hand is None else state.hand,
+            self._older(age_s),
+            self._older(whole_age_s),
             self._period_s,
-            self._max_acceleration,
+            self._max_acceleration + commanded,
             1.0 if before is None else self._smoothing,
             self.inertia and last is not None,
         )
-        return ForceState(wrench, newest, places, time_s)
+        return ForceState(wrench, newest, places, hand, whole, time_s)
+
+    def _older(self, age_s: float) -> float:
+        return min(max(age_s / self._period_s, 0.0), _OLDEST)
 
     def wrench_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
         """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
-        if state.wrench is None:
+        return self._at_mrf(state.wrench, T_wrist_mrf)
+
+    def hand_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
+        """Return the contact wrench (6,) of the mean readings there; None when stale."""
+        return self._at_mrf(state.hand, T_wrist_mrf)
+
+    def _at_mrf(self, wrench: Array | None, T_wrist_mrf: Pose) -> Array | None:
+        if wrench is None:
             return None
         if T_wrist_mrf is not self._mrf:
             self._mrf = T_wrist_mrf
             self._T_mrf_sensor = T_wrist_mrf.inverse() @ self.T_wrist_sensor
-        return wrench_to(self._T_mrf_sensor, state.wrench)
+        return wrench_to(self._T_mrf_sensor, wrench)
 
     def rate(
         self, wrench_mrf: Array | None, desired: Array, gain: Array, R_world_mrf: Array
@@ -218,40 +251,37 @@ def _inertial(load: Array, places: Array, ahead: float, period_s: float, bound: 
 
 
 @compiled(
-    MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
-    NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
+    MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3, MATRIX,
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
+    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
 )  # fmt: skip
 def _seen(
-    R: Array,
-    p: Array,
-    R_wrist_sensor: Array,
-    p_wrist_sensor: Array,
-    places: Array,
-    calibration: Array,
-    sample: Array,
-    load: Array,
-    free_fall: Array,
-    last: Array,
-    before: Array,
-    older: float,
-    period_s: float,
-    bound: float,
-    smoothing: float,
+    R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array,
+    calibration: Array, sample: Array, mean: Array, load: Array, free_fall: Array,
+    last: Array, before: Array, last_mean: Array, hand_before: Array,
+    older: float, mean_older: float, period_s: float, bound: float, smoothing: float,
     inertia: bool,
-) -> tuple[Array, Array, Array]:
-    """Return the filtered wrench (6,), the newest one without weight (6,), and the placements.
+) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
+    """Return the filtered wrench (6,), the newest without weight (6,), placements, hand and mean.
 
     The Wrist is at R, p. With `inertia`, the newest is taken in the mean with the `last` one, and
     the payload's acceleration is taken off as soon as four placements tell it. `smoothing` is the
     share of what is new that is taken over `before` (6,), the filtered wrench of the tick before.
+    The last two are the same of the period's `mean` reading, which needs no trend carried on.
     """
     at = _followed(R, p, R_wrist_sensor, p_wrist_sensor, places)
     newest = _unladen(calibration, sample, load, at, free_fall, older)
-    carried = np.zeros(6)
+    whole = _unladen(calibration, mean, load, at, free_fall, mean_older)
+    carried, swung = np.zeros(6), np.zeros(6)
     if inertia and len(at) == 4 and load[0] > 0.0:
         carried = _inertial(load, at, 1.0 - INERTIA_PERIODS - older, period_s, bound)
-    filtered = np.empty(6)
+        swung = _inertial(load, at, 0.0, period_s, bound)
+    filtered, hand = np.empty(6), np.empty(6)
     for i in range(6):
-        contact = 0.5 * (newest[i] + last[i]) - carried[i] if inertia else newest[i]
+        contact, felt = newest[i], whole[i]
+        if inertia:
+            contact = 0.5 * (newest[i] + last[i]) - carried[i]
+            felt = 0.5 * (whole[i] + last_mean[i]) - swung[i]
         filtered[i] = before[i] + smoothing * (contact - before[i])
-    return filtered, newest, at
+        hand[i] = hand_before[i] + smoothing * (felt - hand_before[i])
+    return filtered, newest, at, hand, whole

@@ -142,6 +142,44 @@ def test_ticks_that_were_missed_are_no_acceleration(force):
     assert contact[:, :3].max() < 1.2  # without inertia for three ticks, never v / T
 
 
+def test_of_a_payload_that_moves_in_jerks_the_mean_leaves_nothing(force):
+    """A drive starts each period quickly and ends it slowly: one sample sees the end alone."""
+    jerks, dt = 20, T / 20
+    x, v, state, places = 0.0, 0.0, ForceState(), force.T_wrist_sensor
+    seen = {"newest": 0.0, "mean": 0.0}
+    upright = weight(places.R)
+    for k in range(60):
+        rise, samples = 2.0 * np.sin(0.3 * k), []
+        for i in range(jerks):
+            a = 2.0 * rise * (1.0 - (i + 0.5) / jerks)
+            x, v = x + dt * v + 0.5 * dt**2 * a, v + dt * a
+            f = MASS * places.R.T @ np.array([a, 0.0, 0.0])
+            samples.append(upright + np.concatenate([f, np.cross(COM, f)]))
+        wrist = Pose(np.eye(3), np.array([x, 0.0, 0.0]))
+        mean = (np.mean(samples, axis=0), 0.5 * T)
+        state = force.measure(state, samples[-1], LOAD, wrist, k * T, mean=mean)
+        if k > 4:
+            seen["newest"] = max(seen["newest"], float(np.abs(state.wrench[:3]).max()))
+            seen["mean"] = max(seen["mean"], float(np.abs(state.hand[:3]).max()))
+    assert seen["newest"] > 0.7 * 2.0 * MASS
+    assert seen["mean"] < 0.1 * 2.0 * MASS
+
+
+def test_a_quick_tool_that_was_told_to_be_is_believed(force):
+    bounded = Force(force.T_wrist_sensor, 1.0, T, max_acceleration=0.3)
+    felt = {}
+    for commanded in (0.0, 5.0):
+        state = ForceState()
+        for k in range(20):
+            place = Pose(np.eye(3), np.array([0.5 * 4.0 * (k * T) ** 2, 0.0, 0.0]))
+            f = MASS * force.T_wrist_sensor.R.T @ np.array([4.0, 0.0, 9.81])
+            reading = np.concatenate([f, np.cross(COM, f)])
+            state = bounded.measure(state, reading, LOAD, place, k * T, commanded=commanded)
+        felt[commanded] = float(np.linalg.norm(state.wrench[:3]))
+    assert felt[0.0] == pytest.approx(3.7 * MASS, rel=1e-6)
+    assert felt[5.0] < 1e-6
+
+
 def test_what_no_tool_can_do_is_taken_for_a_late_sync(force):
     """A SYNC 3 ms late looks like 1.5 m/s² and more."""
     bounded = Force(force.T_wrist_sensor, 1.0, T, max_acceleration=0.3)

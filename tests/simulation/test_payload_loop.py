@@ -1,0 +1,151 @@
+"""A tool that follows a hand, or a force, does not swing by its own payload; or it is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from telerobot.config.load import Cell, load_cell
+from telerobot.config.mechanism import Payload
+from telerobot.server.payload_loop import following_source, heaviest
+from telerobot.tools.check import judge
+from telerobot.tools.findings import Status
+from telerobot.tools.script import Script
+from telerobot.tools.simulation import Simulation
+
+from .conftest import Run
+
+GRIP, MORE = (0.98, 0.051), 0.10
+"""Mass [kg] and centre [m] of the grip, and the centre of what is added."""
+AT_S, REST_S = 0.6, 2.0
+STANDS = 0.01
+"""A tool that is slower is at rest [m/s]: M / B is up to half a second."""
+
+
+def laden(more: float, mode="csp", rate_hz=500, **following) -> Cell:
+    """Return the hand-following cell with `more` kilograms on the grip, rightly declared."""
+    cell = load_cell("pa10_hand")
+    c, sensor = cell.config, cell.config.mechanism.force_torque
+    mass = GRIP[0] + more
+    payload = Payload(mass=mass, com=(0.0, 0.0, (GRIP[0] * GRIP[1] + more * MORE) / mass))
+    sensor = sensor.model_copy(update={"payload": payload, "rate_hz": rate_hz})
+    mechanism = c.mechanism.model_copy(update={"force_torque": sensor, "operation_mode": mode})
+    rig = c.rig.model_copy(update={"payload_mass": more, "payload_com": (0.0, 0.0, MORE)})
+    source = c.sources.following.model_copy(update=following)
+    sources = c.sources.model_copy(update={"following": source})
+    changed = {"mechanism": mechanism, "rig": rig, "sources": sources}
+    return replace(cell, config=c.model_copy(update=changed))
+
+
+def pushed(cell: Cell, force=(0.0, 4.0, 0.0), seconds=1.0, *more) -> Run:
+    """Return a run in which a hand pushes for a while, and is awaited to come to rest."""
+    steps = [
+        {"at_s": AT_S, "fault": {"hand": "force_torque", "vector": list(force)}},
+        {"at_s": AT_S + seconds, "fault": {"hand": "force_torque", "on": False}},
+        *more,
+    ]
+    end = AT_S + seconds + REST_S
+    simulation = Simulation(cell, Script.model_validate({"duration_s": end, "step": steps}))
+    return Run(simulation, simulation.run())
+
+
+def speed_at_the_end(run: Run) -> float:
+    """Return the tool's greatest speed in the last fifth of a second [m/s]."""
+    places = np.array([truth.pose_mrf[:3] for truth in run.truths[-21:]])
+    return float(np.abs(np.diff(places, axis=0)).max() / 0.01)
+
+
+@pytest.mark.parametrize(
+    ("mode", "more", "mass", "damping"),
+    [
+        ("csp", 1.0, 1.0, 20.0),
+        ("csp", 0.0, 0.5, 15.0),
+        ("csp", 5.0, 0.5, 10.0),
+        ("csv", 5.0, 0.5, 60.0),
+        ("csv", 3.0, 5.0, 10.0),
+        ("cst", 5.0, 0.5, 10.0),
+        ("cst", 3.0, 1.0, 20.0),
+    ],
+)
+def test_after_a_push_the_tool_is_at_rest_within_two_seconds(mode, more, mass, damping):
+    run = pushed(laden(more, mode, mass=mass, damping=damping))
+    assert speed_at_the_end(run) < STANDS
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+
+
+def test_in_cst_a_heavy_tool_that_is_declared_does_not_sag_when_enabled():
+    cell = laden(5.0, "cst")
+    run = pushed(cell, (0.0, 0.0, 0.0))
+    start = np.array(cell.config.mechanism.postures["start"])
+    assert run.summary["mode"] == "enabled"
+    # it falls freely for the 20 ms between brake and torque, and is caught
+    assert np.abs(np.array([truth.q for truth in run.truths]) - start).max() < 0.06
+    assert speed_at_the_end(run) < 1e-3
+
+
+def bound_of(cell: Cell) -> float:
+    return heaviest(cell, lambda m: following_source(cell, m), postures=("ready",))
+
+
+@pytest.mark.parametrize(("mass", "damping"), [(0.5, 15.0), (1.0, 20.0), (2.0, 20.0)])
+def test_the_bound_of_the_payload_is_that_of_the_simulation_within_30_percent(mass, damping):
+    """With two samples a period; the push is short, as the bound is that of one posture."""
+
+    def cell(payload):
+        return laden(payload - GRIP[0], rate_hz=200, mass=mass, damping=damping)
+
+    bound = bound_of(cell(GRIP[0] + 2.0))
+    below, beyond = (
+        speed_at_the_end(pushed(cell(part * bound), (6.0, 3.0, 0.0), 0.15)) for part in (0.77, 1.3)
+    )
+    assert below < STANDS < beyond
+
+
+def test_a_payload_that_would_swing_the_tool_is_an_error_of_check():
+    light = {"rate_hz": 200, "mass": 0.5, "damping": 15.0}
+    fine, heavy = (
+        {f.check: f for f in judge(laden(more, **light))}["following payload"]
+        for more in (0.0, 2.0)
+    )
+    assert fine.status is not Status.ERROR
+    assert heavy.status is Status.ERROR
+    assert heavy.values["payload"] == pytest.approx(2.98)
+    assert 0.98 < heavy.values["bound"] < 2.98
+    assert f"{heavy.values['bound']:.3g} kg" in heavy.text
+
+
+def test_a_payload_that_would_swing_the_tool_is_refused_with_the_numbers():
+    heavy = {"at_s": 0.3, "payload": {"mass": 2.98, "com": [0.0, 0.0, 0.08]}}
+    cell = laden(0.0, rate_hz=200, mass=0.5, damping=15.0)
+    run = pushed(cell, (0.0, 4.0, 0.0), 0.3, heavy)
+    assert run.events("payload_set") == []
+    (refused,) = run.events("request_refused")
+    assert refused.values["reason"] == "unstable_payload"
+    assert "2.98 kg" in refused.detail
+    assert "stable below" in refused.detail
+    assert run.states[-1].payload[0] == pytest.approx(0.98)
+
+
+def test_following_is_not_switched_on_under_a_payload_that_would_swing_the_tool():
+    steps = (
+        {"at_s": 0.2, "switch": {"source": "following", "on": False}},
+        {"at_s": 0.3, "payload": {"mass": 2.98, "com": [0.0, 0.0, 0.08]}},
+        {"at_s": 0.4, "switch": {"source": "following", "on": True}},
+    )
+    cell = laden(0.0, rate_hz=200, mass=0.5, damping=15.0)
+    run = pushed(cell, (0.0, 0.0, 0.0), 0.3, *steps)
+    assert len(run.events("payload_set")) == 1
+    assert [e.values["reason"] for e in run.events("request_refused")] == ["unstable_payload"]
+
+
+def test_a_force_gain_under_which_the_payload_would_swing_the_tool_is_refused():
+    """Soft environments allow great gains; the payload's own force bounds them as well."""
+    cell = laden(5.0)
+    sensor = cell.config.mechanism.force_torque.model_copy(update={"stiffest_environment": 100.0})
+    mechanism = cell.config.mechanism.model_copy(update={"force_torque": sensor})
+    soft = replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    on = {"at_s": 0.2, "switch": {"source": "force", "on": True}}
+    gain = {"at_s": 0.3, "gain": {"source": "force", "gain": [0.02] * 3 + [0.0] * 3}}
+    run = pushed(soft, (0.0, 0.0, 0.0), 0.3, on, gain)
+    assert [e.values["reason"] for e in run.events("request_refused")] == ["unstable_gain"]
+    assert "5.98 kg" in run.events("request_refused")[0].detail
