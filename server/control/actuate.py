@@ -13,7 +13,7 @@ from .frames import Array, Pose
 from .gate import TOLERANCE
 from .mechanism import Kinematics, Mechanism
 from .parameters import Parameters
-from .torque import TorqueLaw, TorqueState
+from .torque import TorqueLaw, Torques, TorqueState
 from .trajectory import Motion
 
 
@@ -36,6 +36,8 @@ class Now(NamedTuple):
     time_s: float
     settled: bool
     """The drives are off."""
+    load: Array | None = None
+    """Payload and bias in effect (10,), see `sources.force.load_of`; None: the URDF's tool."""
 
 
 class Actuated(NamedTuple):
@@ -86,13 +88,26 @@ class ByTorque:
     """CST: the torques of the law, inside the bounds of torque and of its rate."""
 
     def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
-        dynamics, length = Dynamics(mechanism, p.rotor_inertia), p.resolve.characteristic_length
-        self._law = TorqueLaw(dynamics, p.torque, p.friction, p.max_torque, length, p.period_s)
+        dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+        self._law = TorqueLaw(
+            dynamics,
+            p.torque,
+            p.friction,
+            p.max_torque,
+            p.resolve.characteristic_length,
+            p.period_s,
+            p.max_torque_rate,
+        )
+        self._weighs = p.T_wrist_sensor is not None
+        # Scratch: what the law's dynamics carry.
+        self._carried: bytes | None = None
         self._joints, self._most = p.joints, p.max_torque
         self._step = (1.0 + TOLERANCE) * p.max_torque_rate * p.period_s
 
     def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
         """Return the torques (n,) [N·m]."""
+        if self._weighs and now.load is not None:
+            self._carry(now.load[:4])
         kept, torques = self._law.step(
             state,
             now.q,
@@ -109,8 +124,26 @@ class ByTorque:
         if refusal is None and state is not None:
             step = tau - state.tau
             refusal = _beyond(self._joints, step, self._step, "torque step", "N·m")
-        beyond = torques.beyond.nonzero()[0].tolist()
-        return Actuated(tau, kept, refusal, tuple(f"disturbance:{self._joints[j]}" for j in beyond))
+        return Actuated(tau, kept, refusal, self._told(torques))
+
+    def _carry(self, load: Array) -> None:
+        """Let the law's dynamics have a payload (4,): mass [kg], and it times the centre [kg·m]."""
+        key = load.tobytes()
+        if key != self._carried:
+            mass = float(load[0])
+            self._law.carry(mass, load[1:] / max(mass, 1e-9))
+            self._carried = key
+
+    def _told(self, torques: Torques) -> tuple[str, ...]:
+        """Return the names of what limits the joints."""
+        if not (torques.beyond.any() or torques.held_back.any()):
+            return ()
+        return tuple(
+            f"{what}:{joint}"
+            for what, which in (("disturbance", torques.beyond), ("torque", torques.held_back))
+            for joint, so in zip(self._joints, which.tolist(), strict=True)
+            if so
+        )
 
 
 def _beyond(joints: tuple[str, ...], value: Array, most: Array, what: str, unit: str) -> str | None:

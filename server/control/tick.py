@@ -165,6 +165,7 @@ class Control:
                 inputs.settings.T_wrist_mrf,
                 inputs.time_s,
                 inputs.intent is Intent.SEED,
+                memory.load,
             ),
         )
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace

@@ -8,6 +8,7 @@ from .hostile_runs import HOSTILE
 from .part import Part
 from .peg_runs import PEG
 from .reflection import REFLECTION
+from .torques import TORQUES
 from .touch import TOUCH
 from .wedges import WEDGES
 from .wild_runs import WILD
@@ -17,6 +18,7 @@ PARTS: dict[str, Part] = {
     "peg": PEG,
     "scenes": SCENES,
     "touch": TOUCH,
+    "torques": TORQUES,
     "reflection": REFLECTION,
     "wedges": WEDGES,
     "requests": ASKING,

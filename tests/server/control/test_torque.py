@@ -23,11 +23,11 @@ QUIET = {"observer": 0.0, "velocity_filter_hz": 500.0}
 class Plant:
     """An arm whose torques act a period after they were computed, and are held for one."""
 
-    def __init__(self, q, **gains):
+    def __init__(self, q, rate=None, **gains):
         self.mechanism = Mechanism.from_cell(load_cell("pa10_hand"))
         self.dynamics = Dynamics(self.mechanism, np.array(ROTORS))
         torque = Torque(**{**QUIET, **gains})
-        self.law = TorqueLaw(self.dynamics, torque, np.zeros(7), MOST, 0.3, T)
+        self.law = TorqueLaw(self.dynamics, torque, np.zeros(7), MOST, 0.3, T, rate)
         self.q, self.dq = q.copy(), np.zeros(7)
         self.acting = self.dynamics.bias(self.q, self.dq)
         self.model = pin.Model(self.mechanism.model)
@@ -193,3 +193,43 @@ def test_late_ticks_leave_no_false_speed(missed: int) -> None:
     # 10 mrad in one period would look like 1 rad/s, and 20 /s times that like 20 rad/s²
     assert np.abs(plant.state.dq_next).max() < 0.05
     assert np.abs(plant.torques.tau - before).max() < 25.0
+
+
+def test_torques_and_their_steps_stay_inside_their_bounds_and_nothing_winds_up() -> None:
+    plant, rate = Plant(START, rate=5.0 * MOST, observer=10.0), 5.0 * MOST
+    target = START + np.array([0.15, 0.1, -0.1, 0.15, 0.2, -0.1, 0.2])
+    rest, last, held_back = Motion.at_rest(target), None, False
+    for _ in range(150):
+        plant.tick(rest, rest)
+        tau = plant.torques.tau
+        assert (np.abs(tau) <= MOST).all()
+        if last is not None:
+            assert (np.abs(tau - last) <= rate * T * (1.0 + 1e-9)).all()
+        held_back, last = held_back or plant.torques.held_back.any(), tau
+        # the observer knows what was sent: the model is true, so it finds nothing
+        assert (np.abs(plant.state.momentum.residual) < 0.03 * MOST).all()
+    assert held_back
+    assert np.abs(plant.q - target).max() < 2e-3
+
+
+def test_a_payload_that_is_carried_is_held_and_accelerated_as_the_model_of_it_says() -> None:
+    rest, sagged = Motion.at_rest(START), {}
+    for known in (False, True):
+        plant = Plant(START)
+        frame = plant.model.getFrameId("flange")
+        tip = plant.model.frames[frame]
+        com = np.array([0.0, 0.0, 0.1])
+        extra = pin.Inertia(3.0, tip.placement.act(com), np.zeros((3, 3)))
+        plant.model.inertias[tip.parentJoint] += extra
+        if known:
+            grip, at = 0.98, 0.051
+            plant.law.carry(grip + 3.0, np.array([0.0, 0.0, (grip * at + 0.3) / (grip + 3.0)]))
+            held, _ = plant.law.step(
+                None, START, rest, rest, plant.commanded(START), None, TOOL, -T, True
+            )
+            plant.acting = held.tau
+        for _ in range(100):
+            plant.tick(rest, rest)
+        sagged[known] = float(np.abs(plant.q - START).max())
+    assert sagged[False] > 0.02
+    assert sagged[True] < 1e-3
