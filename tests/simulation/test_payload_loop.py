@@ -4,54 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell, load_cell
-from telerobot.config.mechanism import Payload
+from telerobot.config.load import Cell
 from telerobot.server.payload_loop import following_source, heaviest
+from telerobot.tools.campaign.payloads import STANDS, laden, pushed, speed_at_the_end
 from telerobot.tools.check import judge
 from telerobot.tools.findings import Status
-from telerobot.tools.script import Script
+from telerobot.tools.script import Step
 from telerobot.tools.simulation import Simulation
 
 from .conftest import Run
 
-GRIP, MORE = (0.98, 0.051), 0.10
-"""Mass [kg] and centre [m] of the grip, and the centre of what is added."""
-AT_S, REST_S = 0.6, 2.0
-STANDS = 0.01
-"""A tool that is slower is at rest [m/s]: M / B is up to half a second."""
+OWN = 0.98
+"""Mass of the grip [kg]."""
 
 
-def laden(more: float, mode="csp", rate_hz=500, **following) -> Cell:
-    """Return the hand-following cell with `more` kilograms on the grip, rightly declared."""
-    cell = load_cell("pa10_hand")
-    c, sensor = cell.config, cell.config.mechanism.force_torque
-    mass = GRIP[0] + more
-    payload = Payload(mass=mass, com=(0.0, 0.0, (GRIP[0] * GRIP[1] + more * MORE) / mass))
-    sensor = sensor.model_copy(update={"payload": payload, "rate_hz": rate_hz})
-    mechanism = c.mechanism.model_copy(update={"force_torque": sensor, "operation_mode": mode})
-    rig = c.rig.model_copy(update={"payload_mass": more, "payload_com": (0.0, 0.0, MORE)})
-    source = c.sources.following.model_copy(update=following)
-    sources = c.sources.model_copy(update={"following": source})
-    changed = {"mechanism": mechanism, "rig": rig, "sources": sources}
-    return replace(cell, config=c.model_copy(update=changed))
-
-
-def pushed(cell: Cell, force=(0.0, 4.0, 0.0), seconds=1.0, *more) -> Run:
+def played(cell: Cell, force=(0.0, 4.0, 0.0), seconds=1.0, *more) -> Run:
     """Return a run in which a hand pushes for a while, and is awaited to come to rest."""
-    steps = [
-        {"at_s": AT_S, "fault": {"hand": "force_torque", "vector": list(force)}},
-        {"at_s": AT_S + seconds, "fault": {"hand": "force_torque", "on": False}},
-        *more,
-    ]
-    end = AT_S + seconds + REST_S
-    simulation = Simulation(cell, Script.model_validate({"duration_s": end, "step": steps}))
+    script = pushed(force, seconds)
+    steps = (*script.step, *(Step.model_validate(step) for step in more))
+    simulation = Simulation(cell, script.model_copy(update={"step": steps}))
     return Run(simulation, simulation.run())
-
-
-def speed_at_the_end(run: Run) -> float:
-    """Return the tool's greatest speed in the last fifth of a second [m/s]."""
-    places = np.array([truth.pose_mrf[:3] for truth in run.truths[-21:]])
-    return float(np.abs(np.diff(places, axis=0)).max() / 0.01)
 
 
 @pytest.mark.parametrize(
@@ -67,20 +39,20 @@ def speed_at_the_end(run: Run) -> float:
     ],
 )
 def test_after_a_push_the_tool_is_at_rest_within_two_seconds(mode, more, mass, damping):
-    run = pushed(laden(more, mode, mass=mass, damping=damping))
-    assert speed_at_the_end(run) < STANDS
+    run = played(laden(more, mode, mass=mass, damping=damping))
+    assert speed_at_the_end(run.simulation) < STANDS
     assert run.summary["mode"] == "enabled"
     assert run.summary["limit_violations"] == 0
 
 
 def test_in_cst_a_heavy_tool_that_is_declared_does_not_sag_when_enabled():
     cell = laden(5.0, "cst")
-    run = pushed(cell, (0.0, 0.0, 0.0))
+    run = played(cell, (0.0, 0.0, 0.0))
     start = np.array(cell.config.mechanism.postures["start"])
     assert run.summary["mode"] == "enabled"
     # it falls freely for the 20 ms between brake and torque, and is caught
     assert np.abs(np.array([truth.q for truth in run.truths]) - start).max() < 0.06
-    assert speed_at_the_end(run) < 1e-3
+    assert speed_at_the_end(run.simulation) < 1e-3
 
 
 def bound_of(cell: Cell) -> float:
@@ -92,11 +64,12 @@ def test_the_bound_of_the_payload_is_that_of_the_simulation_within_30_percent(ma
     """With two samples a period; the push is short, as the bound is that of one posture."""
 
     def cell(payload):
-        return laden(payload - GRIP[0], rate_hz=200, mass=mass, damping=damping)
+        return laden(payload - OWN, rate_hz=200, mass=mass, damping=damping)
 
-    bound = bound_of(cell(GRIP[0] + 2.0))
+    bound = bound_of(cell(OWN + 2.0))
     below, beyond = (
-        speed_at_the_end(pushed(cell(part * bound), (6.0, 3.0, 0.0), 0.15)) for part in (0.77, 1.3)
+        speed_at_the_end(played(cell(part * bound), (6.0, 3.0, 0.0), 0.15).simulation)
+        for part in (0.77, 1.3)
     )
     assert below < STANDS < beyond
 
@@ -117,7 +90,7 @@ def test_a_payload_that_would_swing_the_tool_is_an_error_of_check():
 def test_a_payload_that_would_swing_the_tool_is_refused_with_the_numbers():
     heavy = {"at_s": 0.3, "payload": {"mass": 2.98, "com": [0.0, 0.0, 0.08]}}
     cell = laden(0.0, rate_hz=200, mass=0.5, damping=15.0)
-    run = pushed(cell, (0.0, 4.0, 0.0), 0.3, heavy)
+    run = played(cell, (0.0, 4.0, 0.0), 0.3, heavy)
     assert run.events("payload_set") == []
     (refused,) = run.events("request_refused")
     assert refused.values["reason"] == "unstable_payload"
@@ -133,7 +106,7 @@ def test_following_is_not_switched_on_under_a_payload_that_would_swing_the_tool(
         {"at_s": 0.4, "switch": {"source": "following", "on": True}},
     )
     cell = laden(0.0, rate_hz=200, mass=0.5, damping=15.0)
-    run = pushed(cell, (0.0, 0.0, 0.0), 0.3, *steps)
+    run = played(cell, (0.0, 0.0, 0.0), 0.3, *steps)
     assert len(run.events("payload_set")) == 1
     assert [e.values["reason"] for e in run.events("request_refused")] == ["unstable_payload"]
 
@@ -146,6 +119,6 @@ def test_a_force_gain_under_which_the_payload_would_swing_the_tool_is_refused():
     soft = replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
     on = {"at_s": 0.2, "switch": {"source": "force", "on": True}}
     gain = {"at_s": 0.3, "gain": {"source": "force", "gain": [0.02] * 3 + [0.0] * 3}}
-    run = pushed(soft, (0.0, 0.0, 0.0), 0.3, on, gain)
+    run = played(soft, (0.0, 0.0, 0.0), 0.3, on, gain)
     assert [e.values["reason"] for e in run.events("request_refused")] == ["unstable_gain"]
     assert "5.98 kg" in run.events("request_refused")[0].detail

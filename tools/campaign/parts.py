@@ -6,6 +6,7 @@ from .crowd_runs import SCENES
 from .fuzz.runs import FUZZ
 from .hostile_runs import HOSTILE
 from .part import Part
+from .payloads import PAYLOADS
 from .peg_runs import PEG
 from .reflection import REFLECTION
 from .torques import TORQUES
@@ -19,6 +20,7 @@ PARTS: dict[str, Part] = {
     "scenes": SCENES,
     "touch": TOUCH,
     "torques": TORQUES,
+    "payloads": PAYLOADS,
     "reflection": REFLECTION,
     "wedges": WEDGES,
     "requests": ASKING,
