@@ -33,7 +33,7 @@ from .world import World
 SENSOR = "force_torque"
 """The target that names the sensor, and the tool."""
 
-MOST_FORCE = 2000.0
+MOST_FORCE = 5000.0
 """The physics is not pushed harder along an axis: it would break before the arm does [N]."""
 MOST_FRICTION = 1e4
 """Nor is a joint braked harder [N·m]."""

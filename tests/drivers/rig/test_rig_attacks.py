@@ -21,7 +21,7 @@ KINDS = (
     "cover", "move", "place", "hand",
 )  # fmt: skip
 NUMBERS = (
-    0.0, -1.0, 0.5, 1.0, 5e-324, 1e-9, 9.9, 100.0, 2000.0, 65535.0, 1e9, -1e300, 1.7e308, math.nan,
+    0.0, -1.0, 0.5, 1.0, 5e-324, 1e-9, 9.9, 100.0, 5000.0, 65535.0, 1e9, -1e300, 1.7e308, math.nan,
     math.inf,
 )  # fmt: skip
 
@@ -29,8 +29,8 @@ NUMBERS = (
 @pytest.mark.parametrize(
     ("kind", "target", "value", "words"),
     [
-        ("push", "e1", 1e9, "fault push: value 1e+09 N: must be at most 2000 along an axis"),
-        ("hand", "force_torque", -1e300, "fault hand: value -1e+300 N: must be at most 2000"),
+        ("push", "e1", 1e9, "fault push: value 1e+09 N: must be at most 5000 along an axis"),
+        ("hand", "force_torque", -1e300, "fault hand: value -1e+300 N: must be at most 5000"),
         ("place", "wall", 101.0, "fault place: value 101 m: must be at most 100 along an axis"),
         ("stick", "e1", 1e300, "fault stick: value 1e+300 N·m: must be 0 to 10000"),
         ("stick", "e1", -1.0, "fault stick: value -1 N·m: must be 0 to 10000"),
