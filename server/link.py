@@ -47,6 +47,10 @@ class Parcel(NamedTuple):
     """Of a request."""
 
 
+Source = Callable[[], Parcel | None]
+"""Returns the oldest message that waits on a topic, None without one."""
+
+
 class Link(Protocol):
     """The network as the cycle uses it; nothing here blocks."""
 
@@ -54,8 +58,8 @@ class Link(Protocol):
         """Return how many messages of a topic wait at most."""
         ...
 
-    def next(self, topic: Topic) -> Parcel | None:
-        """Return the oldest message that waits on a topic, None without one."""
+    def source(self, topic: Topic) -> Source:
+        """Return what takes the messages of a topic, one at a time."""
         ...
 
     def publish(self, topic: Topic, payload: bytes) -> None:
@@ -110,24 +114,12 @@ class ZenohLink:
         """Return how many messages of a topic wait at most."""
         return room(topic)
 
-    def next(self, topic: Topic) -> Parcel | None:
-        """Return the oldest message that waits on a topic, None without one."""
+    def source(self, topic: Topic) -> Source:
+        """Return what takes the messages of a topic, one at a time."""
         if topic.flow is Flow.REQUEST:
-            return self._next_request(topic)
-        sample = self._puts[topic.key].try_recv()
-        return None if sample is None else Parcel(sample.payload, sample.attachment or b"")
-
-    def _next_request(self, topic: Topic) -> Parcel | None:
-        queue, key = self._queries[topic.key], self._keys[topic.key]
-        for _ in range(RING):
-            query = None if self._answers.crowded else queue.try_recv()
-            if query is None:
-                return None
-            answer = partial(self._answers.give, query, key)
-            if str(query.key_expr) == key:
-                return Parcel(query.payload or b"", query.attachment or b"", answer)
-            answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
-        return None
+            queries = self._queries[topic.key]
+            return partial(_next_request, queries.try_recv, self._answers, self._keys[topic.key])
+        return partial(_next_put, self._puts[topic.key].try_recv)
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
@@ -147,3 +139,22 @@ class ZenohLink:
         """Close the session."""
         self._answers.close()
         self._session.close()  # type: ignore[no-untyped-call]  # its stubs
+
+
+def _next_put(receive: "Callable[[], zenoh.Sample | None]") -> Parcel | None:
+    sample = receive()
+    return None if sample is None else Parcel(sample.payload, sample.attachment or b"")
+
+
+def _next_request(
+    receive: "Callable[[], zenoh.Query | None]", answers: Answers, key: str
+) -> Parcel | None:
+    for _ in range(RING):
+        query = None if answers.crowded else receive()
+        if query is None:
+            return None
+        answer = partial(answers.give, query, key)
+        if str(query.key_expr) == key:
+            return Parcel(query.payload or b"", query.attachment or b"", answer)
+        answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
+    return None

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 
 from ..protocols.topics import Flow, Topic
-from .link import Parcel, room
+from .link import Parcel, Source, room
 
 
 class MemoryLink:
@@ -41,10 +41,10 @@ class MemoryLink:
         """Return how many messages of a topic wait at most."""
         return room(topic)
 
-    def next(self, topic: Topic) -> Parcel | None:
-        """Return the oldest message that waits on a topic, None without one."""
-        ring = self._rings.get(topic.key)
-        return ring.popleft() if ring else None
+    def source(self, topic: Topic) -> Source:
+        """Return what takes the messages of a topic, one at a time."""
+        ring = self._ring(topic)
+        return lambda: ring.popleft() if ring else None
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send telemetry."""

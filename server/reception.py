@@ -9,6 +9,7 @@ What matters most comes first: the keepalive, protective stops and modes. For ev
 is a budget of time in each tick; what is left over waits for the next one.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from ..protocols.codec import Reason
 from ..protocols.proof import Proof
 from ..protocols.requests import Reply
 from .admission import Admission, Now, Refused
-from .link import Answer, Link, Parcel
+from .link import Answer, Link, Parcel, Source
 
 FIRST: Final = (t.KEEPALIVE, t.PROTECTIVE_STOP, t.MODE, t.RELEASE)
 """Sorted completely in every tick."""
@@ -76,8 +77,11 @@ class Reception:
         self._clock = clock
         self._budget_s = PART * period_s
         self._boxes = {x.key: deque[Letter](maxlen=x.unread) for x in (*FIRST, *REST)}
-        self._next = 0
-        self._next_sensor = 0
+        self._first, self._rest, self._sensors = (
+            [(x, link.source(x)) for x in topics] for topics in (FIRST, REST, t.SENSORS)
+        )
+        self._waiting = 0
+        """Letters in all mailboxes."""
         self._refusals: dict[str, Refusal] = {}
         self._answers_left = ANSWERED
         self.pressed = False
@@ -86,25 +90,34 @@ class Reception:
     def sort(self, now: Now) -> None:
         """Empty the rings of commands and requests, as far as the budget allows."""
         refused = 0
-        for topic in FIRST:
-            for _ in range(self._link.room(topic)):
-                parcel = self._link.next(topic)
-                if parcel is None:
-                    break
-                refused += not self._keep(topic, parcel, now)
+        for topic, take in self._first:
+            parcel = take()
+            if parcel is not None:
+                refused += self._drain(topic, take, parcel, now, math.inf)
         end_s = self._clock() + self._budget_s
-        for _ in range(len(REST)):
-            topic = REST[self._next]
-            self._next = (self._next + 1) % len(REST)
-            for _ in range(self._link.room(topic)):
-                parcel = self._link.next(topic)
-                if parcel is None:
-                    break
-                refused += not self._keep(topic, parcel, now)
+        for i, (topic, take) in enumerate(self._rest):
+            parcel = take()
+            if parcel is not None:
+                refused += self._drain(topic, take, parcel, now, end_s)
                 if self._clock() > end_s:
+                    # The next ones come first, next time.
+                    self._rest = self._rest[i + 1 :] + self._rest[: i + 1]
                     self.pressed = True
                     return
         self.pressed = refused > PRESSED
+
+    def _drain(self, topic: t.Topic, take: Source, first: Parcel, now: Now, end_s: float) -> int:
+        """Sort what waits on a topic until a time; return how much of it was refused."""
+        refused, parcel = 0, first
+        for _ in range(self._link.room(topic)):
+            refused += not self._keep(topic, parcel, now)
+            if self._clock() > end_s:
+                break
+            more = take()
+            if more is None:
+                break
+            parcel = more
+        return refused
 
     def refusals(self) -> list[Refusal]:
         """Return and forget what was refused since the last call, one entry for each topic."""
@@ -126,22 +139,22 @@ class Reception:
     def sensors(self) -> Iterator[Letter]:
         """Yield sensors' readings, one of each topic in turn, as far as the budget allows."""
         end_s = self._clock() + self._budget_s
-        idle = 0
-        left = {x.key: self._link.room(x) for x in t.SENSORS}
-        while idle < len(t.SENSORS):
-            topic = t.SENSORS[self._next_sensor]
-            self._next_sensor = (self._next_sensor + 1) % len(t.SENSORS)
-            parcel = self._link.next(topic) if left[topic.key] > 0 else None
-            if parcel is None:
-                idle += 1
-                continue
-            idle = 0
-            left[topic.key] -= 1
-            payload = self._read(topic, parcel)
-            if payload is not None:
-                yield Letter(topic, payload, None)
-            if self._clock() > end_s:
-                return
+        waiting = [(topic, take, self._link.room(topic)) for topic, take in self._sensors]
+        while waiting:
+            still = []
+            for topic, take, left in waiting:
+                parcel = take()
+                if parcel is None:
+                    continue
+                if left > 1:
+                    still.append((topic, take, left - 1))
+                payload = self._read(topic, parcel)
+                if payload is not None:
+                    yield Letter(topic, payload, None)
+                if self._clock() > end_s:
+                    self._sensors = [*self._sensors[1:], self._sensors[0]]
+                    return
+            waiting = still
 
     # --- one message -------------------------------------------------------------------------
 
@@ -163,6 +176,8 @@ class Reception:
         box = self._boxes[topic.key]
         if len(box) == box.maxlen:
             box[0].reply(None)
+        else:
+            self._waiting += 1
         box.append(Letter(topic, payload, proof, parcel.answer))
         return True
 
@@ -193,11 +208,14 @@ class Reception:
 
     def _take(self, topics: tuple[t.Topic, ...]) -> list[Letter]:
         letters: list[Letter] = []
+        if self._waiting == 0:
+            return letters
         for topic in topics:
             box = self._boxes[topic.key]
             if box:
                 letters += box
                 box.clear()
+        self._waiting -= len(letters)
         return letters
 
     def _in_order(self, letters: list[Letter]) -> Iterator[Letter]:
@@ -211,6 +229,7 @@ class Reception:
             if i > 0 and self._clock() > end_s:
                 for left in letters[i:]:
                     self._boxes[left.topic.key].append(left)
+                self._waiting += len(letters) - i
                 return
             yield letter
 

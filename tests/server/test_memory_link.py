@@ -6,7 +6,7 @@ from telerobot.server.memory_link import MemoryLink
 def rest(link, topic):
     """Return what waits on a topic."""
     taken = []
-    while (parcel := link.next(topic)) is not None:
+    while (parcel := link.source(topic)()) is not None:
         taken.append(parcel.payload)
     return taken
 
@@ -15,9 +15,9 @@ def test_commands_come_oldest_first_and_only_once():
     link = MemoryLink()
     link.put(t.JOYSTICK, b"1", b"proof")
     link.put(t.JOYSTICK, b"2")
-    assert link.next(t.JOYSTICK) == (b"1", b"proof", None)
+    assert link.source(t.JOYSTICK)() == (b"1", b"proof", None)
     assert rest(link, t.JOYSTICK) == [b"2"]
-    assert link.next(t.JOYSTICK) is None
+    assert link.source(t.JOYSTICK)() is None
 
 
 @pytest.mark.parametrize("topic", [t.JOYSTICK, t.FRAME_NEWS, t.OBSTACLE])
@@ -41,13 +41,13 @@ def test_what_is_no_command_is_not_put_and_what_is_no_request_not_asked():
 def test_a_request_brings_its_answer_to_who_asked():
     link, answers = MemoryLink(), []
     link.ask(t.LEASE, b"please", answers.append, b"proof")
-    asked = link.next(t.LEASE)
+    asked = link.source(t.LEASE)()
     asked.answer(b"yes")
     assert (asked.payload, asked.attached) == (b"please", b"proof")
     assert answers == [b"yes"]
-    assert link.next(t.LEASE) is None
+    assert link.source(t.LEASE)() is None
     link.ask(t.LEASE, b"please", answers.append)
-    link.next(t.LEASE).answer(None)
+    link.source(t.LEASE)().answer(None)
     assert answers == [b"yes"]
 
 

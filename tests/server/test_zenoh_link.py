@@ -47,7 +47,7 @@ def asked(link, peer, topic, payload):
     for _ in range(TRIES):
         replies = peer.get(topic.full_key("cell"), payload=payload, attachment=b"proof")
         while not over(replies):
-            parcel = link.next(topic)
+            parcel = link.source(topic)()
             if parcel is not None:
                 return parcel, replies
     raise AssertionError("the request did not come in")
@@ -81,6 +81,6 @@ def test_who_asks_on_all_keys_at_once_is_heard_on_none_and_gets_no_answer(networ
     last, after = asked(link, peer, t.SPEED, b"after")
     last.answer(b"yes")
     after.recv()
-    seen = [link.next(topic) for topic in t.REQUESTS for _ in range(10)]
+    seen = [link.source(topic)() for topic in t.REQUESTS for _ in range(10)]
     assert not [parcel for parcel in seen if parcel is not None and bytes(parcel.payload) == b"x"]
     assert list(replies) == []
