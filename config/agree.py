@@ -9,7 +9,7 @@ from .agree_modes import mode_disagreements
 from .agree_obstacles import obstacle_disagreements
 from .agree_priority import priority_disagreements
 from .errors import ConfigError, nearest
-from .mechanism import Drive
+from .mechanism import Drive, Mechanism
 from .schema import CellConfig
 from .urdf import Robot, UrdfJoint
 
@@ -38,6 +38,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from _postures(config, robot)
     yield from _sensor_ids(config)
     yield from _gripper(config)
+    yield from _payloads(config.mechanism)
     yield from camera_disagreements(config)
     yield from obstacle_disagreements(config, robot)
     yield from mode_disagreements(config)
@@ -55,6 +56,19 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
             count = len(getattr(config.rig.drive, key))
             if count not in (1, n):
                 yield f"rig.drive.{key}: {count} values: must be 1, or {n}: one per joint"
+
+
+def _payloads(mechanism: Mechanism) -> Iterator[str]:
+    rated = mechanism.rated_payload
+    named = {f"payloads.{name}": p for name, p in mechanism.payloads.items()}
+    if mechanism.force_torque is not None:
+        named["force_torque.payload"] = mechanism.force_torque.payload
+    for where, payload in named.items():
+        if rated is not None and payload.mass > rated:
+            yield (
+                f"mechanism.{where}.mass: value {payload.mass:g}: the arm is rated for {rated:g} kg"
+                " (mechanism.rated_payload)"
+            )
 
 
 def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:

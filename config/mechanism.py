@@ -102,6 +102,10 @@ class ForceTorque(Section):
     filter_hz: float = Field(
         40.0, gt=0, le=500, description="first-order low-pass of the wrench [Hz]"
     )
+    unexplained_force: float = Field(
+        3.0, gt=0, le=1e3, description="force in the air beyond which a load was told wrong [N]"
+    )
+    unexplained_moment: float = Field(0.4, gt=0, le=1e3, description="the same of a moment [N·m]")
     stiffest_environment: float = Field(
         20_000.0,
         gt=0,
@@ -140,6 +144,9 @@ class Mechanism(Section):
         gt=0,
         le=1000,
         description="natural frequency of the drives' own loops, for bounds; a [rig] tells its own",
+    )
+    rated_payload: float | None = Field(
+        None, gt=0, le=500, description="greatest mass at the tool that the arm is rated for [kg]"
     )
     tip_link: str = Field(description="last link of the chain: the Wrist frame")
     T_wrist_mrf: Pose = Field(

@@ -79,19 +79,22 @@ class SpeedRequest(Command):
 class PayloadRequest(Command):
     """Says what hangs on the force/torque sensor now; the change is ramped.
 
-    Either a name from the cell, or mass [kg] and centre of mass in the Sensor frame [m]. `bias` is
-    the sensor's reading without load [N, N·m], as in the cell; absent, the one in force stays.
+    A name from the cell, or mass [kg] and centre of mass in the Sensor frame [m], or that it is
+    `unknown`: force control and following then wait until it is told, or the sensor is tared.
+    `bias` is the sensor's reading without load [N, N·m], as in the cell; absent, the one in force
+    stays.
     """
 
     name: str | None = Field(None, max_length=32)
     mass: float | None = Field(None, ge=0, le=500)
     com: Place = (0.0, 0.0, 0.0)
     bias: Wrench | None = None
+    unknown: bool = False
 
     @model_validator(mode="after")
-    def _one_of_two(self) -> "PayloadRequest":
-        if (self.name is None) == (self.mass is None):
-            raise ValueError("give either name or mass")
+    def _one_of_three(self) -> "PayloadRequest":
+        if (self.name is not None) + (self.mass is not None) + self.unknown != 1:
+            raise ValueError("give either name, or mass, or unknown")
         return self
 
 
@@ -103,6 +106,10 @@ class GripperRequest(Command):
 
 class TareRequest(Command):
     """Takes the present force/torque reading as that of no contact; refused while moving."""
+
+
+class AcknowledgeLoad(Command):
+    """Lets force control and following act on a load that was said to be unexplained."""
 
 
 class Reply(Message):

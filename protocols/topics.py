@@ -149,6 +149,7 @@ FRAME = _request("frame", moving.FrameRequest)
 SPEED = _request("speed", requests.SpeedRequest)
 TARE = _request("tare", requests.TareRequest)
 PAYLOAD = _request("payload", requests.PayloadRequest)
+ACKNOWLEDGE_LOAD = _request("acknowledge_load", requests.AcknowledgeLoad)
 GRIPPER = _request("gripper", requests.GripperRequest)
 REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
@@ -173,7 +174,7 @@ TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
     SIGHTING, OBSTACLE, FRAME_NEWS,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
-    PAYLOAD, GRIPPER, STORE_VIEW,
+    PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,
     STATE, REFLECTION, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_MOTION, RIG_TRUTH,

@@ -206,6 +206,7 @@ class Cycle:
             self.output,
             self.plant.sensor is not None and self.plant.opened,
             self.mode,
+            now_s,
         )
         return View(
             now=Now(now_s, self.tick, self._enabled_since),
@@ -219,7 +220,7 @@ class Cycle:
             frames=watches.frames,
             T_world_mrf=None if self.output is None else self.output.T_world_mrf,
             T_wrist_mrf=None if self.output is None else self.output.T_wrist_mrf,
-            touched=watches.touch.stopping,
+            touched=watches.touch.stopping or watches.load.touched,
             drives_off=reading.off,
         )
 

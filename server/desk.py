@@ -210,7 +210,8 @@ class Desk:
                 self._events.info("speed_set", "", factor=message.factor)
             case requests.PayloadRequest():
                 self._orders.tuning.set_payload(message)
-                self._tell_payload(message.name)
+                if not message.unknown:
+                    self._tell_payload(message.name)
             case requests.GripperRequest():
                 self._orders.tuning.set_gripper(message.closed)
                 self._events.info("gripper_closed" if message.closed else "gripper_opened")
@@ -242,6 +243,8 @@ class Desk:
                 self._events.info("avoidance_switched", "", on=message.on)
             case requests.TareRequest():
                 self._tare(view)
+            case requests.AcknowledgeLoad():
+                self._orders.tuning.hear_of_load("acknowledged")
             case StoreView():
                 stored = view.vision.store(message.camera)
                 self._events.info("view_stored", message.camera or "", **stored)
@@ -324,5 +327,5 @@ class Desk:
             raise Refused(Why.SENSOR_STALE, "force_torque is stale or missing")
         if not view.still:
             raise Refused(Why.NOT_NOW, "the arm moves, or is told to")
-        self._orders.tuning.wrench_bias = view.unloaded
+        self._orders.tuning.tare(view.unloaded)
         self._events.info("tared", "", bias=str(np.round(view.unloaded, 3).tolist()))

@@ -8,6 +8,7 @@ import numpy as np
 from .control.frames import Array
 from .events import Events
 from .plant import PlantReading
+from .tuning import OF_THE_WRENCH
 
 TARE_S = 0.3
 """A tare averages the sensor over this time [s]."""
@@ -24,9 +25,6 @@ ASKED = np.array([1e-3] * 3 + [2e-3] * 3)
 
 What a stick pushes against a wall stands, too: its push is what force control and stick agree on.
 """
-
-OF_THE_SENSOR = ("force", "following")
-"""The sources that move the tool for what the sensor reads."""
 
 NAME = "force_torque"
 
@@ -49,7 +47,7 @@ class SensorWatch:
 
         `twists` are what each source asks for.
         """
-        asked = sum((v for name, v in twists.items() if name not in OF_THE_SENSOR), np.zeros(6))
+        asked = sum((v for name, v in twists.items() if name not in OF_THE_WRENCH), np.zeros(6))
         if reading.q is None or (np.abs(asked) > ASKED).any():
             self._stood.clear()
         else:

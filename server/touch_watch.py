@@ -9,7 +9,7 @@ from .control.mechanism import Mechanism
 from .control.parameters import Parameters
 from .control.retreat import Pushed
 from .control.state import Memory, Output
-from .control.touch import Load, Touch, TouchState
+from .control.touch import Doubt, Load, Touch, TouchState
 from .control.tree import Moved
 from .events import Events
 from .giving_way import GivingWay
@@ -54,10 +54,12 @@ class TouchWatch:
         output: Output | None,
         moved: Moved,
         mode: Mode,
+        doubt: Doubt | None = None,
     ) -> None:
         """Take in a reading, and what the tick before made of the one before.
 
-        What pushes an arm that is long at rest in HOLD may stay until it is to move.
+        `doubt` is what the sensor's load may be off by. What pushes an arm that is long at rest in
+        HOLD may stay until it is to move.
         """
         if self._touch is None:
             return
@@ -71,7 +73,7 @@ class TouchWatch:
         self._touch.dynamics.fall(free_fall)
         before = self._state.external
         self._state = self._touch.measure(
-            self._state, reading.q, reading.tau, load, reading.sampled_s
+            self._state, reading.q, reading.tau, load, reading.sampled_s, doubt
         )
         self._tell_blind(self._state.external is before)
         found, pushed = self._touch.touched(self._state), self._touch.pushed(self._state)

@@ -55,6 +55,11 @@ class Tuning:
         self._payloads = {
             name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
         }
+        self.load_told, self.load_heard = 0, ""
+        """How often operators said something of the load, and what it was last."""
+        self.sensor_share = 1.0
+        """Part of their gains that the sources of the force/torque sensor act with [1]."""
+        self._rated_payload = config.mechanism.rated_payload
         self._gripper = config.mechanism.gripper
         self.gripper_closed: bool | None = None
         """None until an operator has said so: what it holds at start is held on."""
@@ -62,9 +67,21 @@ class Tuning:
 
     @property
     def gains_in_force(self) -> dict[str, Array]:
-        """The sources' gains (6,): zero for one that is off."""
+        """The sources' gains (6,): zero for one that is off, or that a load makes wait."""
+        found = self._gains_on
+        if self.sensor_share < 1.0:
+            found.update({name: self.sensor_share * found[name] for name in OF_THE_WRENCH})
+        return found
+
+    @property
+    def _gains_on(self) -> dict[str, Array]:
+        """Those of the sources that are switched on, whether they wait for a load or not."""
         off = np.zeros(6)
         return {name: gain if self.on[name] else off for name, gain in self.gains.items()}
+
+    def hear_of_load(self, what: str) -> None:
+        """Note that an operator said something of the load: `LoadWatch` looks at it anew."""
+        self.load_told, self.load_heard = self.load_told + 1, what
 
     def posture(self, name: str) -> Array:
         """Return a posture (n,) [rad] of the cell by its name. Raises `Refused`."""
@@ -88,6 +105,12 @@ class Tuning:
         """
         if self.payload is None:
             raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")
+        if request.unknown:
+            self.hear_of_load("unknown")
+            return
+        rated = self._rated_payload
+        if rated is not None and (request.mass or 0.0) > rated:
+            raise Refused(Why.OUT_OF_RANGE, f"mass: {request.mass:g} kg, rated for {rated:g}")
         if request.name is None:
             payload = Payload(request.mass or 0.0, np.array(request.com))
         elif request.name in self._payloads:
@@ -98,6 +121,12 @@ class Tuning:
         self._hang(payload)
         if request.bias is not None:
             self.wrench_bias = -np.array(request.bias)
+        self.hear_of_load("payload")
+
+    def tare(self, unloaded: Array) -> None:
+        """Take a reading (6,) without the payload's weight for that of no contact."""
+        self.wrench_bias = unloaded
+        self.hear_of_load("tare")
 
     def set_gripper(self, closed: bool) -> None:
         """Close or open the gripper, and switch to the payload that the cell has for that."""
@@ -107,21 +136,22 @@ class Tuning:
         if name is not None and self.payload is not None:
             self._hang(self._payloads[name])
         self.gripper_closed = closed
+        self.hear_of_load("gripper")
 
     def switch(self, source: str, on: bool) -> None:
         """Switch a source. Raises `Refused` where the payload would swing the tool by it."""
         if on and source in OF_THE_WRENCH and self.payload is not None:
-            self._judge(self.payload, {**self.gains_in_force, source: self.gains[source]})
+            self._judge(self.payload, {**self._gains_on, source: self.gains[source]})
         self.on[source] = on
 
     def gain_refusal(self, source: str, gain: tuple[float, ...]) -> str | None:
         """Return why the payload in force would swing the tool at a source's gain (6,), or None."""
         if source not in OF_THE_WRENCH or self.payload is None:
             return None
-        return self._refusal(self.payload, {**self.gains_in_force, source: np.array(gain)})
+        return self._refusal(self.payload, {**self._gains_on, source: np.array(gain)})
 
     def _hang(self, payload: Payload) -> None:
-        self._judge(payload, self.gains_in_force)
+        self._judge(payload, self._gains_on)
         self.payload = payload
 
     def _judge(self, payload: Payload, gains: dict[str, Array]) -> None:

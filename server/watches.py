@@ -5,6 +5,7 @@ from .control.state import Memory, Output
 from .control.tick import Control
 from .events import Events
 from .frame_watch import FrameWatch
+from .load_watch import LoadWatch
 from .mode import Mode
 from .orders import Orders
 from .plant import PlantReading
@@ -22,6 +23,7 @@ class Watches:
         essential = sensor is not None and sensor.essential
         self._control, self._orders = control, orders
         self.sensor = SensorWatch(events, essential, cell.config.timing.period_s)
+        self.load = LoadWatch(cell, orders.tuning, events)
         self.vision = VisionWatch(cell, events)
         self.world = World(cell, events)
         self.frames = FrameWatch(cell, events)
@@ -35,6 +37,7 @@ class Watches:
         output: Output | None,
         has_sensor: bool,
         mode: Mode,
+        now_s: float,
     ) -> None:
         """Take in what the devices said, and what the last tick made of it."""
         orders = self._orders
@@ -46,8 +49,9 @@ class Watches:
                     output.T_world_mrf_measured, orders.settings()
                 )
             self.sensor.look(reading, weight, twists)
-        places = orders.places
-        self.touch.look(reading, memory, output, places.moved, mode)
+            self.load.look(output, mode, now_s, self.sensor.unloaded)
+        moved = orders.places.moved
+        self.touch.look(reading, memory, output, moved, mode, self.load.doubt)
 
     def remember(self, tick: int, output: Output) -> None:
         """Keep where the arm was in a tick, for pictures that were taken in it."""
@@ -62,4 +66,4 @@ class Watches:
             return "sensor stale"
         if self._orders.tuning.avoid and self.world.stop is not None:
             return "obstacle stale"
-        return "touched" if self.touch.stopping else None
+        return "touched" if self.touch.stopping or self.load.touched else None

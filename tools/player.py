@@ -230,6 +230,8 @@ class Player:
             ask(t.GRIPPER, closed=step.gripper == "close")
         if step.tare:
             ask(t.TARE)
+        if step.acknowledge_load:
+            ask(t.ACKNOWLEDGE_LOAD)
         if step.redundancy is not None:
             ask(t.REDUNDANCY, **dict(step.redundancy))
         if step.clutch is not None:

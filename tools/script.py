@@ -57,6 +57,7 @@ class Step(Part):
     payload: PayloadStep | None = None
     gripper: Literal["close", "open"] | None = None
     tare: bool = False
+    acknowledge_load: bool = False
     redundancy: Objective | None = None
     clutch: ClutchStep | None = None
     path_control: Literal["pause", "resume", "abort"] | None = None

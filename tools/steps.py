@@ -101,12 +101,13 @@ class Switch(Part):
 
 
 class PayloadStep(Part):
-    """What hangs on the sensor: a name from the cell, or mass [kg] and centre of mass [m]."""
+    """What hangs on the sensor: a name, or mass [kg] and centre of mass [m], or `unknown`."""
 
     name: str | None = None
     mass: float | None = None
     com: m.Vector3 = (0.0, 0.0, 0.0)
     bias: m.Vector6 | None = None
+    unknown: bool = False
 
 
 class FrameStep(Part):

@@ -29,7 +29,7 @@ import numpy as np
 
 from .dynamics import Dynamics
 from .evolve import evolve
-from .frames import Array
+from .frames import Array, sizes
 from .retreat import Pushed
 
 SLOW = 0.02
@@ -51,6 +51,21 @@ class Load(NamedTuple):
     """By how much one sample is off its neighbours' mean (6,) [N, N·m]."""
     lag_s: float
     """How much older the reading is than the joints [s]."""
+
+
+class Doubt(NamedTuple):
+    """By how much the sensor's load may be off."""
+
+    force: float
+    """[N]"""
+    moment: float
+    """[N·m]"""
+    angle: float
+    """By how much its axes may be turned [rad]."""
+
+
+UNKNOWN_LOAD = Doubt(5.0, 0.5, math.radians(6.0))
+"""A sensor of which nothing is known: its bias and its mounting."""
 
 
 @dataclass(frozen=True)
@@ -115,13 +130,20 @@ class Touch:
         self._period_s = period_s
 
     def measure(
-        self, state: TouchState, q: Array, tau: Array, load: Load | None, time_s: float | None
+        self,
+        state: TouchState,
+        q: Array,
+        tau: Array,
+        load: Load | None,
+        time_s: float | None,
+        doubt: Doubt | None = None,
     ) -> TouchState:
         """Return the state after one reading: joints q (n,) [rad] and torques tau (n,) [N·m].
 
         Without a `load`, nothing but what `dynamics` is told to carry hangs on the arm, and nothing
         touches it; `time_s` is when the joints were sampled [s], None if that is not known: a SYNC
         that is late by a tenth of a period is 10 rad/s² at 1 rad/s to who takes it to be in time.
+        A load that is in `doubt` is worth as much less, wherever it points.
         """
         if time_s is None:
             return evolve(state, q=())
@@ -151,6 +173,8 @@ class Touch:
                 state.load.wrench + _part_until_then(state.load, load, step_s) * change
             ) @ J
             excused += np.abs(change @ J)
+            if doubt is not None:
+                excused += _doubted(doubt, load.wrench, J)
             chatter = CHATTER * np.abs(load.jump @ J)
             if state.chatter is not None:
                 chatter = np.maximum(chatter, self._dying * state.chatter)
@@ -186,3 +210,13 @@ def _part_until_then(before: Load, now: Load, step_s: float) -> float:
     """Return which part of a load's change was over when the joints were sampled one step ago."""
     between_s = step_s - now.lag_s + before.lag_s
     return min(1.0, max(0.0, before.lag_s / between_s)) if between_s > 0.0 else 0.0
+
+
+def _doubted(doubt: Doubt, wrench: Array, J: Array) -> Array:
+    """Return the joint torques (n,) [N·m] that a doubtful wrench (6,) may be off by."""
+    force, moment = sizes(wrench)
+    arms = np.sqrt((J.reshape(2, 3, -1) ** 2).sum(axis=1))
+    turned = 2.0 * math.sin(0.5 * doubt.angle)
+    return np.asarray(
+        (doubt.force + turned * force) * arms[0] + (doubt.moment + turned * moment) * arms[1]
+    )

@@ -4,12 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from telerobot.config.load import load_cell
 from telerobot.config.mechanism import Payload
 from telerobot.config.section import Pose
 from telerobot.server.control import frames
 from telerobot.server.control.mechanism import Mechanism
 from telerobot.tools.identify.attitudes import attitudes
+from telerobot.tools.identify.guide import Guide
 from telerobot.tools.identify.run import identify_simulated, judge
+from telerobot.tools.player import Phase
 from telerobot.tools.script import Script
 from telerobot.tools.simulation import Simulation
 
@@ -89,6 +92,59 @@ def through_all_attitudes(cell):
         target = {"xyz": place, "rpy": rpy, "relative_to": "world", "speed": 0.25}
         steps.append({"at_s": 0.1 + 5.0 * i, "position": target})
     return steps
+
+
+def askew(cell, mass, degrees, bias=BIAS):
+    """A cell that knows nothing of what is on its tool: so heavy, and so askew, in all."""
+    own = cell.config.rig.payload_mass or 0.0
+    hand = 0.0 if own else HAND[0]
+    axis = np.array([1.0, -1.0, 0.5]) / 1.5
+    nominal = frames.rotation_rpy(*cell.config.mechanism.force_torque.T_wrist_sensor.rpy)
+    R = nominal @ frames.rotation_exp(np.deg2rad(degrees) * axis)
+    rpy = frames.Pose(R, np.zeros(3)).to_xyz_rpy()[3:]
+    com = np.array([0.03, -0.02, 0.12])
+    spoilt = changed(
+        cell,
+        sensor={"payload": Payload(), "bias": (0.0,) * 6},
+        rig={"payload_mass": mass - hand, "payload_com": tuple(com)},
+        truth={"mounting_rpy": rpy, "cross_talk": 0.0, "bias": bias},
+    )
+    return spoilt, R, (hand * R.T @ HAND[1] + (mass - hand) * com) / mass
+
+
+@pytest.mark.parametrize(
+    ("name", "mass", "degrees"),
+    [("pa10", 10.0, 6.0), ("pa10", 1.6, 5.6), ("ur5e", 5.0, 6.0)],
+)
+def test_whatever_the_arm_is_rated_for_is_identified_on_a_sensor_that_is_askew(name, mass, degrees):
+    cell, R, com = askew(load_cell(name), mass, degrees)
+    found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 8, 0.15)))
+    assert found.mass == pytest.approx(mass, rel=0.01)
+    assert np.linalg.norm(com - found.com) < 0.005
+    off = np.linalg.norm(frames.rotation_log(R.T @ found.R_wrist_sensor))
+    assert np.rad2deg(off) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("target", "vector"),
+    [("e1", [0.0, 60.0, 0.0]), ("force_torque", [60.0, 0.0, 0.0])],
+    ids=["elbow", "tool"],
+)
+def test_a_push_stops_an_identification(pa10, target, vector):
+    cell, _, _ = askew(pa10, 8.0, 6.0)
+    push = {"at_s": 8.0, "fault": {"push": target, "vector": vector}}
+    simulation = Simulation(cell, Script.model_validate({"duration_s": 40.0, "step": [push]}))
+    guide = Guide(simulation.player.pilot, attitudes(cell, "ready", 8, 0.15))
+
+    def lead(running):
+        if running.player.phase is Phase.PLAYING:
+            guide.run(running.states[-1])
+
+    simulation.on_tick = lead
+    simulation.run(until=lambda: guide.over)
+    assert guide.failure == "mode became stopping"
+    (felt,) = [e for e in simulation.events if e.name == "touched"]
+    assert felt.time_s - simulation.player.start_s < 9.5
 
 
 @pytest.mark.slow

@@ -113,10 +113,13 @@ def test_what_is_picked_up_and_put_down_weighs_nothing_and_moves_nothing(pa10, p
     assert moved(run, 2.9, 4.9) < 2 * give
 
 
-def test_a_part_that_the_daemon_is_not_told_of_pulls_the_arm_down(pa10, play):
-    run = play(CLOSE, cell=with_gripper(pa10, told=False), seconds=3.0)
-    assert np.linalg.norm(run.at(2.9).wrench_mrf[:3]) > 8.0
-    assert moved(run, 0.9, 2.9) > 0.01
+def test_a_part_that_the_daemon_is_not_told_of_is_said_and_soon_moves_nothing(pa10, play):
+    run = play(CLOSE, cell=with_gripper(pa10, told=False), seconds=4.0)
+    assert np.linalg.norm(run.at(3.9).wrench_mrf[:3]) > 8.0
+    (said,) = run.events("load_unexplained")
+    assert said.values["mass_kg"] == pytest.approx(PART[0], abs=0.1)
+    assert moved(run, 0.9, 2.9) < 6e-3
+    assert moved(run, 2.9, 3.9) < 0.5e-3
 
 
 def test_a_gripper_stays_as_it_is_until_somebody_says_otherwise(pa10, play):

@@ -50,7 +50,6 @@ class Guide:
     _since_s: float = 0.0
     _arrived_s: float | None = None
     _heard: list[tuple[tuple[float, ...], m.Vector6]] = field(default_factory=list)
-    _force_was_on: bool = False
     _allowed: bool = False
 
     def run(self, state: m.State) -> None:
@@ -66,10 +65,9 @@ class Guide:
         if state.mode != "enabled":
             self._fail(f"mode became {state.mode}")
         elif self._at < 0:
-            # With the payload not known yet, force control would take its weight for contact.
-            self._force_was_on = any(state.gains["force"])
+            # Its weight is no contact to force control, and no push to collision detection.
             self._at = 0
-            self.pilot.request(t.SWITCH, self._on_switched, source="force", on=False)
+            self.pilot.request(t.PAYLOAD, self._on_told, unknown=True)
         elif not self._allowed:
             return
         elif self._since_s == 0.0:
@@ -79,7 +77,7 @@ class Guide:
         elif state.time_s >= self._arrived_s + SETTLE_S:
             self._listen(state)
 
-    def _on_switched(self, reply: requests.Reply) -> None:
+    def _on_told(self, reply: requests.Reply) -> None:
         self._allowed = reply.ok
         if not reply.ok:
             self._fail(f"{reply.reason}: {reply.detail}")
@@ -122,5 +120,5 @@ class Guide:
 
     def _end(self) -> None:
         self.over = True
-        if self._force_was_on and self.pilot.secret is not None:
-            self.say("force control is off: switch it on when the cell knows what was found")
+        if self._allowed:
+            self.say("force control waits until the payload is told (operator/payload), or a tare")

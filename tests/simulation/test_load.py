@@ -1,0 +1,138 @@
+"""A load that no contact explains is said, and moves nothing; real contact is bled off as ever."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.config.mechanism import Payload
+
+HAND = {"mass": 0.98, "com": (0.0, 0.0, 0.051)}
+HEAVIER = Payload(mass=5.98, com=(0.0, 0.0, 0.051))
+BIAS = (50.4, -0.3, 0.6, 0.01, -0.02, 0.01)
+PUSH = {"push": "force_torque", "vector": [0.0, 20.0, 0.0]}
+REST = {"twist": [0.0] * 6}
+
+
+def changed(cell, sensor=None, rig=None):
+    """Return a cell whose daemon is told other things of the sensor, or whose rig is another."""
+    config = cell.config
+    mechanism, told = (
+        config.mechanism,
+        config.mechanism.force_torque.model_copy(update=sensor or {}),
+    )
+    mechanism = mechanism.model_copy(update={"force_torque": told})
+    rig = config.rig.model_copy(update=rig or {})
+    return dataclasses.replace(
+        cell, config=config.model_copy(update={"mechanism": mechanism, "rig": rig})
+    )
+
+
+def way(run, from_s, to_s):
+    """Return the greatest distance of the true tool from where it was [m]."""
+    start = run.simulation.player.start_s
+    places = [t.pose_mrf[:3] for t in run.truths if from_s <= t.time_s - start <= to_s]
+    return np.linalg.norm(np.subtract(places, places[0]), axis=1).max()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "rig", "mass_kg"),
+    [
+        ({"payload": HEAVIER}, {}, -5.0),
+        ({}, {"payload_mass": 5.0, "payload_com": (0.0, 0.0, 0.1)}, 5.0),
+    ],
+    ids=["told too heavy", "told too light"],
+)
+def test_a_payload_that_is_told_wrong_is_said_and_does_not_move_the_arm(
+    play, pa10, sensor, rig, mass_kg
+):
+    run = play(cell=changed(pa10, sensor, rig), seconds=4.0)
+    (said,) = run.events("load_unexplained")
+    assert said.values["force_n"] == pytest.approx(5.0 * 9.81, abs=0.5)
+    assert said.values["mass_kg"] == pytest.approx(mass_kg, abs=0.05)
+    assert said.values["off_vertical_deg"] < 3.0
+    assert run.events("touched") == []
+    assert run.summary["mode"] == "enabled"
+    assert way(run, 0.3, 4.0) < 3.5e-3
+    assert way(run, 1.0, 4.0) < 0.5e-3
+
+
+def test_a_sensor_that_is_biased_is_said_and_a_tare_is_the_way_out(play, pa10):
+    steps = [{"at_s": 2.0, "tare": True}, {"at_s": 3.5, "fault": PUSH}]
+    run = play(*steps, cell=changed(pa10, {"bias": BIAS}), seconds=5.0)
+    (said,) = run.events("load_unexplained")
+    found = np.array(json.loads(said.values["bias"]))
+    np.testing.assert_allclose(found, pa10.config.rig.force_torque.bias, atol=0.2)
+    assert run.events("touched") == []
+    assert way(run, 0.3, 3.4) < 3.5e-3
+    assert way(run, 3.5, 4.9) > 10e-3
+
+
+def test_telling_the_payload_is_the_other_way_out(play, pa10):
+    steps = [{"at_s": 2.0, "payload": HAND}, {"at_s": 3.5, "fault": PUSH}]
+    run = play(*steps, cell=changed(pa10, {"payload": HEAVIER}), seconds=5.0)
+    assert len(run.events("load_unexplained")) == 1
+    assert way(run, 1.0, 3.4) < 1e-3
+    assert way(run, 3.5, 4.9) > 10e-3
+
+
+def test_what_is_acknowledged_acts(play, pa10):
+    steps = [{"at_s": 2.0, "acknowledge_load": True}]
+    run = play(*steps, cell=changed(pa10, {"payload": HEAVIER}), seconds=3.0)
+    assert len(run.events("load_acknowledged")) == 1
+    assert way(run, 1.0, 1.99) < 0.5e-3
+    assert way(run, 2.0, 3.0) > 20e-3
+
+
+def test_following_a_hand_does_not_follow_a_load(play):
+    cell = changed(load_cell("pa10_hand"), {"payload": HEAVIER})
+    run = play(cell=cell, seconds=4.0)
+    assert len(run.events("load_unexplained")) == 1
+    assert way(run, 0.3, 4.0) < 3.5e-3
+
+
+def test_a_payload_that_is_told_wrong_while_enabled_is_said(play):
+    run = play({"at_s": 1.0, "payload": {**HAND, "mass": 5.98}}, seconds=4.0)
+    (said,) = run.events("load_unexplained")
+    assert said.values["mass_kg"] == pytest.approx(-5.0, abs=0.05)
+    assert way(run, 1.0, 4.0) < 6e-3
+
+
+@pytest.mark.parametrize("stiffness", [2e3, 2e4])
+def test_contact_when_the_arm_is_enabled_is_bled_off(play, pa10, stiffness):
+    wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
+    run = play(
+        {"at_s": 0.1, "posture": "ready"},
+        {"at_s": 3.2, "joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 6.5, "mode": "disable"},
+        {"at_s": 6.5, "joystick": REST},
+        {"at_s": 7.5, "mode": "enable"},
+        cell=changed(pa10, rig={"wall": wall}),
+        seconds=12.0,
+    )
+    assert np.linalg.norm(run.at(7.4).wrench_mrf[:3]) > 20.0
+    assert np.linalg.norm(run.truths[-1].contact_force) < 3.0
+    assert run.events("load_unexplained") == []
+    assert run.events("touched") == []
+
+
+def test_contact_of_a_tool_with_an_unexplained_load_stops_the_arm(play, pa10):
+    run = play(
+        {"at_s": 0.1, "posture": "ready"},
+        {"at_s": 3.2, "joystick": {"twist": [0.03, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        cell=changed(pa10, {"bias": BIAS}),
+        seconds=8.0,
+    )
+    (felt,) = run.events("touched")
+    assert felt.values["joint"] == "tool"
+    assert run.summary["mode"] == "hold"
+    assert max(np.linalg.norm(t.contact_force) for t in run.truths) < 100.0
+
+
+def test_a_payload_that_is_said_to_be_unknown_moves_nothing_either(play, pa10):
+    cell = changed(pa10, {"payload": HEAVIER})
+    run = play({"at_s": 0.05, "payload": {"unknown": True}}, cell=cell, seconds=2.0)
+    assert run.events("load_unexplained") == []
+    assert len(run.events("load_unknown")) == 1
+    assert way(run, 0.3, 2.0) < 1e-3
