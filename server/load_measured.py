@@ -1,16 +1,28 @@
 """The wrench that is measured, averaged over a moment, in World axes."""
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
-from .control.frames import Array, sizes
+from .control.frames import Array, Pose, sizes
 from .control.state import Output
 
 AVERAGE_S = 0.2
 """What is measured is averaged over this time [s]."""
 NEWEST = 5
 """And over so many ticks where it is to be known how it changes [1]."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where the tool was, and what was measured there."""
+
+    T: Pose
+    sizes: Array
+    """Of force and moment (2,) [N, N·m]."""
+    directions: Array
+    """Unit vectors of both in World (2, 3)."""
 
 
 class Measured:
@@ -41,6 +53,13 @@ class Measured:
     def now(self) -> Array:
         """Return the mean wrench (6,) of the last few ticks."""
         return np.asarray(np.mean(list(self._recent)[-NEWEST:] or [np.zeros(6)], axis=0))
+
+    def mark(self, output: Output) -> Mark:
+        """Return where the tool is, and what is measured now."""
+        mean = self.now()
+        size = np.array(sizes(mean))
+        directions = mean.reshape(2, 3) / np.maximum(size, 1e-9)[:, None]
+        return Mark(output.T_world_mrf_measured, size, directions)
 
     def sizes(self) -> Array:
         """Return the sizes (2,) of mean force and moment [N, N·m]."""

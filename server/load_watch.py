@@ -10,18 +10,17 @@ Meanwhile the size of what is measured stands for contact: no attitude changes t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
 from ..config.load import Cell
-from .control.frames import Array, Pose, rotation_log, sizes
+from .control.frames import Array, rotation_log, sizes
 from .control.gains import GAIN_TIME_S
 from .control.state import Output
 from .control.touch import UNKNOWN_LOAD, Doubt
 from .events import Events
-from .load_measured import Measured
+from .load_measured import Mark, Measured
 from .load_words import explanation
 from .mode import Mode
 from .sensor_watch import ASKED
@@ -63,17 +62,6 @@ LATCHED = (Trust.UNEXPLAINED, Trust.UNKNOWN)
 """Force control waits for an operator."""
 
 
-@dataclass(frozen=True)
-class _Mark:
-    """Where the tool was, and what was measured there."""
-
-    T: Pose
-    sizes: Array
-    """Of force and moment (2,) [N, N·m]."""
-    directions: Array
-    """Unit vectors of both in World (2, 3)."""
-
-
 class LoadWatch:
     """Judges what the force/torque sensor of one cell carries; idle in a cell without one."""
 
@@ -89,12 +77,14 @@ class LoadWatch:
         self._measured = Measured(self._bounds, period_s)
         self.trust = Trust.EXPLAINED
         self._until_s = 0.0
-        self._mark: _Mark | None = None
+        self._mark: Mark | None = None
         self._falls = False
         self._using, self._mode = False, Mode.BOOT
         self._told = tuning.load_told
         self._known = np.zeros(2)
         """Sizes of the load that is unexplained, unknown or acknowledged (2,) [N, N·m]."""
+        self._carried = False
+        """The drives carried what was measured when it was judged: then it is no bias."""
         self._lever = 0.0
         """From the MRF to the Sensor [m]."""
         self._tared = np.zeros(2)
@@ -111,7 +101,8 @@ class LoadWatch:
             return None
         if self.trust is not Trust.EXPLAINED:
             turned = UNKNOWN_LOAD.angle
-            if self.trust is not Trust.UNKNOWN:
+            judged = self.trust in (Trust.UNEXPLAINED, Trust.ACKNOWLEDGED)
+            if self.trust is not Trust.UNKNOWN and not (judged and self._carried):
                 off = off + np.maximum(self._known, self._measured.sizes())
             off = off + UNKNOWN_LOAD[:2]
         # What is known of it was measured at the MRF.
@@ -126,14 +117,22 @@ class LoadWatch:
     # --- every tick --------------------------------------------------------------------------
 
     def look(
-        self, output: Output | None, mode: Mode, time_s: float, unloaded: Array | None
+        self,
+        output: Output | None,
+        mode: Mode,
+        time_s: float,
+        unloaded: Array | None,
+        carried: bool,
     ) -> None:
         """Take in what the tick before made of the sensor's reading.
 
-        `unloaded` (6,) is the sensor's reading without the payload's weight.
+        `unloaded` (6,) is the sensor's reading without the payload's weight; `carried` says that
+        the drives carry what the sensor reads.
         """
         if self._idle or output is None:
             return
+        if self.trust in (Trust.EXPLAINED, Trust.SETTLING, Trust.JUDGED):
+            self._carried = carried
         before, self._mode = self._mode, mode
         moving, stale = mode is Mode.ENABLED, not self._measured.known
         began = moving and before is not Mode.ENABLED
@@ -219,11 +218,15 @@ class LoadWatch:
             self._probe(output, time_s, unloaded)
 
     def _start_probe(self, output: Output, time_s: float) -> None:
-        self.trust, self._mark, self._until_s = Trust.JUDGED, self._here(output), time_s + WAIT_S
+        self.trust, self._mark, self._until_s = (
+            Trust.JUDGED,
+            self._measured.mark(output),
+            time_s + WAIT_S,
+        )
         self._lever, self._falls = self._apart(output), False
 
     def _probe(self, output: Output, time_s: float, unloaded: Array | None) -> None:
-        mark, here = self._mark, self._here(output)
+        mark, here = self._mark, self._measured.mark(output)
         if self._measured.quiet():
             self._end(Trust.EXPLAINED)
         elif mark is not None:
@@ -262,12 +265,6 @@ class LoadWatch:
     def _met_again(self) -> bool:
         off = np.abs(self._measured.sizes() - self._known)
         return bool((off <= np.maximum(self._bounds, SAME * self._known)).all())
-
-    def _here(self, output: Output) -> _Mark:
-        mean = self._measured.now()
-        size = np.array(sizes(mean))
-        directions = mean.reshape(2, 3) / np.maximum(size, 1e-9)[:, None]
-        return _Mark(output.T_world_mrf_measured, size, directions)
 
     def _weight(self) -> float:
         payload = self._tuning.payload

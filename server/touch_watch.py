@@ -31,6 +31,8 @@ class TouchWatch:
         self._lost_after = round(LOST_S / p.period_s)
         self._blind_ticks = 0
         self._giving = GivingWay(p, events)
+        section = cell.config.touch
+        self._carried_within = p.friction + (0.0 if section is None else np.array(section.torque))
 
     @property
     def external(self) -> Array | None:
@@ -41,6 +43,12 @@ class TouchWatch:
     def stopping(self) -> bool:
         """True while something pushes that the arm has stopped for."""
         return self._giving.touched
+
+    @property
+    def carried(self) -> bool:
+        """True while the drives carry what the sensor reads, but for friction: it is a weight."""
+        external = self._state.external
+        return external is not None and bool((np.abs(external) <= self._carried_within).all())
 
     @property
     def pushed(self) -> Pushed | None:

@@ -49,7 +49,7 @@ class Watches:
                     output.T_world_mrf_measured, orders.settings()
                 )
             self.sensor.look(reading, weight, twists)
-            self.load.look(output, mode, now_s, self.sensor.unloaded)
+            self.load.look(output, mode, now_s, self.sensor.unloaded, self.touch.carried)
         moved = orders.places.moved
         self.touch.look(reading, memory, output, moved, mode, self.load.doubt)
 

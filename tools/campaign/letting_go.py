@@ -35,6 +35,8 @@ PLATE = 0.05
 """Half the side of the plate [m]."""
 CLEAR = 0.01
 """A drawn arm begins at least so far from the plate [m]."""
+SAID_S = 1.0
+"""When an operator says that the load which nobody told of may act [s]."""
 LOAD_KG, LOAD_AT = 5.0, (0.0, 0.0, 0.1)
 """The payload that the daemon does not know of, in the Sensor frame [kg, m]."""
 ABOVE = 0.04
@@ -199,7 +201,10 @@ def _script(rates: tuple[float, ...] | None, resumed_s: float, hold_s: float | N
     steps: list[dict[str, object]] = [{"at_s": resumed_s, "mode": "resume"}]
     if hold_s is not None:
         steps.append({"at_s": hold_s, "mode": "hold"})
-    if rates is not None:
+    if rates is None:
+        # Said to be unexplained, force control would not act on it.
+        steps.append({"at_s": SAID_S, "acknowledge_load": True})
+    else:
         back = [-rate for rate in rates]
         steps += [
             {"at_s": 0.3, "jog": {"rates": list(rates)}},
