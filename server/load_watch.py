@@ -78,7 +78,7 @@ class LoadWatch:
         self.trust = Trust.EXPLAINED
         self._until_s = 0.0
         self._mark: Mark | None = None
-        self._falls = False
+        self._falls = self._vouched = False
         self._using, self._mode = False, Mode.BOOT
         self._told = tuning.load_told
         self._known = np.zeros(2)
@@ -142,7 +142,11 @@ class LoadWatch:
         else:
             self._measured.add(output.wrench_mrf, output)
             using = moving and any(self._tuning.on[s] for s in OF_THE_WRENCH)
-            if using and (began or stale or not self._using):
+            if began:
+                self._vouched = self._measured.quiet()
+            # Once it was explained, what comes while a source was off, or the sensor, is contact.
+            anew = (stale or not self._using) and not self._vouched
+            if using and (began or anew):
                 self._begin(time_s + (0.0 if before.energised else SETTLE_S))
             self._using = using
         self._hear(output, time_s)
@@ -250,6 +254,7 @@ class LoadWatch:
 
     def _end(self, trust: Trust) -> None:
         self.trust, self._mark, self._until_s = trust, None, 0.0
+        self._vouched = trust is Trust.EXPLAINED
 
     def _doubt(self, output: Output, unloaded: Array | None) -> None:
         self._end(Trust.UNEXPLAINED)

@@ -314,6 +314,13 @@ def test_a_gripper_agrees_with_nodes_and_payloads(small, node, more, words):
     assert words in text
 
 
+def test_no_payload_is_heavier_than_the_arm_is_rated_for(small):
+    small.replace('tip_link = "tip"', 'tip_link = "tip"\nrated_payload = 0.1')
+    brick = "[mechanism.payloads.brick]\nmass = 0.2\n"
+    text = refusal(small.replace("[rig.drive]", f"{brick}\n[rig.drive]"))
+    assert "mechanism.payloads.brick.mass: value 0.2" in text
+
+
 def test_a_sound_gripper_is_taken(small):
     block = GRIPPER.format(20, 'open_payload = "bare"')
     cell = load_cell(small.replace("[rig.drive]", f"{block}\n[rig.drive]"))

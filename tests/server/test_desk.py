@@ -488,6 +488,23 @@ def test_a_payload_is_switched_by_mass_and_centre(ann):
     np.testing.assert_array_equal(ann.orders.settings().wrench_bias, -np.array(bias))
 
 
+def test_a_payload_heavier_than_the_arm_is_rated_for_is_refused(ann):
+    ann.lease()
+    reply = ann.ask(t.PAYLOAD, mass=10.1)
+    assert (reply.ok, reply.reason) == (False, Why.OUT_OF_RANGE)
+    assert "rated for 10" in reply.detail
+
+
+def test_an_operator_says_that_a_load_is_unknown_and_that_one_may_act(ann):
+    ann.lease()
+    before = ann.orders.tuning.payload
+    assert ann.ask(t.PAYLOAD, unknown=True).ok
+    assert ann.orders.tuning.payload is before
+    assert ann.orders.tuning.load_heard == "unknown"
+    assert ann.ask(t.ACKNOWLEDGE_LOAD).ok
+    assert ann.orders.tuning.load_heard == "acknowledged"
+
+
 def test_a_payload_that_the_cell_does_not_name_is_refused(ann):
     before = ann.orders.settings().payload
     reply = ann.ask(t.PAYLOAD, name="anvil")
