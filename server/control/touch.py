@@ -41,6 +41,9 @@ CHATTER = 0.5
 CHATTER_S = 0.2
 """And goes on for about that long where samples happen to show nothing of it [s]."""
 
+NOISE = 1.0
+"""Jumps of less are the sensor's noise [N]."""
+
 
 class Load(NamedTuple):
     """What the force/torque sensor reads, and when it did."""
@@ -175,7 +178,8 @@ class Touch:
             excused += np.abs(change @ J)
             if doubt is not None:
                 excused += _doubted(doubt, load.wrench, J)
-            chatter = CHATTER * np.abs(load.jump @ J)
+            if sizes(load.jump)[0] > NOISE:
+                chatter = CHATTER * np.abs(load.jump @ J)
             if state.chatter is not None:
                 chatter = np.maximum(chatter, self._dying * state.chatter)
         external = self._smoothed(state.external, external)

@@ -14,7 +14,7 @@ MOVING = {
 }
 
 
-@pytest.mark.parametrize("number", [1, 2, 5, 9])
+@pytest.mark.parametrize("number", [1, 2, 4, 5, 9])
 def test_a_push_at_the_elbow_is_felt_from_every_side(number):
     run = touch.play(("push", number))
     assert run.reasons == []
