@@ -6,7 +6,7 @@ from telerobot.config.load import HERE, load_cell
 
 HAND = (HERE / "cells" / "pa10_hand.toml").read_text(encoding="utf-8")
 CST = HAND.replace('operation_mode = "csp"', 'operation_mode = "cst"')
-LAG = "lag_s = 0.010"
+LAG = "lag_s = 0.0"
 
 
 @pytest.mark.parametrize(
@@ -16,8 +16,8 @@ LAG = "lag_s = 0.010"
         (CST, "max_torque_rate = 9200.0\n", "", "mechanism.drives[0].max_torque_rate: missing"),
         (CST, "[rig]", "[frames.base]\n[rig]", "value 'cst': the law takes Base to stand"),
         (HAND, LAG, "friction = [1.0]", "torque.friction: unknown key"),
-        (HAND, "lag_s = 0.010", "lag_s = 2", "torque.lag_s: value 2"),
-        (HAND, "lag_s = 0.010", "lag = 0.01", "torque.lag: unknown key"),
+        (HAND, "lag_s = 0.0", "lag_s = 2", "torque.lag_s: value 2"),
+        (HAND, "lag_s = 0.0", "lag = 0.01", "torque.lag: unknown key"),
         (HAND, "mass = 1.0", "mass = 0.0", "sources.following.mass: value 0.0"),
         (HAND, "mass = 1.0", "gain = [2, 1, 1, 0, 0, 0]", "sources.following.gain[0]: value 2"),
     ],

@@ -20,8 +20,13 @@ def test_it_goes_straight_at_its_speed_and_stops_where_it_was_sent():
 
 def test_tag_and_news_agree_and_end_with_the_last_place():
     target, sent, moved = MovingTarget(STEP, 0.0), [], []
+
+    def put(topic, data, proof):
+        assert proof == b"", "what a sensor tells needs no lease"
+        sent.append((topic, data))
+
     for tick in range(300):
-        target.run(0.01 * tick, tick, lambda topic, data: sent.append((topic, data)), moved.append)
+        target.run(0.01 * tick, tick, put, moved.append)
     news = [decode_as(ObstacleNews, data, OBSTACLE.max_bytes) for topic, data in sent]
     assert all(topic is OBSTACLE for topic, _ in sent)
     assert [n.to for n in news] == [fault.vector for fault in moved]
