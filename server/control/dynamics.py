@@ -48,6 +48,9 @@ class Dynamics:
         self._joint = tip.parentJoint
         T_joint_wrist = Pose(tip.placement.rotation.copy(), tip.placement.translation.copy())
         T_wrist_sensor = T_wrist_sensor or Pose.identity()
+        self._T_wrist_sensor = T_wrist_sensor
+        self.carried = (0.0, np.zeros(3))
+        """What it was told to carry [kg], and where (3,) in the Wrist [m]."""
         self._T_joint_sensor = T_joint_wrist @ T_wrist_sensor
         self._to_sensor = pin.SE3(T_wrist_sensor.R, T_wrist_sensor.p).inverse().action
         tool = _tool(self._model, self._tip)
@@ -58,6 +61,7 @@ class Dynamics:
 
         The tool's own mass makes way for it.
         """
+        self.carried = (mass, self._T_wrist_sensor.R @ com + self._T_wrist_sensor.p)
         com = self._T_joint_sensor.R @ com + self._T_joint_sensor.p
         inertia = self._bare + _point(mass, com)
         self._model.inertias[self._joint] = pin.Inertia.FromDynamicParameters(inertia)

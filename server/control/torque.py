@@ -10,7 +10,8 @@ predicted to k + 1 with the torque that acts until then. M and h are those of th
 
 The law asks for no more than the motors may give and change by in a period: each joint goes as far
 towards its torque as its bounds let it. The prediction and the observer know what was sent, so that
-what was held back is no disturbance, and nothing winds up.
+what was held back is no disturbance, and nothing winds up. A force that changes is answered as far
+as a declared load that is not there leaves the arm at rest (`load_doubt.py`).
 """
 
 import math
@@ -24,6 +25,7 @@ from .compiled import VECTOR, compiled
 from .computed_torque import computed_torque
 from .dynamics import Dynamics
 from .frames import Array, Pose, pose_error, wrench_to
+from .load_doubt import LASTS_HZ, held_back, share_at_once
 from .mechanism import Kinematics
 from .momentum import MomentumState, begin, foreseen
 from .trajectory import Motion
@@ -44,6 +46,8 @@ class TorqueState(NamedTuple):
     """The last torque (n,) as it was sent [N·m]."""
     momentum: MomentumState
     time_s: float
+    lasting: Array | None = None
+    """What lasts of the wrench (6,) on the arm, at and in the Wrist [N, N·m]; None at first."""
 
 
 class Torques(NamedTuple):
@@ -84,6 +88,7 @@ class TorqueLaw:
         self._anywhere = np.full(max_torque.shape, np.inf)
         self._T = period_s
         self._trust = 1.0 - math.exp(-2.0 * math.pi * torque.velocity_filter_hz * period_s)
+        self._lasts = 1.0 - math.exp(-2.0 * math.pi * LASTS_HZ * period_s)
         self._weight = np.array([1.0] * 3 + [length] * 3)
 
     def step(
@@ -118,20 +123,26 @@ class TorqueLaw:
             T, self._trust, g.observer, g.friction_lead, g.friction_speed,
             g.compensation, settled,
         )  # fmt: skip
+        lasting = felt if state.lasting is None else state.lasting
+        lasting = lasting + self._lasts * (felt - lasting)
+        mass, at = self._dynamics.carried
+        share, answer = share_at_once(then.inverse, terms.J_wrist, at, mass), then.answer
+        if share < 1.0:
+            answer = answer + g.compensation * held_back(terms.J_wrist, felt, lasting, share)
         actual = self._dynamics.kinematics(then.q, T_wrist_mrf)
         error = pose_error(commanded.T_world_mrf, actual.T_world_mrf)
         tau = computed_torque(
-            terms.M, self._dynamics.bias(then.q, then.dq), then.answer,
+            terms.M, self._dynamics.bias(then.q, then.dq), answer,
             then.inverse, commanded.J, actual.J, error,
             before.q, before.dq, after.dq, then.q, then.dq, self._weight,
             T, g.damping, g.stiffness, g.null_damping, g.null_stiffness,
             g.singular_region, g.singular_damping,
         )  # fmt: skip
-        sent, held_back = within_reach(tau + then.rubbing, last, self._most, step)
+        sent, short = within_reach(tau + then.rubbing, last, self._most, step)
         tau = sent - then.rubbing
         momentum = MomentumState(then.expected, then.residual)
-        kept = TorqueState(q, then.dq, (tau, state.sent[0]), sent, momentum, time_s)
-        return kept, Torques(sent, np.abs(then.residual) > self._authority, held_back)
+        kept = TorqueState(q, then.dq, (tau, state.sent[0]), sent, momentum, time_s, lasting)
+        return kept, Torques(sent, np.abs(then.residual) > self._authority, short)
 
     def carry(self, mass: float, com: Array) -> None:
         """Say what is outboard of the Sensor frame: a point mass [kg] at com (3,) [m] in it."""
