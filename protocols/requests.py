@@ -3,11 +3,16 @@
 The envelope, units and conventions are those of `messages.py`.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Command, Count, Gains, Key, Message, OperatorName, Place, SourceName, Wrench
+from .messages import Command, Count, Gains, Key, Message, OperatorName, Place, SourceName
+
+_BiasForce = Annotated[float, Field(ge=-100, le=100)]
+_BiasMoment = Annotated[float, Field(ge=-10, le=10)]
+Bias = tuple[_BiasForce, _BiasForce, _BiasForce, _BiasMoment, _BiasMoment, _BiasMoment]
+"""Reading of a sensor without load [N, N·m]: one that is further off is broken."""
 
 
 class LeaseRequest(Message):
@@ -88,7 +93,7 @@ class PayloadRequest(Command):
     name: str | None = Field(None, max_length=32)
     mass: float | None = Field(None, ge=0, le=500)
     com: Place = (0.0, 0.0, 0.0)
-    bias: Wrench | None = None
+    bias: Bias | None = None
     unknown: bool = False
 
     @model_validator(mode="after")
