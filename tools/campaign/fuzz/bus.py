@@ -11,6 +11,7 @@ from ....drivers.bus import CanMessage, InProcessBus
 from ....protocols import can301
 from ...script import Script
 from ...simulation import Simulation
+from .blind import Blind
 from .outcome import Outcome
 
 SECONDS = 2.0
@@ -26,7 +27,7 @@ def play(seed: int) -> Outcome:
     outcome, dice = Outcome(f"bus, {cell.config.name}", seed), random.Random(f"bus {seed}")
     stick = {"at_s": 0.3, "joystick": {"twist": [0.0, 0.03, 0.02, 0.0, 0.0, 0.1]}}
     script = Script.model_validate({"duration_s": SECONDS, "step": [stick]})
-    simulation = Simulation(cell, script, cameras=lambda _s: _Blind())
+    simulation = Simulation(cell, script, cameras=lambda _s: Blind())
     stranger = InProcessBus(simulation.hub, lambda _message: None)
     nodes = [d.node for d in cell.config.mechanism.drives]
     own = {can301.heartbeat_id(n) for n in nodes}  # heard by the rig: a second rig on the bus
@@ -70,13 +71,3 @@ def play(seed: int) -> Outcome:
             f"{first.kind} {first.value:.6g} over {first.bound:.6g} at {first.time_s:.3f} s"
         )
     return outcome
-
-
-class _Blind:
-    """Cameras that see nothing."""
-
-    def run(self, now_s: float, tick: int) -> None:
-        """Take no pictures."""
-
-    def close(self) -> None:
-        """Have nothing to let go of."""

@@ -11,6 +11,7 @@ from ...check import judge
 from ...findings import failed
 from ...script import Script
 from ...simulation import Simulation
+from .blind import Blind
 from .outcome import Outcome
 
 FILES = 30
@@ -40,7 +41,7 @@ def play(seed: int) -> Outcome:
                 well += 1
                 if well % PLAYED_EVERY == 0:
                     outcome.inputs["cells simulated"] += 1
-                    Simulation(cell, Script(duration_s=0.2), cameras=lambda _s: _blind()).run()
+                    Simulation(cell, Script(duration_s=0.2), cameras=lambda _s: Blind()).run()
             except ConfigError as refusal:
                 if "\n" in str(refusal) or len(str(refusal)) > 1000:
                     outcome.reasons.append(f"{what}: not one line: {str(refusal)[:100]!r}")
@@ -97,17 +98,3 @@ def _mistake(text: str, dice: random.Random) -> tuple[str, str]:
         odd = dice.choice(("\x00", "ü", "[", '"', "<", "=", "\n", "9"))
         return text[:cut] + odd + text[cut:], f"{odd!r} at {cut}"
     return text[:cut], f"cut at {cut}"
-
-
-class _Blind:
-    """Cameras that see nothing."""
-
-    def run(self, now_s: float, tick: int) -> None:
-        """Take no pictures."""
-
-    def close(self) -> None:
-        """Have nothing to let go of."""
-
-
-def _blind() -> _Blind:
-    return _Blind()
