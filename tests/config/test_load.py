@@ -368,3 +368,10 @@ def test_xml_that_blows_up_is_refused(small):
     )
     small.urdf.write_text(f"<!DOCTYPE robot [{levels}]><robot>&e11;</robot>")
     assert "not well-formed XML: limit on input amplification" in refusal(small.cell)
+
+
+@pytest.mark.parametrize("name", [n for n in shipped("cells") if n != "ranger"])
+def test_every_shipped_arm_that_can_be_bought_says_what_it_is_rated_for(name):
+    rated = {"pa10": 10.0, "ur5e": 5.0}
+    cell = load_cell(name)
+    assert cell.config.mechanism.rated_payload == rated[cell.robot.urdf.stem]

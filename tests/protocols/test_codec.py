@@ -211,3 +211,12 @@ def test_no_bytes_whatever_raise_anything_else(payload: bytes) -> None:
 def test_every_reason_is_seen_in_these_tests() -> None:
     seen = {r[3] for r in REFUSALS} | {Reason.NOT_MESSAGEPACK, Reason.TOO_LARGE}
     assert seen == set(Reason)
+
+
+@pytest.mark.parametrize("bias", [(0, 0, -101.0, 0, 0, 0), (0, 0, 0, 0, 10.1, 0)])
+def test_a_bias_that_no_sensor_has_is_refused(bias: tuple[float, ...]) -> None:
+    sent = msgpack.packb({"v": m.VERSION, "seen_tick": 1, "mass": 1.0, "bias": bias})
+    with pytest.raises(CodecError) as caught:
+        decode(topics.PAYLOAD, sent)
+    assert caught.value.reason is Reason.OUT_OF_RANGE
+    assert caught.value.detail.startswith("bias[")
