@@ -1,15 +1,13 @@
 """Who may speak on the operators' network: certificates, or a clear word that there are none."""
 
 import ipaddress
-from typing import TYPE_CHECKING, Self
+from pathlib import Path
+from typing import Self
 
 from pydantic import Field, model_validator
 
 from .errors import ConfigError
 from .section import Section
-
-if TYPE_CHECKING:
-    from .load import Cell
 
 SECURE = "tls/"
 """Endpoints at which both sides show a certificate begin so."""
@@ -96,12 +94,14 @@ def beyond_loopback(endpoint: str) -> bool:
         return True
 
 
-def refuse_exposure(cell: "Cell") -> None:
-    """Raise `ConfigError` for a daemon that anybody may reach and command, and no word of it."""
-    zenoh = cell.config.zenoh
+def refuse_exposure(zenoh: Zenoh, path: Path) -> None:
+    """Raise `ConfigError` for a daemon that anybody may reach and command, and no word of it.
+
+    `path` is the cell file's, for the message.
+    """
     if zenoh.exposed and not zenoh.security.insecure:
         raise ConfigError(
-            f"{cell.path}: zenoh.{zenoh.key}: value '{zenoh.endpoint}': beyond this machine "
+            f"{path}: zenoh.{zenoh.key}: value '{zenoh.endpoint}': beyond this machine "
             "anybody could command; make certificates (telerobot certify), or say "
             "zenoh.security.insecure = true"
         )

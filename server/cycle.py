@@ -15,7 +15,7 @@ from ..drivers.device import Cause, DeviceError, Trouble
 from ..protocols.cia402 import DriveState
 from ..protocols.codec import encode
 from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
-from .admission import Admission, Now, Refused, Why
+from .admission import Admission, Now
 from .clock import Clock
 from .control.avoidance.clearance import Gap
 from .control.frames import Array, Pose
@@ -32,6 +32,7 @@ from .orders import Orders
 from .plant import Plant, PlantReading
 from .power import Power
 from .reception import Reception
+from .refusals import Refused, Why
 from .telemetry import describe, report
 from .warm_up import warm_up
 from .watches import Watches

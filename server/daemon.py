@@ -125,7 +125,7 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     the endpoint cannot be opened. Devices that are missing are looked for again and again, and so
     is a common router.
     """
-    refuse_exposure(cell)
+    refuse_exposure(cell.config.zenoh, cell.path)
     identity = identity_of(cell, Role.DAEMON, cell.config.name)
     for notice in (*exposure(cell), *doubts(identity)):
         print(f"telerobot: {notice}", file=sys.stderr, flush=True)

@@ -17,7 +17,7 @@ from ..protocols.obstacles import AvoidanceRequest
 from ..protocols.proof import Proof
 from ..protocols.reflection import ReflectionRequest
 from ..protocols.sightings import StoreView
-from .admission import Admission, Now, Refused, Why
+from .admission import Admission, Now
 from .control.frames import Array, Pose
 from .events import Events
 from .frame_watch import FrameWatch
@@ -26,6 +26,7 @@ from .mode import Mode, Wish
 from .orders import Orders
 from .protective import ProtectiveStops
 from .reception import Letter, refusal_reply
+from .refusals import Refused, Why
 from .vision_watch import VisionWatch
 from .world import World
 

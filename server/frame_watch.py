@@ -13,12 +13,12 @@ import numpy as np
 from ..config.load import Cell
 from ..config.moving import MovingFrame
 from ..protocols.moving import FrameNews
-from .admission import Refused, Why
 from .control.follower import Followed, Follower
 from .control.frames import Pose, rotate_twist, rotation_exp
 from .control.tracking import Doubt, Doubted, Plausible, Track, observed
 from .control.tree import Body, Moved
 from .events import Events
+from .refusals import Refused, Why
 
 LEAD_PERIODS = 1.0
 """The pose that a tick starts from is reached at the next SYNC [periods]."""

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from ..protocols import requests
 from ..protocols.agreement import KeyPair
 from ..protocols.topics import LEASE
-from .admission import Admission, Now, Refused, Why
+from .admission import Admission, Now
+from .refusals import Refused, Why
 
 
 class Grants:

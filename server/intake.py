@@ -6,12 +6,13 @@ from ..protocols.moving import FrameNews
 from ..protocols.obstacles import ObstacleNews
 from ..protocols.sightings import Sighting
 from ..protocols.topics import Flow
-from .admission import Admission, Now, Refused
+from .admission import Admission, Now
 from .control.frames import Pose
 from .desk import Desk, View
 from .events import Events
 from .orders import Orders
 from .reception import Letter, Reception, Refusal, refusal_reply
+from .refusals import Refused
 
 
 class Intake:

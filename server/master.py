@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..protocols.motion import ClutchRequest, MasterPose
-from .admission import Refused, Why
 from .control.frames import Array, Pose, pose_error, rotation_exp, rotation_log, rotation_rpy
 from .reflection import Reflector
+from .refusals import Refused, Why
 
 SLIP = (0.05, 0.3)
 """The target leads the MRF by no more than this [m], [rad]; what is beyond, slips."""

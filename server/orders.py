@@ -15,7 +15,6 @@ from ..protocols import messages as m
 from ..protocols import motion, moving
 from ..protocols.reflection import Reflection, ReflectionRequest
 from ..protocols.topics import TOPICS, Flow
-from .admission import Refused, Why
 from .control.frames import Array, Pose, rotate_twist
 from .control.paths.goals import Goal, PathGoal, Pursuit
 from .control.state import Output, Settings, StickCommand
@@ -25,6 +24,7 @@ from .motions import goal_of, placed
 from .places import Places
 from .redefine import wrench_kept
 from .reflection import Reflector
+from .refusals import Refused, Why
 from .tuning import Tuning
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)

@@ -2,7 +2,7 @@
 
 import hashlib
 
-from .admission import Refused, Why
+from .refusals import Refused, Why
 
 MOST = 16
 """Most sealed stops that are kept apart; further ones are the lease holder's to clear [1]."""

@@ -19,8 +19,9 @@ from ..protocols import topics as t
 from ..protocols.codec import Reason
 from ..protocols.proof import Proof
 from ..protocols.requests import Reply
-from .admission import Admission, Now, Refused
+from .admission import Admission, Now
 from .link import Answer, Link, Parcel, Source
+from .refusals import Refused
 
 FIRST: Final = (t.KEEPALIVE, t.PROTECTIVE_STOP, t.MODE, t.RELEASE)
 """Sorted completely in every tick."""

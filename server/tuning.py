@@ -5,11 +5,11 @@ import numpy as np
 from ..config.load import Cell
 from ..protocols import requests
 from ..protocols.motion import RedundancyRequest
-from .admission import Refused, Why
 from .control.frames import Array, Pose
 from .control.payload import Payload
 from .control.redundancy import Pulls
 from .payload_judge import PayloadJudge
+from .refusals import Refused, Why
 
 OF_THE_WRENCH = ("following", "force")
 """The sources that move the tool for what the sensor reads."""

@@ -12,12 +12,12 @@ from typing import NamedTuple
 from ..config.cameras import Camera, Vision
 from ..config.load import Cell
 from ..protocols.sightings import Sighting
-from .admission import Refused, Why
 from .control.frames import Pose
 from .control.sighting import Belief, Doubt, Known, judge
 from .control.sources.vision import ViewGoal
 from .control.tree import Mount
 from .events import Events
+from .refusals import Refused, Why
 
 
 @dataclass

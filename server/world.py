@@ -12,10 +12,10 @@ import numpy as np
 from ..config.load import Cell
 from ..config.obstacles import Obstacle, Shape, Stale
 from ..protocols.obstacles import ObstacleNews
-from .admission import Refused, Why
 from .control.frames import Array, rotation_rpy
 from .control.scene import UNBOUNDED, Boxes, Rounds, Scene
 from .events import Events
+from .refusals import Refused, Why
 
 MOST = 64
 """Most obstacles that are known at a time [1]."""

@@ -19,12 +19,10 @@
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...config.mechanism import Drive
 from ...protocols.can301 import EmcyCode
 from ...protocols.rig import RigFault
+from .fault_values import value_of, vector_of
 from .force_torque_node import SimulatedForceTorque
 from .link import NodeLink
 from .servo_node import SimulatedDrive
@@ -39,8 +37,6 @@ MOST_FRICTION = 1e4
 """Nor is a joint braked harder [N·m]."""
 LONGEST_DELAY_S = 10.0
 """A frame that is later than this might as well be lost [s]."""
-FARTHEST = 100.0
-"""Nothing is put farther from World's origin along an axis [m]."""
 
 
 class Faults:
@@ -98,9 +94,9 @@ class Faults:
         elif fault.kind == "delay":
             if fault.on and fault.value is None:
                 raise ValueError("fault delay: give its value in seconds")
-            link.delay_s = _value(fault, 0.0, LONGEST_DELAY_S, "s") if fault.on else 0.0
+            link.delay_s = value_of(fault, 0.0, LONGEST_DELAY_S, "s") if fault.on else 0.0
         else:
-            share = _value(fault, 0.0, 1.0, "of all frames", default=1.0)
+            share = value_of(fault, 0.0, 1.0, "of all frames", default=1.0)
             setattr(link, fault.kind, share if fault.on else 0.0)
 
     def _freeze(self, fault: RigFault) -> None:
@@ -109,7 +105,7 @@ class Faults:
         self._force_torque(fault).freeze(fault.on, mute=bool(fault.value))
 
     def _stick(self, fault: RigFault, joint: int, drive: SimulatedDrive) -> None:
-        torque = _value(fault, 0.0, MOST_FRICTION, "N·m", default=_half_torque(drive.drive))
+        torque = value_of(fault, 0.0, MOST_FRICTION, "N·m", default=_half_torque(drive.drive))
         self._world.set_extra_friction(joint, torque if fault.on else 0.0)
 
     def _push(self, fault: RigFault) -> None:
@@ -123,38 +119,13 @@ class Faults:
         if fault.target != SENSOR:
             raise ValueError(f"fault hand: its target is {SENSOR}, not a joint")
         force = vector_of(fault, MOST_FORCE, "N") if fault.on else None
-        duration_s = None if fault.value is None else _value(fault, 0.01, 3600.0, "s")
+        duration_s = None if fault.value is None else value_of(fault, 0.01, 3600.0, "s")
         self._world.push_tool(force, duration_s)
-
-
-def vector_of(fault: RigFault, most: float, unit: str) -> NDArray[np.float64]:
-    """Return a fault's vector (3,), in World.
-
-    Raises `ValueError`, in one line, for none, and for one beyond `most` along an axis.
-    """
-    if fault.vector is None:
-        raise ValueError(f"fault {fault.kind}: give its vector [{unit}], in World")
-    for x in fault.vector:
-        if not abs(x) <= most:
-            raise ValueError(
-                f"fault {fault.kind}: value {x:g} {unit}: must be at most {most:g} along an axis"
-            )
-    return np.array(fault.vector)
-
-
-def _value(
-    fault: RigFault, low: float, high: float, unit: str, default: float | None = None
-) -> float:
-    """Return a fault's value, or the default. Raises `ValueError` for one out of bounds."""
-    value = default if fault.value is None else fault.value
-    if value is None or not low <= value <= high:
-        raise ValueError(f"fault {fault.kind}: value {value:g} {unit}: must be {low:g} to {high:g}")
-    return value
 
 
 def _emcy(fault: RigFault, _joint: int, drive: SimulatedDrive) -> None:
     if fault.on:
-        drive.emergency(round(_value(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)))
+        drive.emergency(round(value_of(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)))
 
 
 def _half_torque(drive: Drive) -> float:

@@ -17,7 +17,8 @@ from ...protocols.moving import RigMotion
 from ...protocols.rig import RigFault, RigTruth
 from .can_node import CanNode
 from .drive_loops import DriveLoops
-from .faults import FARTHEST, Faults, vector_of
+from .fault_values import FARTHEST, vector_of
+from .faults import Faults
 from .force_torque_node import SimulatedForceTorque
 from .geoms import quaternion
 from .gripper_node import SimulatedGripper

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from ...config.cameras import RigTag
 from ...protocols.messages import Vector6
 from ...protocols.rig import RigFault
-from .faults import FARTHEST, vector_of
+from .fault_values import FARTHEST, vector_of
 
 KINDS = ("cover", "move")
 """Kinds of faults whose target is a tag."""

@@ -34,7 +34,7 @@ def cell_that_says(small, text):
 def test_a_daemon_that_anybody_may_reach_is_refused(small, key):
     cell = cell_that_says(small, f'[zenoh]\n{key} = "tcp/0.0.0.0:7447"\n')
     with pytest.raises(ConfigError) as caught:
-        refuse_exposure(cell)
+        refuse_exposure(cell.config.zenoh, cell.path)
     words = str(caught.value)
     assert words.startswith(f"{small.cell}: zenoh.{key}: value 'tcp/0.0.0.0:7447': ")
     assert "telerobot certify" in words
@@ -50,7 +50,8 @@ def test_a_daemon_that_anybody_may_reach_is_refused(small, key):
     ],
 )
 def test_a_daemon_with_certificates_or_a_clear_word_is_not(small, text):
-    refuse_exposure(cell_that_says(small, text))
+    cell = cell_that_says(small, text)
+    refuse_exposure(cell.config.zenoh, cell.path)
 
 
 def test_insecure_with_certificates_is_a_contradiction(small):

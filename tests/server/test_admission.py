@@ -3,7 +3,8 @@ from telerobot.protocols import messages as m
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.proof import prove
-from telerobot.server.admission import Admission, Now, Refused, Why
+from telerobot.server.admission import Admission, Now
+from telerobot.server.refusals import Refused, Why
 
 ANNS, BOBS = b"a" * 32, b"b" * 32
 NOW = Now(time_s=100.0, tick=1000, enabled_since=900)

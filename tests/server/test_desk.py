@@ -10,7 +10,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.proof import prove
-from telerobot.server.admission import Admission, Now, Refused, Why
+from telerobot.server.admission import Admission, Now
 from telerobot.server.control.frames import Pose
 from telerobot.server.desk import ENABLE_TIMEOUT_S, Desk, View
 from telerobot.server.events import Events
@@ -19,6 +19,7 @@ from telerobot.server.grants import Grants
 from telerobot.server.mode import Mode, Wish
 from telerobot.server.orders import Orders
 from telerobot.server.reception import Letter, refusal_reply
+from telerobot.server.refusals import Refused, Why
 from telerobot.server.vision_watch import VisionWatch
 from telerobot.server.world import World
 from telerobot.tools.seeded_keys import seeded_keys

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols.moving import FrameNews
-from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, pose_error, rotation_exp
 from telerobot.server.events import Events
 from telerobot.server.frame_watch import FrameWatch
+from telerobot.server.refusals import Refused, Why
 
 T = 0.01
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 from telerobot.protocols.motion import ClutchRequest, MasterPose
-from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, pose_error, rotation_log, rotation_rpy
 from telerobot.server.master import SLIP, Master
+from telerobot.server.refusals import Refused, Why
 
 ENVELOPE = {"seen_tick": 1}
 MRF = Pose.from_xyz_rpy((0.7, 0.1, 0.4), (0.2, -0.5, 1.1))

@@ -8,10 +8,10 @@ from telerobot.protocols import messages as m
 from telerobot.protocols import requests
 from telerobot.protocols.motion import PathMotion
 from telerobot.protocols.moving import FrameRequest
-from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, rotation_rpy
 from telerobot.server.control.tree import Mount
 from telerobot.server.orders import Orders
+from telerobot.server.refusals import Refused, Why
 
 ENVELOPE = {"seen_tick": 1}
 BASE = Pose.from_xyz_rpy((1.0, 2.0, 0.5), (0.0, 0.0, np.pi / 2))

@@ -11,11 +11,11 @@ from telerobot.protocols.motion import (
     RedundancyRequest,
 )
 from telerobot.protocols.moving import FrameRequest
-from telerobot.server.admission import Refused, Why
 from telerobot.server.control.frames import Pose, rotation_rpy
 from telerobot.server.control.paths.goals import Pursuit, Route, TwistRoute
 from telerobot.server.control.tree import Mount
 from telerobot.server.orders import Orders
+from telerobot.server.refusals import Refused, Why
 
 ENVELOPE = {"seen_tick": 1}
 MRF = Pose.from_xyz_rpy((0.7, 0.1, 0.4), (0.2, -0.5, 1.1))

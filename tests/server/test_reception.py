@@ -14,11 +14,12 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.moving import FrameNews
 from telerobot.protocols.proof import prove
-from telerobot.server.admission import Admission, Now, Why
+from telerobot.server.admission import Admission, Now
 from telerobot.server.link import RING
 from telerobot.server.link import Parcel as Asked
 from telerobot.server.memory_link import MemoryLink
 from telerobot.server.reception import ANSWERED, PART, Reception
+from telerobot.server.refusals import Why
 
 CELL, SECRET, PERIOD_S = "cell", b"s" * 32, 0.01
 NEEDS_PROOF = [x for x in (*t.COMMANDS, *t.REQUESTS) if x.needs_proof]

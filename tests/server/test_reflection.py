@@ -5,11 +5,11 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols.motion import ClutchRequest, MasterPose
 from telerobot.protocols.reflection import ReflectionRequest
-from telerobot.server.admission import Refused
 from telerobot.server.control.frames import Pose, rotation_rpy
 from telerobot.server.master import Master
 from telerobot.server.orders import Orders
 from telerobot.server.reflection import Reflector, pose_stiffness
+from telerobot.server.refusals import Refused
 
 ENVELOPE = {"seen_tick": 1}
 PUSH = np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
 from telerobot.protocols.sightings import Sighting
-from telerobot.server.admission import Refused
 from telerobot.server.control.frames import Pose, rotation_exp, rotation_log, rotation_rpy
 from telerobot.server.events import Events
+from telerobot.server.refusals import Refused
 from telerobot.server.vision_watch import VisionWatch
 
 TARGET = Pose(rotation_rpy(1.5708, 0.3, -1.4), np.array([1.2, 0.1, 0.5]))

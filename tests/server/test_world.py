@@ -8,8 +8,8 @@ from telerobot.config.load import Cell, load_cell
 from telerobot.config.obstacles import Obstacle
 from telerobot.protocols.codec import CodecError, decode_as, encode
 from telerobot.protocols.obstacles import ObstacleNews
-from telerobot.server.admission import Refused, Why
 from telerobot.server.events import Events
+from telerobot.server.refusals import Refused, Why
 from telerobot.server.world import MOST, World
 
 TABLE = Obstacle(name="table", shape="box", xyz=(0.5, 0, 0.1), half_size=(0.2, 0.4, 0.1))

@@ -18,7 +18,7 @@ def network(cell: Cell) -> Iterator[Finding]:
         "exposed": zenoh.exposed,
     }
     try:
-        refuse_exposure(cell)
+        refuse_exposure(cell.config.zenoh, cell.path)
     except ConfigError as error:
         yield Finding("network", Status.ERROR, str(error), values)
         return

@@ -1,0 +1,44 @@
+"""Refusals: why a well-formed command or request is not carried out."""
+
+from enum import StrEnum
+
+
+class Why(StrEnum):
+    """Why a well-formed command was refused."""
+
+    NO_LEASE = "no_lease"
+    WRONG_PROOF = "wrong_proof"
+    WRONG_KEY = "wrong_key"
+    OLD_EPOCH = "old_epoch"
+    OUT_OF_ORDER = "out_of_order"
+    OLD_PICTURE = "old_picture"
+    FUTURE_PICTURE = "future_picture"
+    BEFORE_ENABLE = "before_enable"
+    NOT_ENABLED = "not_enabled"
+    NOT_NOW = "not_now"
+    OUT_OF_RANGE = "out_of_range"
+    WRONG_JOINTS = "wrong_joints"
+    UNKNOWN_POSTURE = "unknown_posture"
+    UNKNOWN_PAYLOAD = "unknown_payload"
+    LEASE_TAKEN = "lease_taken"
+    PROTECTIVE_STOP = "protective_stop"
+    NOT_YOURS = "not_yours"
+    UNKNOWN_CAMERA = "unknown_camera"
+    UNKNOWN_OBSTACLE = "unknown_obstacle"
+    FIXED_OBSTACLE = "fixed_obstacle"
+    TOO_MANY_OBSTACLES = "too_many_obstacles"
+    UNKNOWN_FRAME = "unknown_frame"
+    SENSOR_STALE = "sensor_stale"
+    TOUCHED = "touched"
+    STILL_WRONG = "still_wrong"
+    UNSTABLE_GAIN = "unstable_gain"
+    UNSTABLE_PAYLOAD = "unstable_payload"
+
+
+class Refused(Exception):
+    """A command or request was refused: `reason` for programs, the text for people."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+        self.detail = detail
