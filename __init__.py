@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .config.load import load_cell
-    from .tools.operator import Operator, OperatorError
-    from .tools.simulation import simulate
+    from .tools.operator.client.operator import Operator, OperatorError
+    from .tools.simulation.simulation import simulate
 
 __all__ = ["Operator", "OperatorError", "load_cell", "simulate"]
 
 _HOMES = {
-    "Operator": ".tools.operator",
-    "OperatorError": ".tools.operator",
+    "Operator": ".tools.operator.client.operator",
+    "OperatorError": ".tools.operator.client.operator",
     "load_cell": ".config.load",
-    "simulate": ".tools.simulation",
+    "simulate": ".tools.simulation.simulation",
 }
 
 

@@ -12,9 +12,9 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from .agree import check_agreement
+from .agree.agree import check_agreement
 from .errors import ConfigError, nearest
-from .schema import CellConfig
+from .schema.cell import CellConfig
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
 

@@ -17,7 +17,7 @@ import msgpack
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 
-from ..config.schema import Bus
+from ..config.schema.cell import Bus
 from .device import DeviceError
 
 CanMessage = can.Message

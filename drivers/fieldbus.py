@@ -18,8 +18,8 @@ from typing import Final
 import can
 import canopen
 
-from ..protocols import can301
-from ..protocols.can301 import FrameError
+from ..protocols.canopen import can301
+from ..protocols.canopen.can301 import FrameError
 from .device import Cause, Trouble
 
 Handler = Callable[[bytes, float], None]

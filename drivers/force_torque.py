@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config.mechanism import ForceTorque
-from ..protocols import robotous
+from ..config.schema.mechanism import ForceTorque
+from ..protocols.canopen import robotous
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
 

@@ -9,11 +9,11 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ..config.mechanism import Gripper
-from ..config.schema import Timing
-from ..protocols import can301, cia401
-from ..protocols.can301 import CommunicationObject as Com
-from ..protocols.can301 import NmtState
+from ..config.schema.cell import Timing
+from ..config.schema.mechanism import Gripper
+from ..protocols.canopen import can301, cia401
+from ..protocols.canopen.can301 import CommunicationObject as Com
+from ..protocols.canopen.can301 import NmtState
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
 

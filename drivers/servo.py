@@ -9,11 +9,11 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
 
-from ..config.mechanism import Drive
-from ..config.schema import Timing
-from ..protocols import can301, cia402
-from ..protocols.can301 import EmcyCode, FrameError, NmtState
-from ..protocols.cia402 import Control, DriveState, Object, OperationMode
+from ..config.schema.cell import Timing
+from ..config.schema.mechanism import Drive
+from ..protocols.canopen import can301, cia402
+from ..protocols.canopen.can301 import EmcyCode, FrameError, NmtState
+from ..protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
 from . import servo_setup
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus

@@ -11,12 +11,12 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ..config.mechanism import Drive
-from ..config.schema import Timing
-from ..protocols import can301, cia402
-from ..protocols.can301 import CommunicationObject as Com
-from ..protocols.can301 import FrameError
-from ..protocols.cia402 import (
+from ..config.schema.cell import Timing
+from ..config.schema.mechanism import Drive
+from ..protocols.canopen import can301, cia402
+from ..protocols.canopen.can301 import CommunicationObject as Com
+from ..protocols.canopen.can301 import FrameError
+from ..protocols.canopen.cia402 import (
     AbortConnectionOption,
     Control,
     DriveState,

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ..protocols.cia402 import DriveState, Status
+from ..protocols.canopen.cia402 import DriveState, Status
 from .device import Cause, Trouble
 
 

@@ -13,7 +13,7 @@ import msgpack
 from pydantic import ValidationError
 
 from .bounds import bounds_of
-from .messages import VERSION, Message
+from .messages.messages import VERSION, Message
 from .topics import Topic
 
 MessageT = TypeVar("MessageT", bound=Message)

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
 from functools import cached_property
 
-from . import messages as m
-from . import motion, moving, requests
 from .bounds import bounds_of
-from .obstacles import AvoidanceRequest, ObstacleNews
-from .reflection import Reflection, ReflectionRequest
-from .rig import RigFault, RigTruth
-from .sightings import Sighting, StoreView
+from .messages import messages as m
+from .messages import motion, moving, requests
+from .messages.obstacles import AvoidanceRequest, ObstacleNews
+from .messages.reflection import Reflection, ReflectionRequest
+from .messages.rig import RigFault, RigTruth
+from .messages.sightings import Sighting, StoreView
 
 PREFIX = "telerobot"
 """First part of every key."""

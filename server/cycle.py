@@ -12,30 +12,30 @@ import numpy as np
 
 from ..config.load import Cell
 from ..drivers.device import Cause, DeviceError, Trouble
-from ..protocols.cia402 import DriveState
+from ..protocols.canopen.cia402 import DriveState
 from ..protocols.codec import encode
 from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
-from .admission import Admission, Now
-from .clock import Clock
-from .control.avoidance.clearance import Gap
-from .control.frames import Array, Pose
+from .commands.commands import Orders
+from .control.barriers.clearance import Gap
+from .control.spatial import Array, Pose
 from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
-from .desk import Desk, View
-from .exposure import opening_events
 from .faults import Faults
-from .grants import Grants
-from .intake import Intake
-from .link import Link
 from .mode import Mode, Situation, Wish, next_mode
-from .orders import Orders
+from .operators.admission import Admission, Now
+from .operators.exposure import opening_events
+from .operators.grants import Grants
+from .operators.inbox import Reception
+from .operators.intake import Intake
+from .operators.link import Link
+from .operators.services import Desk, View
+from .perception.perception import Watches
 from .plant import Plant, PlantReading
 from .power import Power
-from .reception import Reception
 from .refusals import Refused, Why
+from .runtime.clock import Clock
 from .telemetry import describe, report
 from .warm_up import warm_up
-from .watches import Watches
 
 DESCRIBE_EVERY = 100
 """Ticks between two descriptions, for operators that come late [1]."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import FrameType
 
 from ..config.load import Cell
-from ..config.security import refuse_exposure
+from ..config.schema.security import refuse_exposure
 from ..drivers.bus import open_bus
 from ..drivers.device import DeviceError
 from ..drivers.fieldbus import Fieldbus
@@ -17,21 +17,21 @@ from ..drivers.gripper import GripperOutput
 from ..drivers.network.identity import Identity, identity_of
 from ..drivers.servo import ServoDrive
 from ..protocols.agreement import random_key
-from ..protocols.cia402 import OperationMode
+from ..protocols.canopen.cia402 import OperationMode
 from ..protocols.topics import Role
-from .clock import Clock, MonotonicClock
-from .control.avoidance.guard import Guard
-from .control.mechanism import Mechanism
+from .control.barriers.collision import Guard
+from .control.mechanism.kinematics import Mechanism
 from .control.parameters import Parameters
 from .control.tick import Control
 from .cycle import Cycle
-from .exposure import doubts, exposure
-from .gain_judge import gain_judge
-from .link import Link, ZenohLink
 from .loop import LoopStatistics, run
 from .mode import Mode
+from .operators.exposure import doubts, exposure
+from .operators.link import Link, ZenohLink
 from .plant import Plant
-from .realtime import prepare, release
+from .runtime.clock import Clock, MonotonicClock
+from .runtime.operating_system import prepare, release
+from .stability.gains import gain_judge
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""

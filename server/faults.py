@@ -4,7 +4,7 @@ import numpy as np
 
 from ..config.load import Cell
 from ..drivers.device import Cause, Trouble
-from ..protocols.cia402 import DriveState
+from ..protocols.canopen.cia402 import DriveState
 from .control.parameters import Parameters
 from .control.state import Output
 from .mode import Mode

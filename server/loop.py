@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .clock import MonotonicClock
 from .cycle import Cycle
 from .mode import Mode
+from .runtime.clock import MonotonicClock
 
 COLLECT_PART = 0.3
 """Part of a period in which the drives' answers are waited for [1]."""

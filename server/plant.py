@@ -9,8 +9,8 @@ from ..drivers.fieldbus import Fieldbus
 from ..drivers.force_torque import MeanWrench, RobotousSensor
 from ..drivers.gripper import GripperOutput
 from ..drivers.servo import ServoDrive
-from ..protocols.cia402 import DriveState
-from .control.frames import Array
+from ..protocols.canopen.cia402 import DriveState
+from .control.spatial import Array
 
 OFF = (DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON)
 """Drive states in which the power stage is off and nothing is wrong."""

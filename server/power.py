@@ -5,9 +5,9 @@ led to Operation enabled.
 """
 
 from ..config.load import Cell
-from .control.frames import Array
-from .events import Events
+from .control.spatial import Array
 from .plant import Plant, PlantReading
+from .runtime.events import Events
 
 OUTSIDE = 1e-4
 """A joint is outside its limit from here on: less is what an encoder rounds [rad]."""

@@ -4,20 +4,20 @@ import math
 from importlib import metadata
 
 from ..config.load import Cell
-from ..protocols.messages import VERSION, Description, State, Vector6
-from .admission import Admission
-from .control.avoidance.priority import Near
-from .control.field import Felt
-from .control.frames import Array
-from .control.payload import Payload
-from .control.sources.position import Progress
+from ..protocols.messages.messages import VERSION, Description, State, Vector6
+from .commands.commands import Orders
+from .control.mechanism.null_space.potential_field import Felt
+from .control.mechanism.null_space.priority import Near
+from .control.mechanism.payload import Payload
+from .control.spatial import Array
 from .control.state import Output
-from .exposure import network
-from .frame_watch import FrameWatch
+from .control.task.sources.position import Progress
 from .mode import Mode
-from .orders import Orders
+from .operators.admission import Admission
+from .operators.exposure import network
+from .perception.cameras import VisionWatch
+from .perception.moving_frames import FrameWatch
 from .plant import PlantReading
-from .vision_watch import VisionWatch
 
 
 def describe(cell: Cell) -> Description:

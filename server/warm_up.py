@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from ..config.load import Cell
-from ..config.schema import OBJECTIVES
+from ..config.schema.cell import OBJECTIVES
 from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
-from ..protocols.messages import JoystickTwist
-from .control.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
-from .control.redundancy import Pulls
-from .control.sources.vision import ViewGoal
+from ..protocols.messages.messages import JoystickTwist
+from .commands.commands import Orders
+from .control.mechanism.null_space.redundancy import Pulls
 from .control.state import Inputs, Intent, StickCommand
+from .control.task.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
+from .control.task.sources.vision import ViewGoal
 from .control.tick import Control
-from .orders import Orders
 from .telemetry import describe
 
 TICKS = 20

@@ -110,7 +110,7 @@ def small(tmp_path: Path) -> CellFiles:
 def rendering() -> None:
     """Skip, with the reason, where no pictures can be rendered."""
     try:
-        from telerobot.drivers.rig.camera import RigCameras
+        from telerobot.drivers.rig.physics.camera import RigCameras
 
         RigCameras(load_cell("pa10_vision")).close()
     except DeviceError as error:

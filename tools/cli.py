@@ -1,4 +1,4 @@
-"""The command line: `telerobot COMMAND …`; every command is a module beside this one.
+"""The command line: `telerobot COMMAND …`; every command is a module of its own.
 
 A command's module offers `add_arguments(parser)` and `run(args) -> int` and is imported only when
 it is asked for. Exit codes: 0 well, 1 the thing failed, 2 bad usage or bad config, 130 interrupted.
@@ -28,27 +28,29 @@ class Command:
 
 
 COMMANDS: Final = (
-    Command("demo", "demo", "virtual hardware and daemon on this machine, ready to drive",
+    Command("demo", "commands.demo", "virtual hardware and daemon on this machine, ready to drive",
             ("telerobot demo", "telerobot demo ur5e")),
-    Command("serve", "serve", "the daemon: runs a cell",
+    Command("serve", "commands.serve", "the daemon: runs a cell",
             ("telerobot serve pa10", "telerobot serve my/cell.toml")),
-    Command("rig", "rig", "the virtual hardware of a cell: physics, drives and sensors on CAN",
+    Command("rig", "commands.rig",
+            "the virtual hardware of a cell: physics, drives and sensors on CAN",
             ("telerobot rig pa10",)),
-    Command("vision", "vision", "looks through the cell's cameras, and tells the daemon",
+    Command("vision", "commands.vision", "looks through the cell's cameras, and tells the daemon",
             ("telerobot vision pa10_vision", "telerobot vision pa10_vision --pictures=out")),
-    Command("simulate", "simulate", "daemon and rig in one process, in virtual time",
+    Command("simulate", "commands.simulate", "daemon and rig in one process, in virtual time",
             ("telerobot simulate pa10", "telerobot simulate pa10 wall_push --json")),
-    Command("plot", "plot.cli", "pictures of a recorded run, or of several side by side",
+    Command("plot", "recording.plot.cli", "pictures of a recorded run, or of several side by side",
             ("telerobot plot run.mcap", "telerobot plot off.mcap on.mcap --out both.png")),
-    Command("drive", "drive", "a remote operator in the terminal",
+    Command("drive", "commands.drive", "a remote operator in the terminal",
             ("telerobot drive pa10", "telerobot drive pa10 pose_move")),
-    Command("check", "check", "judge a cell: timeouts, bus load, drives, stability, postures",
+    Command("check", "commands.check",
+            "judge a cell: timeouts, bus load, drives, stability, postures",
             ("telerobot check pa10", "telerobot check my/cell.toml --json")),
     Command("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
             ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
     Command("certify", "certify.cli", "certificates: who may command, tell and listen on a network",
             ("telerobot certify my/cell.toml", "telerobot certify my/cell.toml --operator=ann")),
-    Command("doctor", "doctor", "is this machine fit: rights, timer, CAN, packages",
+    Command("doctor", "commands.doctor", "is this machine fit: rights, timer, CAN, packages",
             ("telerobot doctor", "telerobot doctor --json")),
     Command("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
             ("telerobot bench", "telerobot bench --quick --json bench.json")),

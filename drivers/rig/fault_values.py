@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...protocols.rig import RigFault
+from ...protocols.messages.rig import RigFault
 
 FARTHEST = 100.0
 """Nothing is put farther from World's origin along an axis [m]."""

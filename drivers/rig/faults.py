@@ -19,14 +19,14 @@
 
 from collections.abc import Callable, Mapping
 
-from ...config.mechanism import Drive
-from ...protocols.can301 import EmcyCode
-from ...protocols.rig import RigFault
+from ...config.schema.mechanism import Drive
+from ...protocols.canopen.can301 import EmcyCode
+from ...protocols.messages.rig import RigFault
 from .fault_values import value_of, vector_of
-from .force_torque_node import SimulatedForceTorque
-from .link import NodeLink
-from .servo_node import SimulatedDrive
-from .world import World
+from .nodes.force_torque_node import SimulatedForceTorque
+from .nodes.link import NodeLink
+from .nodes.servo_node import SimulatedDrive
+from .physics.world import World
 
 SENSOR = "force_torque"
 """The target that names the sensor, and the tool."""

@@ -12,9 +12,9 @@ from typing import Protocol
 
 import can
 
-from ...protocols.can301 import SYNC_ID
-from ...protocols.moving import RigMotion
-from ...protocols.rig import RigFault, RigTruth
+from ...protocols.canopen.can301 import SYNC_ID
+from ...protocols.messages.moving import RigMotion
+from ...protocols.messages.rig import RigFault, RigTruth
 from .rig import Rig
 
 TRUTH_PERIOD_S = 0.01

@@ -11,24 +11,24 @@ import can
 import numpy as np
 
 from ...config.load import Cell
-from ...protocols import can301
-from ...protocols.messages import Vector6
-from ...protocols.moving import RigMotion
-from ...protocols.rig import RigFault, RigTruth
-from .can_node import CanNode
-from .drive_loops import DriveLoops
+from ...protocols.canopen import can301
+from ...protocols.messages.messages import Vector6
+from ...protocols.messages.moving import RigMotion
+from ...protocols.messages.rig import RigFault, RigTruth
 from .fault_values import FARTHEST, vector_of
 from .faults import Faults
-from .force_torque_node import SimulatedForceTorque
-from .geoms import quaternion
-from .gripper_node import SimulatedGripper
-from .link import NodeLink
-from .movers import Movers
-from .scene import turned_by
-from .servo_node import SimulatedDrive
-from .sight import SightLines
-from .tags import KINDS, Tags
-from .world import Vector, World
+from .nodes.can_node import CanNode
+from .nodes.drive_loops import DriveLoops
+from .nodes.force_torque_node import SimulatedForceTorque
+from .nodes.gripper_node import SimulatedGripper
+from .nodes.link import NodeLink
+from .nodes.servo_node import SimulatedDrive
+from .physics.geoms import quaternion
+from .physics.movers import Movers
+from .physics.scene import turned_by
+from .physics.sight import SightLines
+from .physics.tags import KINDS, Tags
+from .physics.world import Vector, World
 
 SYNC_STAMPS = 1 << 16
 """So many of the newest SYNC stamps are kept [1]."""

@@ -6,7 +6,7 @@ It never clamps: a refused command means the quick stop, with the reason.
 import numpy as np
 
 from .compiled import MATRIX, VECTOR, compiled
-from .frames import Array
+from .spatial import Array
 
 TOLERANCE = 1e-3
 """Relative tolerance of the finite differences [1]."""

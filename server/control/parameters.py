@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...config.following import Following
 from ...config.load import Cell
-from ...config.potential import PotentialField
-from ...config.schema import CellConfig, Limits, Redundancy, Resolve, Schedule
-from ...config.torque import Torque
-from .avoidance.links import Links
-from .avoidance.priority import Priority
-from .frames import Array, Pose
-from .payload import Payload
-from .sources.following import Impedance
+from ...config.schema.cell import CellConfig, Limits, Redundancy, Resolve, Schedule
+from ...config.schema.following import Following
+from ...config.schema.null_space.potential import PotentialField
+from ...config.schema.torque import Torque
+from .mechanism.null_space.priority import Priority
+from .mechanism.payload import Payload
+from .proximity.capsules import Links
+from .spatial import Array, Pose
+from .task.sources.following import Impedance
 
 
 def _bounds(translation: float, rotation: float) -> Array:

@@ -11,14 +11,14 @@ the ground's own motion. By how much those jump is found by asking for them twic
 import numpy as np
 
 from .evolve import evolve
-from .frames import Array, Pose, moved_near, rotate_twist
-from .mechanism import Kinematics
-from .paths.free import Free
-from .rigid import motion_at, slowed_at, twist_at
-from .sources.following import SLACK
-from .sources.position import Position, PositionState
+from .mechanism.kinematics import Kinematics
+from .spatial import Array, Pose, moved_near, rotate_twist
 from .state import Inputs, Intent, Memory
-from .trajectory import Motion
+from .stop.trajectory import Motion
+from .task.paths.free import Free
+from .task.rigid_body import motion_at, slowed_at, twist_at
+from .task.sources.following import SLACK
+from .task.sources.position import Position, PositionState
 
 
 def differ(a: Pose, b: Pose) -> bool:

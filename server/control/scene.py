@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled
 from .evolve import evolve
-from .frames import Array, Pose
+from .spatial import Array, Pose
 
 Flags = NDArray[np.bool_]
 Index = NDArray[np.int64]

@@ -9,25 +9,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .avoidance.clearance import Gap, Levels, Shown
-from .avoidance.priority import Near
-from .avoidance.resisted import Resistance
-from .field import Felt
-from .frames import Array, Pose
-from .paths.goals import Goal
-from .payload import Payload
-from .redundancy import Pulls, SelfMotion
-from .retreat import Pushed, RetreatState
+from .actuation.torque import TorqueState
+from .barriers.clearance import Gap, Levels, Shown
+from .barriers.resisted import Resistance
+from .frame_tree import Moved
+from .hold.retreat import Pushed, RetreatState
+from .mechanism.null_space.potential_field import Felt
+from .mechanism.null_space.priority import Near
+from .mechanism.null_space.redundancy import Pulls, SelfMotion
+from .mechanism.payload import Payload
 from .scene import Scene
-from .sources.following import FollowingState
-from .sources.force import ForceState
-from .sources.frames import About, FramesState
-from .sources.joystick import JoystickState
-from .sources.position import PositionState, Progress
-from .sources.vision import ViewGoal, VisionState
-from .torque import TorqueState
-from .trajectory import Motion, Stop
-from .tree import Moved
+from .spatial import Array, Pose
+from .stop.trajectory import Motion, Stop
+from .task.paths.goals import Goal
+from .task.sources.feedforward import About, FramesState
+from .task.sources.following import FollowingState
+from .task.sources.force import ForceState
+from .task.sources.joystick import JoystickState
+from .task.sources.position import PositionState, Progress
+from .task.sources.vision import ViewGoal, VisionState
 
 
 class Intent(Enum):

@@ -8,22 +8,22 @@ import math
 
 import numpy as np
 
-from .bleed import bleed
 from .evolve import evolve
-from .frames import GRAVITY, Array, Pose, rotate_twist, wrench_to
-from .gains import GAIN_TIME_S
-from .mechanism import Kinematics
+from .hold.bleed import bleed
+from .mechanism.kinematics import Kinematics
+from .mechanism.payload import Payload
 from .parameters import Parameters
-from .payload import Payload
 from .redefinition import carried, differ, goal_point, led
-from .rigid import twist_at
-from .sources.following import Following, FollowingState
-from .sources.force import Force, load_of
-from .sources.frames import About, Frames, FramesState
-from .sources.joystick import Joystick, JoystickState
-from .sources.position import Position
-from .sources.vision import Vision, VisionState
+from .spatial import GRAVITY, Array, Pose, rotate_twist, wrench_to
 from .state import Inputs, Intent, Memory, Settings
+from .task.gains import GAIN_TIME_S
+from .task.rigid_body import twist_at
+from .task.sources.feedforward import About, Frames, FramesState
+from .task.sources.following import Following, FollowingState
+from .task.sources.force import Force, load_of
+from .task.sources.joystick import Joystick, JoystickState
+from .task.sources.position import Position
+from .task.sources.vision import Vision, VisionState
 
 OVERSHOOT = 2.0
 """A tool may be accelerated by this times what it was told: drives overshoot [1]."""

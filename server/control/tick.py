@@ -13,32 +13,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .actuate import Now, actuation
-from .allow import Allow, Allowed, ordered
-from .avoidance.guard import Guard, Watch
-from .avoidance.links import Placed
+from .actuation.actuation import Now, actuation
+from .barriers.barriers import Allow, Allowed, ordered
+from .barriers.collision import Guard, Watch
 from .evolve import evolve
-from .field import Felt, Field, further, on_path, shifted
-from .frames import Array, Pose, sizes
-from .gains import Gains, Quantities
 from .gate import Gate
-from .joint_motion import JointMotion, at_posture
-from .limit import Limited, Limiter
-from .mechanism import Kinematics, Mechanism
+from .hold.retreat import Retreat
+from .mechanism.joint_motion import JointMotion, at_posture
+from .mechanism.kinematics import Kinematics, Mechanism
+from .mechanism.null_space.potential_field import Felt, Field, further, on_path, shifted
+from .mechanism.null_space.redundancy import Redundancy, SelfMotion
+from .mechanism.resolution import resolve
+from .mechanism.singularity import Travel
 from .parameters import Parameters
-from .redundancy import Redundancy, SelfMotion
-from .resolve import resolve
-from .retreat import Retreat
-from .rigid import jacobian_at, twist_at
-from .singular import Travel
-from .sources.following import FollowingState
-from .sources.force import ForceState
-from .sources.joystick import JoystickState
-from .sources.position import PositionState
-from .sources.vision import VisionState
+from .proximity.capsules import Placed
+from .spatial import Array, Pose, sizes
 from .state import Inputs, Intent, Memory, Output
+from .stop.limiter import Limited, Limiter
+from .stop.trajectory import Motion, Stop
 from .summing import Summing
-from .trajectory import Motion, Stop
+from .task.gains import Gains, Quantities
+from .task.rigid_body import jacobian_at, twist_at
+from .task.sources.following import FollowingState
+from .task.sources.force import ForceState
+from .task.sources.joystick import JoystickState
+from .task.sources.position import PositionState
+from .task.sources.vision import VisionState
 
 SLID = 0.99
 """A tool that does less than this part of what its path does has been turned off it [1]."""

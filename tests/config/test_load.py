@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from telerobot.config import agree
+from telerobot.config.agree import agree
 from telerobot.config.load import ConfigError, load_cell, script_path, shipped
-from telerobot.protocols import can301
-from telerobot.server.control.frames import Pose
-from telerobot.server.control.mechanism import Mechanism
+from telerobot.protocols.canopen import can301
+from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.spatial import Pose
 
 
 def refusal(path: Path | str) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from telerobot.drivers.device import Device, DeviceError
-from telerobot.protocols import robotous
+from telerobot.protocols.canopen import robotous
 
 
 def servo(cell: Any) -> tuple[Device[Any, Any, Any], Any]:

@@ -12,7 +12,7 @@ from canopen.sdo.exceptions import SdoCommunicationError
 from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus
 from telerobot.drivers.device import Cause
 from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.protocols import can301, cia402
+from telerobot.protocols.canopen import can301, cia402
 
 
 def frame(can_id: int, data: bytes = b"", **kind: bool) -> can.Message:

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 from telerobot.drivers.device import Cause, DeviceError
-from telerobot.protocols import robotous
-from telerobot.protocols.robotous import Command, Sample
+from telerobot.protocols.canopen import robotous
+from telerobot.protocols.canopen.robotous import Command, Sample
 
 
 def test_opening_sets_the_rate_and_waits_for_a_sample(cell: Any) -> None:

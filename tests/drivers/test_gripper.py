@@ -5,18 +5,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from telerobot.config.mechanism import Gripper
-from telerobot.config.schema import Timing
+from telerobot.config.schema.cell import Timing
+from telerobot.config.schema.mechanism import Gripper
 from telerobot.drivers import rig
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.gripper import REPEAT, GripperOutput
-from telerobot.drivers.rig.gripper_node import SimulatedGripper
-from telerobot.drivers.rig.link import NodeLink
-from telerobot.protocols import can301
-from telerobot.protocols.can301 import NmtCommand, NmtState
-from telerobot.protocols.cia401 import pack_outputs
+from telerobot.drivers.rig.nodes.gripper_node import SimulatedGripper
+from telerobot.drivers.rig.nodes.link import NodeLink
+from telerobot.protocols.canopen import can301
+from telerobot.protocols.canopen.can301 import NmtCommand, NmtState
+from telerobot.protocols.canopen.cia401 import pack_outputs
 
 EDS = Path(rig.__file__).parents[2] / "config" / "devices" / "simulated_output.eds"
 NODE, OUTPUT = 20, 3

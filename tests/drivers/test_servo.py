@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 from telerobot.drivers.device import Cause
-from telerobot.protocols.can301 import EmcyCode, NmtState
-from telerobot.protocols.cia402 import Control, DriveState, Status
+from telerobot.protocols.canopen.can301 import EmcyCode, NmtState
+from telerobot.protocols.canopen.cia402 import Control, DriveState, Status
 from telerobot.server.plant import Plant
 
 ENABLED = DriveState.OPERATION_ENABLED

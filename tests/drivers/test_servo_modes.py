@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from telerobot.drivers.device import DeviceError
-from telerobot.protocols.cia402 import Control, DriveState, OperationMode
+from telerobot.protocols.canopen.cia402 import Control, DriveState, OperationMode
 
 CSV, CST = OperationMode.CSV, OperationMode.CST
 ENABLED = DriveState.OPERATION_ENABLED

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from telerobot.config.schema import Timing
+from telerobot.config.schema.cell import Timing
 from telerobot.drivers import servo_setup
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.servo import OBEYED_SYNCS, SWITCH_OFF_S
-from telerobot.protocols.cia402 import STATE_BITS, Control, DriveState, Object, Status
+from telerobot.protocols.canopen.cia402 import STATE_BITS, Control, DriveState, Object, Status
 
 SWITCH_OFF_SYNCS = round(SWITCH_OFF_S / Timing().period_s)
 ENABLED = DriveState.OPERATION_ENABLED

@@ -8,15 +8,15 @@ import canopen
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from telerobot.config.mechanism import Drive
-from telerobot.config.schema import Timing
+from telerobot.config.schema.cell import Timing
+from telerobot.config.schema.mechanism import Drive
 from telerobot.drivers import servo_setup
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.servo import ServoDrive
-from telerobot.protocols.can301 import NmtState
-from telerobot.protocols.cia402 import OperationMode
+from telerobot.protocols.canopen.can301 import NmtState
+from telerobot.protocols.canopen.cia402 import OperationMode
 
 
 def drive(**changes: Any) -> Drive:

@@ -18,9 +18,9 @@ import zenoh
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
-from telerobot.protocols.rig import RigFault, RigTruth
-from telerobot.tools.local import LocalPlant, end, free_port
-from telerobot.tools.operator import Operator
+from telerobot.protocols.messages.rig import RigFault, RigTruth
+from telerobot.tools.host.local_plant import LocalPlant, end, free_port
+from telerobot.tools.operator.client.operator import Operator
 
 START_S = 60.0
 """Wall time after which a process that does not show up is a failure [s]."""

@@ -12,7 +12,7 @@ import threading
 
 import numpy as np
 import pytest
-from telerobot.tools.address import options
+from telerobot.tools.host.address import options
 
 pytestmark = pytest.mark.hil
 

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 from telerobot import OperatorError
-from telerobot.tools.address import moved, options
-from telerobot.tools.local import free_port
+from telerobot.tools.host.address import moved, options
+from telerobot.tools.host.local_plant import free_port
 
 OPERATOR = """
 import sys

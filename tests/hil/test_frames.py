@@ -10,8 +10,8 @@ import sys
 import numpy as np
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.protocols.moving import RigMotion
-from telerobot.server.control.frames import Pose, rotation_log
+from telerobot.protocols.messages.moving import RigMotion
+from telerobot.server.control.spatial import Pose, rotation_log
 
 pytestmark = pytest.mark.hil
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 from telerobot import Operator, OperatorError
 from telerobot.config.load import load_cell
-from telerobot.protocols.rig import RigFault
-from telerobot.tools.local import LocalPlant, end, free_port
+from telerobot.protocols.messages.rig import RigFault
+from telerobot.tools.host.local_plant import LocalPlant, end, free_port
 
 pytestmark = pytest.mark.hil
 

@@ -8,9 +8,9 @@ from pydantic import ValidationError
 from telerobot.protocols import topics as t
 from telerobot.protocols.bounds import bounds_of
 from telerobot.protocols.codec import decode, encode
-from telerobot.protocols.messages import VERSION, Message
-from telerobot.protocols.motion import MOST
-from telerobot.protocols.requests import Reply
+from telerobot.protocols.messages.messages import VERSION, Message
+from telerobot.protocols.messages.motion import MOST
+from telerobot.protocols.messages.requests import Reply
 
 FROM_STRANGERS = (*t.COMMANDS, *t.REQUESTS, *t.SENSORS)
 

@@ -8,9 +8,10 @@ import msgpack
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from telerobot.protocols import messages as m
-from telerobot.protocols import requests, topics
+from telerobot.protocols import topics
 from telerobot.protocols.codec import CodecError, Reason, decode, decode_as, encode
+from telerobot.protocols.messages import messages as m
+from telerobot.protocols.messages import requests
 from telerobot.protocols.topics import Topic
 
 ENVELOPE = {"v": 2, "seen_tick": 5}

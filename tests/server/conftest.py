@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell, shipped
-from telerobot.server.control.frames import Array, Pose
-from telerobot.server.control.mechanism import Mechanism
+from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.parameters import Parameters
+from telerobot.server.control.spatial import Array, Pose
 from telerobot.server.control.state import Inputs, Intent, Output, Settings, StickCommand
 from telerobot.server.control.tick import Control
 

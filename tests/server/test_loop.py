@@ -1,10 +1,10 @@
 from itertools import pairwise
 
 import pytest
-from telerobot.server.clock import VirtualClock
 from telerobot.server.cycle import Cycle
 from telerobot.server.loop import next_deadline, run
 from telerobot.server.mode import Mode
+from telerobot.server.runtime.clock import VirtualClock
 
 T = 0.01
 

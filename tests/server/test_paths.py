@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
-from telerobot.protocols import messages as m
-from telerobot.protocols.motion import (
+from telerobot.protocols.messages import messages as m
+from telerobot.protocols.messages.motion import (
     ClutchRequest,
     MasterPose,
     PathMotion,
     PathRequest,
     RedundancyRequest,
 )
-from telerobot.protocols.moving import FrameRequest
-from telerobot.server.control.frames import Pose, rotation_rpy
-from telerobot.server.control.paths.goals import Pursuit, Route, TwistRoute
-from telerobot.server.control.tree import Mount
-from telerobot.server.orders import Orders
+from telerobot.protocols.messages.moving import FrameRequest
+from telerobot.server.commands.commands import Orders
+from telerobot.server.control.frame_tree import Mount
+from telerobot.server.control.spatial import Pose, rotation_rpy
+from telerobot.server.control.task.paths.goals import Pursuit, Route, TwistRoute
 from telerobot.server.refusals import Refused, Why
 
 ENVELOPE = {"seen_tick": 1}

@@ -5,7 +5,7 @@ import zenoh
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.network.sessions import client_config
 from telerobot.protocols import topics as t
-from telerobot.server.link import ZenohLink
+from telerobot.server.operators.link import ZenohLink
 
 TRIES = 100_000
 

@@ -7,7 +7,7 @@ import msgpack
 import numpy as np
 import pytest
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages import VERSION, JointJog, JoystickTwist, PositionTarget
+from telerobot.protocols.messages.messages import VERSION, JointJog, JoystickTwist, PositionTarget
 
 from .conftest import REST, STICK
 

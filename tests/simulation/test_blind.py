@@ -4,8 +4,8 @@ import sys
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 
@@ -15,7 +15,7 @@ def no_opencv(monkeypatch):
     """Take OpenCV away, and everything that has been made with it."""
     for name in [n for n in sys.modules if n.startswith("telerobot.drivers.vision.")]:
         monkeypatch.delitem(sys.modules, name)
-    for name in ("telerobot.drivers.rig.camera", "telerobot.tools.pictures"):
+    for name in ("telerobot.drivers.rig.physics.camera", "telerobot.tools.simulation.pictures"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     monkeypatch.setitem(sys.modules, "cv2", None)
 

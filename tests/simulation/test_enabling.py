@@ -5,9 +5,9 @@ import random
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.server.mode import Mode
-from telerobot.tools.campaign.asking import APART, REQUESTS, STARTS, Asking, Pair
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.campaign.requests import APART, REQUESTS, STARTS, Asking, Pair
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 ON = "operation_enabled"
 

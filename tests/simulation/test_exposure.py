@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 from telerobot.server.telemetry import describe
-from telerobot.tools.address import moved
 from telerobot.tools.cli import main
+from telerobot.tools.host.address import moved
 
 EVERYWHERE = "tcp/0.0.0.0:7447"
 

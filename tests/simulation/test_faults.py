@@ -7,9 +7,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.protocols import can301, cia402
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.protocols.canopen import can301, cia402
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import REST, STICK
 

@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 from telerobot.config.load import HERE, Cell, load_cell
-from telerobot.server.control.frames import rotation_log, rotation_rpy
-from telerobot.server.hand import delays
+from telerobot.server.control.spatial import rotation_log, rotation_rpy
+from telerobot.server.stability.following import delays
 from telerobot.tools.campaign.torques import play
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

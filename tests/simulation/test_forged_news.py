@@ -8,12 +8,12 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.moving import FrameNews
-from telerobot.protocols.obstacles import ObstacleNews
-from telerobot.protocols.sightings import Sighting
+from telerobot.protocols.messages.moving import FrameNews
+from telerobot.protocols.messages.obstacles import ObstacleNews
+from telerobot.protocols.messages.sightings import Sighting
 from telerobot.tools.checks.sensors import sensors
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.frames import Pose, pose_error, rotation_log
-from telerobot.tools.script import Script, load_script
-from telerobot.tools.simulation import Simulation
+from telerobot.server.control.spatial import Pose, pose_error, rotation_log
+from telerobot.tools.scripts.script import Script, load_script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

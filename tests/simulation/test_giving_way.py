@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.tools.campaign import letting_go
+from telerobot.tools.campaign.contact import letting_go
 
 STIFF = {
     "forearm csp": (0, 2e5, "csp", True),

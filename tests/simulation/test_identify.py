@@ -5,22 +5,22 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.mechanism import Payload
-from telerobot.config.section import Pose
-from telerobot.server.control import frames
-from telerobot.server.control.mechanism import Mechanism
+from telerobot.config.schema.mechanism import Payload
+from telerobot.config.schema.section import Pose
+from telerobot.server.control import spatial
+from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.tools.identify.attitudes import attitudes
 from telerobot.tools.identify.guide import Guide
 from telerobot.tools.identify.run import identify_simulated, judge
-from telerobot.tools.player import Phase
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.scripts.player import Phase
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 HAND = 0.98, np.array([0.0, 0.0, 0.051])
 """Body 8 of the PA-10's URDF, at the flange."""
 MOUNTING = np.deg2rad([1.9, -1.6, 1.7])
 """3 degrees in all."""
-TRUE = frames.rotation_rpy(*MOUNTING)
+TRUE = spatial.rotation_rpy(*MOUNTING)
 ADDED = 1.02, np.array([0.07, -0.05, 0.10])
 MASS = HAND[0] + ADDED[0]
 COM = (HAND[0] * TRUE.T @ HAND[1] + ADDED[0] * ADDED[1]) / MASS
@@ -66,13 +66,13 @@ def told(cell, found, **sections):
 def residuals(simulation):
     """Return norms of force (k,) and moment (k,) at the sensor, in free motion."""
     mechanism = simulation.cell.config.mechanism
-    T_wrist_mrf = frames.Pose.from_xyz_rpy(mechanism.T_wrist_mrf.xyz, mechanism.T_wrist_mrf.rpy)
+    T_wrist_mrf = spatial.Pose.from_xyz_rpy(mechanism.T_wrist_mrf.xyz, mechanism.T_wrist_mrf.rpy)
     sensor = mechanism.force_torque.T_wrist_sensor
-    T_sensor_mrf = frames.Pose.from_xyz_rpy(sensor.xyz, sensor.rpy).inverse() @ T_wrist_mrf
+    T_sensor_mrf = spatial.Pose.from_xyz_rpy(sensor.xyz, sensor.rpy).inverse() @ T_wrist_mrf
     start = simulation.player.start_s + 0.1
     wrenches = np.array(
         [
-            frames.wrench_to(T_sensor_mrf, np.array(s.wrench_mrf))
+            spatial.wrench_to(T_sensor_mrf, np.array(s.wrench_mrf))
             for s in simulation.states
             if s.mode == "enabled" and s.time_s > start
         ]
@@ -84,7 +84,7 @@ def through_all_attitudes(cell):
     """Targets with gravity from every side that the wrist can turn to, and travel between them."""
     mechanism = Mechanism.from_cell(cell)
     tool = cell.config.mechanism.T_wrist_mrf
-    T_wrist_mrf = frames.Pose.from_xyz_rpy(tool.xyz, tool.rpy)
+    T_wrist_mrf = spatial.Pose.from_xyz_rpy(tool.xyz, tool.rpy)
     steps = []
     for i, stop in enumerate(attitudes(cell, "ready", 8, 0.15)):
         x, y, z, *rpy = (mechanism.pose_wrist(stop.q) @ T_wrist_mrf).to_xyz_rpy()
@@ -99,9 +99,9 @@ def askew(cell, mass, degrees, bias=BIAS):
     own = cell.config.rig.payload_mass or 0.0
     hand = 0.0 if own else HAND[0]
     axis = np.array([1.0, -1.0, 0.5]) / 1.5
-    nominal = frames.rotation_rpy(*cell.config.mechanism.force_torque.T_wrist_sensor.rpy)
-    R = nominal @ frames.rotation_exp(np.deg2rad(degrees) * axis)
-    rpy = frames.Pose(R, np.zeros(3)).to_xyz_rpy()[3:]
+    nominal = spatial.rotation_rpy(*cell.config.mechanism.force_torque.T_wrist_sensor.rpy)
+    R = nominal @ spatial.rotation_exp(np.deg2rad(degrees) * axis)
+    rpy = spatial.Pose(R, np.zeros(3)).to_xyz_rpy()[3:]
     com = np.array([0.03, -0.02, 0.12])
     spoilt = changed(
         cell,
@@ -121,7 +121,7 @@ def test_whatever_the_arm_is_rated_for_is_identified_on_a_sensor_that_is_askew(n
     found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 8, 0.15)))
     assert found.mass == pytest.approx(mass, rel=0.01)
     assert np.linalg.norm(com - found.com) < 0.005
-    off = np.linalg.norm(frames.rotation_log(R.T @ found.R_wrist_sensor))
+    off = np.linalg.norm(spatial.rotation_log(R.T @ found.R_wrist_sensor))
     assert np.rad2deg(off) < 0.5
 
 
@@ -151,7 +151,7 @@ def test_a_push_stops_an_identification(pa10, target, vector):
 def test_a_tool_on_a_bad_sensor_is_identified_and_then_weighs_nothing(pa10):
     cell = unknown_tool(pa10)
     found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 24, 0.15)))
-    off = np.rad2deg(np.linalg.norm(frames.rotation_log(TRUE.T @ found.R_wrist_sensor)))
+    off = np.rad2deg(np.linalg.norm(spatial.rotation_log(TRUE.T @ found.R_wrist_sensor)))
     assert found.mass == pytest.approx(MASS, rel=0.01)
     assert np.linalg.norm(COM - found.com) < 0.005
     assert off < 0.5

@@ -3,9 +3,9 @@
 import msgpack
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.server.memory_link import MemoryLink
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.server.operators.memory_link import MemoryLink
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import STICK
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 CASES = {"csp": "pa10", "csv": "pa10", "cst": "pa10_hand_torque"}
 W1, S1 = 5, 0

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.mechanism import Gripper, Payload
-from telerobot.config.rig import RigGripper
-from telerobot.server.control.gains import GAIN_TIME_S
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.config.schema.mechanism import Gripper, Payload
+from telerobot.config.schema.rig.rig import RigGripper
+from telerobot.server.control.task.gains import GAIN_TIME_S
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 HAND = Payload(mass=0.98, com=(0.0, 0.0, 0.051))
 

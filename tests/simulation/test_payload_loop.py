@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.server.payload_loop import following_source, heaviest
+from telerobot.server.stability.payload_loop import following_source, heaviest
 from telerobot.tools.campaign.payloads import STANDS, laden, pushed, speed_at_the_end
-from telerobot.tools.check import judge
-from telerobot.tools.findings import Status
-from telerobot.tools.script import Step
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.checks.findings import Status
+from telerobot.tools.commands.check import judge
+from telerobot.tools.scripts.script import Step
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

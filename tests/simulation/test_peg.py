@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.insertion import (
+from telerobot.tools.campaign.contact.insertion import (
     DIRECTIONS,
     GENTLE,
     OFFSET,
@@ -13,9 +13,9 @@ from telerobot.tools.campaign.insertion import (
     attempt,
     misplaced,
 )
-from telerobot.tools.campaign.poses import matrix, rotation_vector
-from telerobot.tools.script import load_script
-from telerobot.tools.simulation import simulate
+from telerobot.tools.oracle.poses import matrix, rotation_vector
+from telerobot.tools.scripts.script import load_script
+from telerobot.tools.simulation.simulation import simulate
 
 
 @pytest.mark.parametrize(("direction", "part"), [(4, 1), (20, 1), (20, 2)])

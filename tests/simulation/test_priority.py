@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 from telerobot.config.load import HERE, load_cell
-from telerobot.tools.script import Script, load_script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.scripts.script import Script, load_script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

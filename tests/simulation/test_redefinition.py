@@ -10,9 +10,9 @@ from functools import cache
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.frames import Pose, pose_error, sizes
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.server.control.spatial import Pose, pose_error, sizes
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

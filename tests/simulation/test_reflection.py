@@ -6,9 +6,9 @@ A sample of `telerobot campaign --only reflection`, with a seed of its own.
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.reflect.trial import trial
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.campaign.contact.reflection_trial import trial
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 SEED = 7
 

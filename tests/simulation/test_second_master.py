@@ -4,10 +4,10 @@ import struct
 
 import pytest
 from telerobot.drivers.bus import CanMessage, InProcessBus
-from telerobot.protocols.can301 import NMT_ID, SYNC_ID, NmtCommand, sdo_request_id
-from telerobot.protocols.cia402 import Control, Object, OperationMode
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.protocols.canopen.can301 import NMT_ID, SYNC_ID, NmtCommand, sdo_request_id
+from telerobot.protocols.canopen.cia402 import Control, Object, OperationMode
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import STICK
 

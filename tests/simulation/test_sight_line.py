@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.avoidance.links import Links
-from telerobot.tools.script import load_script
-from telerobot.tools.simulation import Simulation
+from telerobot.server.control.proximity.capsules import Links
+from telerobot.tools.scripts.script import load_script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

@@ -1,10 +1,10 @@
 """A push that the force/torque sensor does not see stops the arm; ordinary motion does not."""
 
 import pytest
-from telerobot.tools.campaign import sliding, touch
-from telerobot.tools.campaign.sliding import Slide
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.campaign.contact import sliding, touch
+from telerobot.tools.campaign.contact.sliding import Slide
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

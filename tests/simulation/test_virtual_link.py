@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.script import load_script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.scripts.script import load_script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.moving import Frames, MovingFrame
-from telerobot.tools.script import load_script
-from telerobot.tools.simulation import Simulation
+from telerobot.config.schema.moving import Frames, MovingFrame
+from telerobot.tools.scripts.script import load_script
+from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 

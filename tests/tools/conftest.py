@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 
 import pytest
-from telerobot.protocols import messages as m
-from telerobot.protocols import requests
 from telerobot.protocols import topics as t
 from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode, encode
+from telerobot.protocols.messages import messages as m
+from telerobot.protocols.messages import requests
 from telerobot.protocols.proof import Proof
 
 CELL = "cell"

@@ -6,14 +6,14 @@ import math
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.arm import Arm
-from telerobot.tools.campaign.feasible import Judge
-from telerobot.tools.campaign.generator import generate
+from telerobot.tools.campaign.hostile.generator import generate
+from telerobot.tools.campaign.hostile.report import Report
+from telerobot.tools.campaign.hostile.verdict import verdict
 from telerobot.tools.campaign.parts import PARTS
-from telerobot.tools.campaign.poses import difference, rotation, rotation_vector
-from telerobot.tools.campaign.report import Report
-from telerobot.tools.campaign.verdict import verdict
 from telerobot.tools.cli import main
+from telerobot.tools.oracle.arm import Arm
+from telerobot.tools.oracle.feasible import Judge
+from telerobot.tools.oracle.poses import difference, rotation, rotation_vector
 
 SAMPLE = [("pa10", 0), ("ur5e", 0), ("pa10", 1), ("ur5e", 1), ("pa10_vision", 1), ("ur5e", 2)]
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.equipment import EMPTY, LOADED, with_gripper
-from telerobot.tools.campaign.generator import generate
-from telerobot.tools.campaign.sights import ComputedSights
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.campaign.hostile.equipment import EMPTY, LOADED, with_gripper
+from telerobot.tools.campaign.hostile.generator import generate
+from telerobot.tools.campaign.hostile.sights import ComputedSights
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 WATCH = [
     {"at_s": 0.1, "posture": "ready"},

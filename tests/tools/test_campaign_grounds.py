@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.generator import MOVING, generate
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.campaign.hostile.generator import MOVING, generate
+from telerobot.tools.simulation.simulation import Simulation
 
 SEEDS = range(40)
 

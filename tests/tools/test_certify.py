@@ -9,11 +9,11 @@ from telerobot.config.load import ConfigError, load_cell
 from telerobot.drivers.network.certificates import certificate, known, read
 from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.topics import Role
-from telerobot.server.exposure import doubts
-from telerobot.tools.address import moved
-from telerobot.tools.check import judge
+from telerobot.server.operators.exposure import doubts
+from telerobot.tools.checks.findings import Status
 from telerobot.tools.cli import main
-from telerobot.tools.findings import Status
+from telerobot.tools.commands.check import judge
+from telerobot.tools.host.address import moved
 
 ARM = """
 extends = "pa10"

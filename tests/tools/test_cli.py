@@ -8,8 +8,9 @@ import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import shipped
 from telerobot.drivers.device import DeviceError
-from telerobot.tools import check, cli
+from telerobot.tools import cli
 from telerobot.tools.cli import COMMANDS, main
+from telerobot.tools.commands import check
 
 
 def leave(argv):

@@ -1,7 +1,7 @@
 import pytest
-from telerobot.protocols.messages import Frame
-from telerobot.tools.keyboard import FIRST_S, REPEAT_S, Decoder, HeldKeys
-from telerobot.tools.stick import AXES, SPEEDS, Stick, opposites
+from telerobot.protocols.messages.messages import Frame
+from telerobot.tools.operator.terminal.keyboard import FIRST_S, REPEAT_S, Decoder, HeldKeys
+from telerobot.tools.operator.terminal.stick import AXES, SPEEDS, Stick, opposites
 
 
 class Typist:

@@ -3,10 +3,10 @@
 import pytest
 from telerobot.protocols import codec as protocol_codec
 from telerobot.protocols.topics import TOPICS
-from telerobot.server.control.avoidance.guard import Guard
+from telerobot.server.control.barriers.collision import Guard
 from telerobot.tools.campaign.fuzz import bus, codec, files, network, wire
+from telerobot.tools.campaign.fuzz.inputs.values import Values
 from telerobot.tools.campaign.fuzz.outcome import Endurance, Outcome
-from telerobot.tools.campaign.fuzz.values import Values
 from telerobot.tools.campaign.part import Selection
 from telerobot.tools.campaign.parts import PARTS
 

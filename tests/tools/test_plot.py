@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.tools.cli import main
-from telerobot.tools.plot.panels import PANELS
-from telerobot.tools.plot.recording import load_recording
-from telerobot.tools.record import RecordError, read_about
-from telerobot.tools.script import Script
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.recording.plot.panels import PANELS
+from telerobot.tools.recording.plot.reader import load_recording
+from telerobot.tools.recording.recorder import RecordError, read_about
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 PNG = b"\x89PNG"
 STICK = {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.0], "expressed_in": "base"}

@@ -1,6 +1,6 @@
 import io
 
-from telerobot.tools.rig import Refusals
+from telerobot.tools.commands.rig import Refusals
 
 
 def test_a_flood_of_refused_faults_is_a_line_a_second() -> None:

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.crowd import KINDS, PROMISE, crowd
-from telerobot.tools.campaign.crowd_runs import Findings, play
-from telerobot.tools.campaign.movers import Chase
-from telerobot.tools.simulation import Simulation
+from telerobot.tools.campaign.scenes.clutter import KINDS, PROMISE, crowd
+from telerobot.tools.campaign.scenes.movers import Chase
+from telerobot.tools.campaign.scenes.runs import Findings, play
+from telerobot.tools.simulation.simulation import Simulation
 
 
 @pytest.fixture(scope="module")

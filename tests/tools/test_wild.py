@@ -2,8 +2,8 @@
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.wild import equipped, wild
-from telerobot.tools.campaign.wild_runs import CELLS, play_in
+from telerobot.tools.campaign.hostile.wild import equipped, wild
+from telerobot.tools.campaign.hostile.wild_runs import CELLS, play_in
 
 
 def test_equal_seeds_are_equally_wild():

@@ -10,7 +10,7 @@ import itertools
 import sys
 import time
 
-from ..machine import realtime
+from ..host.machine import realtime
 
 _CLOCK_MONOTONIC = 1
 _TIMER_ABSTIME = 1

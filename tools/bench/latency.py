@@ -15,8 +15,8 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols import topics as t
-from ...protocols.can301 import rpdo1_id
-from ...protocols.messages import Frame, SourceName
+from ...protocols.canopen.can301 import rpdo1_id
+from ...protocols.messages.messages import Frame, SourceName
 from .figures import Figures, percentiles
 from .plant import Driven, driven, without_self_motion
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ...config.load import Cell
-from ...config.obstacles import Avoidance, Obstacle, Workspace
+from ...config.schema.obstacles import Avoidance, Obstacle, Workspace
 from ...config.urdf import read_robot
-from ...server.control.frames import Array
+from ...server.control.spatial import Array
 from .peers.geometry import Geometry
 from .peers.scenes import Thing
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ...config.load import Cell, load_cell
 from ...drivers.bus import CanMessage, open_bus
-from ..local import LocalPlant
-from ..operator import Operator, OperatorError
+from ..host.local_plant import LocalPlant
+from ..operator.client.operator import Operator, OperatorError
 
 START_S = 30.0
 """Rig and daemon are up within [s]."""

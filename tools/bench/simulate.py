@@ -3,7 +3,7 @@
 import time
 
 from ...config.load import Cell
-from ..simulation import simulate
+from ..simulation.simulation import simulate
 from .figures import Figures
 
 TARGET = 5.0

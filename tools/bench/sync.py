@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ...config.load import Cell
-from ...protocols.can301 import SYNC_ID
+from ...protocols.canopen.can301 import SYNC_ID
 from .figures import PERCENTILES, Figures, percentiles
 from .plant import Driven, driven
 

@@ -14,18 +14,18 @@ import numpy as np
 
 from ...config.load import Cell
 from ...server.control.evolve import evolve
-from ...server.control.frames import Array, Pose
-from ...server.control.mechanism import Mechanism
+from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.mechanism.null_space.redundancy import Pulls
 from ...server.control.parameters import Parameters
-from ...server.control.redundancy import Pulls
-from ...server.control.sources.position import PathGoal
-from ...server.control.sources.vision import ViewGoal
+from ...server.control.spatial import Array, Pose
 from ...server.control.state import Inputs, Intent, Settings, StickCommand
+from ...server.control.task.sources.position import PathGoal
+from ...server.control.task.sources.vision import ViewGoal
 from ...server.control.tick import Control
 from ...server.daemon import guard_of
-from ...server.events import Events
-from ...server.world import World
-from ..machine import realtime
+from ...server.perception.obstacle_map import World
+from ...server.runtime.events import Events
+from ..host.machine import realtime
 from .figures import Figures, percentiles
 
 TARGET_US = 500.0

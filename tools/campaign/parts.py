@@ -1,18 +1,18 @@
 """The campaign's table of parts, in the order in which they are run."""
 
-from .asking import ASKING
-from .crossings import CROSSINGS
-from .crowd_runs import SCENES
+from .contact.peg_runs import PEG
+from .contact.reflection import REFLECTION
+from .contact.touch import TOUCH
 from .fuzz.runs import FUZZ
-from .hostile_runs import HOSTILE
+from .hostile.runs import HOSTILE
+from .hostile.wild_runs import WILD
+from .kernels.crossings import CROSSINGS
+from .kernels.wedges import WEDGES
 from .part import Part
 from .payloads import PAYLOADS
-from .peg_runs import PEG
-from .reflection import REFLECTION
+from .requests import ASKING
+from .scenes.runs import SCENES
 from .torques import TORQUES
-from .touch import TOUCH
-from .wedges import WEDGES
-from .wild_runs import WILD
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,

@@ -13,11 +13,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.mechanism import Payload
-from ..checks.following import following
-from ..findings import Status
-from ..script import Script
-from ..simulation import Simulation
+from ...config.schema.mechanism import Payload
+from ..checks.findings import Status
+from ..checks.loops.following import following
+from ..scripts.script import Script
+from ..simulation.simulation import Simulation
 from .part import Part, Selection
 
 CELL = "pa10_hand"

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..script import Step
+from ..scripts.script import Step
 
 Draw = np.random.Generator
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from ...config.load import load_cell
-from ..script import Script
-from ..simulation import Simulation
+from ..oracle.poses import Array
+from ..scripts.script import Script
+from ..simulation.simulation import Simulation
 from .part import Part, Selection
-from .poses import Array
 from .steps import Draw
 
 CELL = "pa10_hand_torque"

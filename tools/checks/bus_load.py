@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ..findings import Finding, graded
+from .findings import Finding, graded
 
 LIMIT = 0.80
 """Above this load a classic CAN bus has no room left for SDO, EMCY and repetitions [1]."""

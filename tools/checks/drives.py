@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...config.mechanism import Drive
+from ...config.schema.mechanism import Drive
 from ...config.urdf import UrdfJoint
-from ..findings import Finding, Status, graded
+from .findings import Finding, Status, graded
 
 QUANTISATION_NOTICE = 0.25
 """Part of the jerk bound that the encoder's steps may look like before it is worth a word [1]."""

@@ -6,8 +6,8 @@ from ...config.load import Cell
 from ...drivers.servo import SWITCH_OFF_S
 from ...drivers.servo_setup import SAG
 from ...drivers.setpoint import Setpoint
-from ...protocols.cia402 import OperationMode
-from ..findings import Finding, Status
+from ...protocols.canopen.cia402 import OperationMode
+from .findings import Finding, Status
 
 
 def enabling(cell: Cell) -> Iterator[Finding]:

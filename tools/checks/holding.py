@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.mechanism import Payload
-from ...server.control.dynamics import Dynamics
-from ...server.control.frames import Pose
-from ...server.control.mechanism import Mechanism
-from ..findings import Finding, graded
+from ...config.schema.mechanism import Payload
+from ...server.control.mechanism.dynamics import Dynamics
+from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.spatial import Pose
+from .findings import Finding, graded
 
 ROOM = 0.5
 """Part of a motor's torque that holding still may take before it is worth a word [1]."""

@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ...config.load import Cell, ConfigError
-from ...config.security import refuse_exposure
+from ...config.schema.security import refuse_exposure
 from ...drivers.network.certificates import known
-from ..findings import Finding, Status
+from .findings import Finding, Status
 
 
 def network(cell: Cell) -> Iterator[Finding]:

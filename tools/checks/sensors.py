@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.moving import MovingFrame
-from ...server.control.mechanism import Mechanism
-from ..findings import Finding, Status, Value
+from ...config.schema.moving import MovingFrame
+from ...server.control.mechanism.kinematics import Mechanism
+from .findings import Finding, Status, Value
 
 GRAVITY = 9.81
 """[m/s²]."""

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from ...config.load import Cell
 from ...protocols.topics import JOYSTICK, KEEPALIVE
-from ..findings import Finding, Status
+from .findings import Finding, Status
 
 FRESH = 2.0
 """A timeout spans at least this many of the periods that it watches."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from ...config.errors import ConfigError
 from ...config.load import Cell
-from ...server.control.frames import Array, Pose
-from ...server.control.mechanism import Mechanism
+from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.spatial import Array, Pose
 
 WRIST_JOINTS = 3
 """So many of the last joints turn [1]."""

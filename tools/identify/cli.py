@@ -5,8 +5,8 @@ import json
 import sys
 
 from ...config.load import Cell
-from ..address import add_cell_arguments, cell_from
-from ..operator import Operator, OperatorError
+from ..host.address import add_cell_arguments, cell_from
+from ..operator.client.operator import Operator, OperatorError
 from .attitudes import Stop, attitudes
 from .estimate import NotIdentified
 from .guide import Sample

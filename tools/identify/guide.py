@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...protocols import messages as m
-from ...protocols import requests
 from ...protocols import topics as t
-from ...server.control.frames import Array
-from ..pilot import Pilot, PilotError
+from ...protocols.messages import messages as m
+from ...protocols.messages import requests
+from ...server.control.spatial import Array
+from ..operator.client.protocol_client import Pilot, PilotError
 from .attitudes import Stop
 
 SETTLE_S = 0.4

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from ...config.load import Cell
-from ...server.control.frames import Pose
-from ...server.control.mechanism import Mechanism
-from ..operator import Operator
-from ..player import Phase
-from ..script import Script
-from ..simulation import Simulation
+from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.spatial import Pose
+from ..operator.client.operator import Operator
+from ..scripts.player import Phase
+from ..scripts.script import Script
+from ..simulation.simulation import Simulation
 from .attitudes import Stop
 from .estimate import Estimate, NotIdentified, estimate
 from .guide import ARRIVE_S, Guide, Sample

@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...config.reflection import Reflection as Config
-from ...protocols import messages as m
-from ...protocols.reflection import Reflection
-from ...server.control.passivity import Port, damping
-from ..round_trip import RoundTrip
+from ...config.schema.reflection import Reflection as Config
+from ...protocols.messages import messages as m
+from ...protocols.messages.reflection import Reflection
+from ...server.reflection.passivity import Port, damping
+from ..operator.client.round_trip import RoundTrip
 from .device import STEP_S, Device
 from .small_gain import HeldStick
 

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ...config.reflection import Hand, Handle
+from ...config.schema.reflection import Hand, Handle
 from .linkage import Array, jacobian, place
 
 STEP_S = 0.001

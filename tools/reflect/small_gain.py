@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-from ...config.reflection import Hand, Handle
+from ...config.schema.reflection import Hand, Handle
 
 WELL_DAMPED = 0.7
 """Damping ratio from which a held stick counts as without resonance [1]."""

@@ -8,10 +8,10 @@ import pytest
 from telerobot.config.load import Cell, load_cell
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig
-from telerobot.protocols import can301, cia402
-from telerobot.protocols.can301 import CommunicationObject as Com
-from telerobot.protocols.can301 import EmcyCode, NmtCommand, NmtState
-from telerobot.protocols.cia402 import Control, DriveState, Object, OperationMode
+from telerobot.protocols.canopen import can301, cia402
+from telerobot.protocols.canopen.can301 import CommunicationObject as Com
+from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
+from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
 
 PERIOD_S = 0.01
 PACK = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.protocols.cia402 import Control, DriveState, Object, OperationMode, Status
+from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, OperationMode, Status
 
 from .conftest import PERIOD_S, Master
 

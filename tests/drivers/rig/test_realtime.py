@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.drivers.rig.realtime import Pace, run_realtime
-from telerobot.protocols import can301, cia402
-from telerobot.protocols.can301 import NmtState
-from telerobot.protocols.cia402 import OperationMode
-from telerobot.protocols.rig import RigFault, RigTruth
+from telerobot.protocols.canopen import can301, cia402
+from telerobot.protocols.canopen.can301 import NmtState
+from telerobot.protocols.canopen.cia402 import OperationMode
+from telerobot.protocols.messages.rig import RigFault, RigTruth
 
 from .conftest import PACK, Master
 

@@ -8,10 +8,10 @@ import pytest
 from telerobot.config.load import Cell
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig, RigError
-from telerobot.protocols import can301
-from telerobot.protocols.can301 import EmcyCode
-from telerobot.protocols.cia402 import DriveState
-from telerobot.protocols.rig import RigFault
+from telerobot.protocols.canopen import can301
+from telerobot.protocols.canopen.can301 import EmcyCode
+from telerobot.protocols.canopen.cia402 import DriveState
+from telerobot.protocols.messages.rig import RigFault
 
 from .conftest import PERIOD_S, Master
 

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from telerobot.config.load import load_cell
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig
-from telerobot.protocols import can301
-from telerobot.protocols.moving import RigMotion
-from telerobot.protocols.rig import RigFault
+from telerobot.protocols.canopen import can301
+from telerobot.protocols.messages.moving import RigMotion
+from telerobot.protocols.messages.rig import RigFault
 
 KINDS = (
     "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",

@@ -8,7 +8,7 @@ import zenoh
 from telerobot.drivers.network.sessions import router_config
 from telerobot.drivers.rig.session import RigSession
 from telerobot.protocols import codec, topics
-from telerobot.protocols.rig import RigFault, RigTruth
+from telerobot.protocols.messages.rig import RigFault, RigTruth
 
 TRIES = 100_000
 TRUTH = RigTruth(

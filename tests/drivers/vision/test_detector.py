@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.frames import Pose, rotation_log, rotation_rpy
+from telerobot.server.control.spatial import Pose, rotation_log, rotation_rpy
 
 T_WORLD_LENS = Pose(
     np.column_stack(([0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0])),
@@ -15,8 +15,8 @@ T_WORLD_LENS = Pose(
 @pytest.fixture(scope="module")
 def bench(rendering):
     """A camera that stands before the tag of the shipped cell, and the way from pose to picture."""
-    from telerobot.config.section import Pose as Place
-    from telerobot.drivers.rig.camera import RigCameras
+    from telerobot.config.schema.section import Pose as Place
+    from telerobot.drivers.rig.physics.camera import RigCameras
     from telerobot.drivers.vision.detector import Detector
 
     cell = load_cell("pa10_vision")

@@ -1,8 +1,8 @@
 """Chains that never reach all six axes: planar ones, and one of five joints."""
 
 import numpy as np
-from telerobot.server.control.frames import Pose
-from telerobot.server.control.mechanism import Mechanism
+from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.spatial import Pose
 
 _LINK = (
     '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" '

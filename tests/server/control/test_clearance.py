@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.obstacles import AllowedContact, Avoidance, Obstacle, Workspace
-from telerobot.server.control.avoidance.guard import Guard
-from telerobot.server.control.frames import Pose
+from telerobot.config.schema.obstacles import AllowedContact, Avoidance, Obstacle, Workspace
+from telerobot.server.control.barriers.collision import Guard
+from telerobot.server.control.frame_tree import Body, Moved
 from telerobot.server.control.scene import Scene
+from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import StickCommand
 from telerobot.server.control.tick import Control
-from telerobot.server.control.tree import Body, Moved
-from telerobot.server.events import Events
-from telerobot.server.world import World
+from telerobot.server.perception.obstacle_map import World
+from telerobot.server.runtime.events import Events
 
 from ..conftest import Arm, Run
 

@@ -7,13 +7,13 @@ from functools import cache
 
 import numpy as np
 from telerobot.config.load import load_cell
-from telerobot.server.control.frames import Pose
-from telerobot.server.control.mechanism import Mechanism
+from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.parameters import Parameters
+from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Settings
 from telerobot.server.control.tick import Control
-from telerobot.server.events import Events
-from telerobot.server.world import World
+from telerobot.server.perception.obstacle_map import World
+from telerobot.server.runtime.events import Events
 
 from ..conftest import SOURCES, Arm, Run
 

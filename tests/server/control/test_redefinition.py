@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.frames import Pose, pose_error, rotation_rpy, sizes
-from telerobot.server.control.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
-from telerobot.server.control.sources.vision import ViewGoal
-from telerobot.server.control.tree import Body, Moved
+from telerobot.server.control.frame_tree import Body, Moved
+from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
+from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
+from telerobot.server.control.task.sources.vision import ViewGoal
 
 ONCE, OFTEN = [60], list(range(60, 140, 3))
 TICKS = 180

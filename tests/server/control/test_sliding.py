@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.obstacles import Obstacle
-from telerobot.server.control.frames import Pose, rotation_log
-from telerobot.server.control.sources.position import PathGoal
+from telerobot.config.schema.obstacles import Obstacle
+from telerobot.server.control.spatial import Pose, rotation_log
+from telerobot.server.control.task.sources.position import PathGoal
 
 from .test_clearance import BALL, TABLE, Kept
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.avoidance.guard import Situation
-from telerobot.server.control.frames import Pose
-from telerobot.server.control.trajectory import Motion, VelocityPlanner
+from telerobot.server.control.barriers.collision import Situation
+from telerobot.server.control.spatial import Pose
+from telerobot.server.control.stop.trajectory import Motion, VelocityPlanner
 
 from .test_clearance import EVERYTHING, FAR, Kept
 

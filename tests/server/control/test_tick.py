@@ -3,10 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.server.control.frames import Pose, rotation_rpy
-from telerobot.server.control.sources.position import PathGoal
-from telerobot.server.control.sources.vision import ViewGoal
+from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Inputs, Intent
+from telerobot.server.control.task.sources.position import PathGoal
+from telerobot.server.control.task.sources.vision import ViewGoal
 from telerobot.server.control.tick import Control
 
 FORWARD = (0.1, 0.0, 0.0, 0.0, 0.0, 0.0)

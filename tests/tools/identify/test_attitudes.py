@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.server.control.frames import Pose
-from telerobot.server.control.mechanism import Mechanism
+from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.spatial import Pose
 from telerobot.tools.identify.attitudes import attitudes
 
 ROOM = 0.15

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from telerobot.drivers.rig.cross_talk import response
-from telerobot.server.control.frames import rotation_exp, rotation_log, rotation_rpy
+from telerobot.drivers.rig.nodes.cross_talk import response
+from telerobot.server.control.spatial import rotation_exp, rotation_log, rotation_rpy
 from telerobot.tools.identify.estimate import NotIdentified, estimate
 
 BIAS = np.array([1.0, -2.0, 3.0, 0.1, -0.2, 0.3])

@@ -2,14 +2,14 @@ import json
 
 import numpy as np
 import pytest
-from telerobot.protocols import messages as m
-from telerobot.protocols import requests
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
+from telerobot.protocols.messages import messages as m
+from telerobot.protocols.messages import requests
 from telerobot.tools.cli import main
 from telerobot.tools.identify.attitudes import Stop
 from telerobot.tools.identify.guide import Guide
-from telerobot.tools.pilot import Pilot
+from telerobot.tools.operator.client.protocol_client import Pilot
 
 
 class Arm:

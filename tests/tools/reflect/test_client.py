@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from telerobot.config.reflection import Reflection as Config
-from telerobot.protocols.messages import Frame
-from telerobot.protocols.reflection import Reflection
+from telerobot.config.schema.reflection import Reflection as Config
+from telerobot.protocols.messages.messages import Frame
+from telerobot.protocols.messages.reflection import Reflection
 from telerobot.tools.reflect.client import ReflectingClient
 
 

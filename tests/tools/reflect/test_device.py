@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from telerobot.config.reflection import Hand, Handle
+from telerobot.config.schema.reflection import Hand, Handle
 from telerobot.tools.reflect.device import STEP_S, Device, HandPath
 from telerobot.tools.reflect.linkage import jacobian, place
 

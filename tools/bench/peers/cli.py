@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from ....config.load import Cell, load_cell
 from ..figures import machine
-from .controllers import Controller
+from .controllers.contract import Controller
 from .generator import generate
 from .report import LEGEND, as_json, markdown, text
 from .run import run
@@ -30,19 +30,19 @@ def controller(name: str) -> type[Controller]:
     # Here, because each library but our own is there in the environment of this benchmark only.
     match name:
         case "pink":
-            from .with_pink import Pink
+            from .controllers.with_pink import Pink
 
             return Pink
         case "pink, A":
-            from .with_pink import PinkAccelerating
+            from .controllers.with_pink import PinkAccelerating
 
             return PinkAccelerating
         case "mink":
-            from .with_mink import Mink
+            from .controllers.with_mink import Mink
 
             return Mink
         case _:
-            from .with_telerobot import Telerobot
+            from .controllers.with_telerobot import Telerobot
 
             return Telerobot
 

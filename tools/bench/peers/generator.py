@@ -7,7 +7,7 @@ and their clearances measured on the arm's real shapes.
 import numpy as np
 
 from ....config.load import Cell
-from ....server.control.frames import Array
+from ....server.control.spatial import Array
 from .geometry import Geometry
 from .labels import SELF_CLEARANCE, labelled, room
 from .scenes import Scene, Target, Thing

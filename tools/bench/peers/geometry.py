@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....config.load import Cell
-from ....server.control.frames import Array, Pose
+from ....server.control.spatial import Array, Pose
 from .scenes import Thing
 
 NEIGHBOURS = 2

@@ -10,7 +10,7 @@ whom. So *feasible* is a proof, by example; *not feasible* says that no example 
 import numpy as np
 
 from ....config.load import Cell
-from ....server.control.frames import Array, Pose, pose_error
+from ....server.control.spatial import Array, Pose, pose_error
 from .geometry import Geometry
 from .scenes import Scene, Target
 

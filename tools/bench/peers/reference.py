@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....server.control.frames import Array, Pose, pose_error, rotation_exp
+from ....server.control.spatial import Array, Pose, pose_error, rotation_exp
 
 PEAK = 1.875
 """Greatest rate of the quintic over its mean [1]."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ....config.load import Cell
-from ....server.control.frames import Array, Pose, pose_error
-from .controllers import Controller, NoCommand
+from ....server.control.spatial import Array, Pose, pose_error
+from .controllers.contract import Controller, NoCommand
 from .geometry import Geometry
 from .reference import Reference
 from .scenes import Scene

@@ -7,8 +7,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field, TypeAdapter
 
-from ....config.section import Section, Vector3
-from ....server.control.frames import Array, Pose, rotation_rpy
+from ....config.schema.section import Section, Vector3
+from ....server.control.spatial import Array, Pose, rotation_rpy
 
 
 class Way(NamedTuple):

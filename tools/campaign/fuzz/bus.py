@@ -8,9 +8,9 @@ import random
 
 from ....config.load import load_cell, shipped
 from ....drivers.bus import CanMessage, InProcessBus
-from ....protocols import can301
-from ...script import Script
-from ...simulation import Simulation
+from ....protocols.canopen import can301
+from ...scripts.script import Script
+from ...simulation.simulation import Simulation
 from .blind import Blind
 from .outcome import Outcome
 

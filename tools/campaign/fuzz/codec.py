@@ -4,9 +4,9 @@ import random
 
 from ....protocols.codec import CodecError, decode, encode
 from ....protocols.topics import TOPICS
+from .inputs.payloads import junk, mutated
+from .inputs.values import Values
 from .outcome import Outcome
-from .payloads import junk, mutated
-from .values import Values
 
 INPUTS = 2000
 """Payloads of one job [1]."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from ....config.load import HERE, ConfigError, load_cell, shipped
 from ....drivers.device import DeviceError
-from ...check import judge
-from ...findings import failed
-from ...script import Script
-from ...simulation import Simulation
+from ...checks.findings import failed
+from ...commands.check import judge
+from ...scripts.script import Script
+from ...simulation.simulation import Simulation
 from .blind import Blind
 from .outcome import Outcome
 

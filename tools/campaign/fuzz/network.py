@@ -12,16 +12,16 @@ from typing import Any
 
 from ....config.load import Cell, load_cell, shipped
 from ....protocols import topics as t
-from ....protocols.messages import Message
+from ....protocols.messages.messages import Message
 from ....protocols.topics import Flow
 from ....server.mode import Mode
-from ...pilot import ANYBODY, PilotError
-from ...script import Script
-from ...simulation import Simulation
-from ..sights import ComputedSights
+from ...operator.client.protocol_client import ANYBODY, PilotError
+from ...scripts.script import Script
+from ...simulation.simulation import Simulation
+from ..hostile.sights import ComputedSights
+from .inputs.stranger import KEPT, Stranger
+from .inputs.values import ENVELOPE
 from .outcome import Outcome
-from .stranger import KEPT, Stranger
-from .values import ENVELOPE
 
 SECONDS = 4.0
 """Virtual time of one job, after the enable [s]."""

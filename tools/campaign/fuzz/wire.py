@@ -9,11 +9,11 @@ from pathlib import Path
 
 from ....config.load import load_cell
 from ....protocols.topics import Flow
-from ...local import ChildDied, LocalPlant
-from ...operator import Operator, OperatorError
-from ...session import Session
+from ...host.local_plant import ChildDied, LocalPlant
+from ...operator.client.operator import Operator, OperatorError
+from ...operator.client.session import Session
+from .inputs.stranger import Stranger
 from .outcome import Outcome
-from .stranger import Stranger
 
 EVERY = 10
 """Of the seeds, the first of so many is played on the wire, too: processes take their time [1]."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.obstacles import Avoidance, Obstacle
-from telerobot.server.control.avoidance.clearance import (
+from telerobot.config.schema.obstacles import Avoidance, Obstacle
+from telerobot.server.control.barriers.clearance import (
     BESIDE,
     BETWEEN,
     CREEP,
@@ -12,14 +12,14 @@ from telerobot.server.control.avoidance.clearance import (
     Clearance,
     Shown,
 )
-from telerobot.server.control.avoidance.kept import HORIZON_S, ROUNDEST, wanted
-from telerobot.server.control.avoidance.links import Links
-from telerobot.server.control.avoidance.ways import doubtful, travel
+from telerobot.server.control.barriers.clearance_bounds import HORIZON_S, ROUNDEST, wanted
 from telerobot.server.control.evolve import evolve
-from telerobot.server.control.frames import Pose, rotation_exp
-from telerobot.server.control.tree import Body
-from telerobot.server.events import Events
-from telerobot.server.world import World
+from telerobot.server.control.frame_tree import Body
+from telerobot.server.control.proximity.capsules import Links
+from telerobot.server.control.proximity.link_travel import doubtful, travel
+from telerobot.server.control.spatial import Pose, rotation_exp
+from telerobot.server.perception.obstacle_map import World
+from telerobot.server.runtime.events import Events
 
 THINGS = (
     Obstacle(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1)),

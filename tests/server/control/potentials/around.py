@@ -2,7 +2,7 @@
 
 import numpy as np
 from telerobot.server.control.evolve import evolve
-from telerobot.server.control.potentials.push import push
+from telerobot.server.control.mechanism.null_space.potentials.forces import push
 from telerobot.server.control.scene import Boxes, Rounds, empty
 
 

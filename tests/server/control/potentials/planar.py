@@ -1,9 +1,13 @@
 """The planar arm of the paper's example: three links of a metre, and one charge (section IV)."""
 
 import numpy as np
-from telerobot.server.control.potentials.potential import Potential, Strengths, Value
-from telerobot.server.control.potentials.search import Place
-from telerobot.server.control.potentials.shape import shape
+from telerobot.server.control.mechanism.null_space.potentials.geometry import shape
+from telerobot.server.control.mechanism.null_space.potentials.potential import (
+    Potential,
+    Strengths,
+    Value,
+)
+from telerobot.server.control.mechanism.null_space.potentials.search import Place
 
 from .around import points
 

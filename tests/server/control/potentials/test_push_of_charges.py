@@ -4,7 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from telerobot.server.control.potentials.push import by_charge, direction, push
+from telerobot.server.control.mechanism.null_space.potentials.forces import (
+    by_charge,
+    direction,
+    push,
+)
 
 from .around import acting, points
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.frames import Pose, pose_error, rotation_exp, rotation_log
-from telerobot.server.control.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
-from telerobot.server.control.sources.position import Position, PositionState
+from telerobot.server.control.spatial import Pose, pose_error, rotation_exp, rotation_log
+from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
+from telerobot.server.control.task.sources.position import Position, PositionState
 
 T = 0.01
 V, W = 0.2, 0.6

@@ -1,0 +1,1 @@
+"""What must agree between sections of a cell."""

@@ -1,0 +1,182 @@
+"""What must agree between a cell's sections, and between the cell and its robot."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from ..errors import ConfigError, nearest
+from ..schema.cell import CellConfig
+from ..schema.mechanism import Drive, Mechanism
+from ..urdf import Robot, UrdfJoint
+from .cameras import camera_disagreements
+from .modes import mode_disagreements
+from .obstacles import obstacle_disagreements
+from .priority import priority_disagreements
+
+REQUIRED_POSTURES: Final = ("start", "ready")
+INT32_MAX: Final = 2**31 - 1
+MASTER_NODE: Final = 127
+"""The daemon's own node id, which its heartbeat uses."""
+CANOPEN_BASES: Final = (0x080, 0x180, 0x200, 0x580, 0x600, 0x700)
+"""Of every node: EMCY, TPDO1, RPDO1, SDO answer, SDO request, heartbeat (CiA 301, 7.3.5)."""
+
+
+def check_agreement(path: Path, config: CellConfig, robot: Robot) -> None:
+    """Raise `ConfigError`, of the first disagreement found, naming the file and the key."""
+    first = next(_disagreements(config, robot), None)
+    if first is not None:
+        raise ConfigError(f"{path}: {first}")
+
+
+def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
+    yield from _pairing(config.mechanism.drives, robot)
+    drives = {d.joint: (i, d) for i, d in enumerate(config.mechanism.drives)}
+    for joint in robot.joints:
+        yield from _drive(
+            f"mechanism.drives[{drives[joint.name][0]}]", drives[joint.name][1], joint
+        )
+    yield from _postures(config, robot)
+    yield from _sensor_ids(config)
+    yield from _gripper(config)
+    yield from _payloads(config.mechanism)
+    yield from camera_disagreements(config)
+    yield from obstacle_disagreements(config, robot)
+    yield from mode_disagreements(config)
+    if config.touch is not None and len(config.touch.torque) not in (1, len(robot.joints)):
+        yield (
+            f"touch.torque: {len(config.touch.torque)} values for {len(robot.joints)} joints: "
+            "give 1 or one each"
+        )
+    if config.reflection is not None and config.mechanism.force_torque is None:
+        yield "reflection: the cell has no [mechanism.force_torque] sensor to reflect forces of"
+    yield from priority_disagreements(config, robot)
+    if config.rig is not None:
+        n = len(robot.joints)
+        for key in ("stiffness", "damping", "integral", "armature", "friction"):
+            count = len(getattr(config.rig.drive, key))
+            if count not in (1, n):
+                yield f"rig.drive.{key}: {count} values: must be 1, or {n}: one per joint"
+
+
+def _payloads(mechanism: Mechanism) -> Iterator[str]:
+    rated = mechanism.rated_payload
+    named = {f"payloads.{name}": p for name, p in mechanism.payloads.items()}
+    if mechanism.force_torque is not None:
+        named["force_torque.payload"] = mechanism.force_torque.payload
+    for where, payload in named.items():
+        if rated is not None and payload.mass > rated:
+            yield (
+                f"mechanism.{where}.mass: value {payload.mass:g}: the arm is rated for {rated:g} kg"
+                " (mechanism.rated_payload)"
+            )
+
+
+def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:
+    names = [j.name for j in robot.joints]
+    nodes: dict[int, str] = {}
+    seen: set[str] = set()
+    for i, drive in enumerate(drives):
+        where = f"mechanism.drives[{i}]"
+        if drive.joint not in names:
+            hint = nearest(drive.joint, names)
+            yield (
+                f"{where}.joint: value '{drive.joint}': no such movable joint between base and tip "
+                f"in {robot.urdf}{hint}"
+            )
+        if drive.joint in seen:
+            yield f"{where}.joint: value '{drive.joint}': already has a drive"
+        if drive.node in nodes:
+            yield (
+                f"{where}.node: value {drive.node}: already the node of joint '{nodes[drive.node]}'"
+            )
+        if drive.node == MASTER_NODE:
+            yield f"{where}.node: value {drive.node}: is the daemon's own; must be 1 to 126"
+        seen.add(drive.joint)
+        nodes[drive.node] = drive.joint
+    for name in names:
+        if name not in seen:
+            yield f"mechanism.drives: joint '{name}' of {robot.urdf} has no drive"
+
+
+def _drive(where: str, drive: Drive, joint: UrdfJoint) -> Iterator[str]:
+    if drive.max_velocity > joint.velocity:
+        yield (
+            f"{where}.max_velocity: value {drive.max_velocity:g}: must be at most "
+            f"{joint.velocity:g}, the URDF's limit of joint '{joint.name}'"
+        )
+    if 2 * drive.position_margin >= joint.upper - joint.lower:
+        yield (
+            f"{where}.position_margin: value {drive.position_margin:g}: leaves nothing of joint "
+            f"'{joint.name}' ({joint.lower:g} to {joint.upper:g})"
+        )
+    for angle in (joint.lower, joint.upper):
+        counts = drive.direction * (angle - drive.zero_rad) * drive.counts_per_radian
+        if abs(counts) > INT32_MAX:
+            yield (
+                f"{where}.counts_per_radian: value {drive.counts_per_radian:g}: joint "
+                f"'{joint.name}' at {angle:g} would be {counts:.0f} counts, beyond the 32 bits of "
+                "607Ah and 6064h"
+            )
+
+
+def _postures(config: CellConfig, robot: Robot) -> Iterator[str]:
+    postures = config.mechanism.postures
+    margin = {d.joint: d.position_margin for d in config.mechanism.drives}
+    for name in REQUIRED_POSTURES:
+        if name not in postures:
+            yield f"mechanism.postures.{name}: missing: 'start' and 'ready' are required"
+    for name, q in postures.items():
+        where = f"mechanism.postures.{name}"
+        if len(q) != len(robot.joints):
+            yield f"{where}: {len(q)} values: must be {len(robot.joints)}: one per joint"
+            continue
+        for i, (angle, joint) in enumerate(zip(q, robot.joints, strict=True)):
+            low, high = joint.lower + margin[joint.name], joint.upper - margin[joint.name]
+            if not low <= angle <= high:
+                yield (
+                    f"{where}[{i}]: value {angle:g}: joint '{joint.name}' must be within {low:g} "
+                    f"to {high:g}: the URDF's limits less position_margin"
+                )
+
+    pulled_to = config.redundancy.posture_name
+    if pulled_to not in postures:
+        hint = nearest(pulled_to, postures)
+        yield f"redundancy.posture_name: value '{pulled_to}': no such posture{hint}"
+
+
+def _gripper(config: CellConfig) -> Iterator[str]:
+    mechanism = config.mechanism
+    gripper = mechanism.gripper
+    if gripper is None:
+        return
+    where = "mechanism.gripper"
+    nodes = {d.node: f"the drive of '{d.joint}'" for d in mechanism.drives}
+    nodes[MASTER_NODE] = "the daemon"
+    if gripper.node in nodes:
+        yield f"{where}.node: value {gripper.node}: already the node of {nodes[gripper.node]}"
+    for key in ("open_payload", "closed_payload"):
+        name = getattr(gripper, key)
+        if name is not None and name not in mechanism.payloads:
+            hint = nearest(name, list(mechanism.payloads))
+            yield f"{where}.{key}: value '{name}': no such payload in mechanism.payloads{hint}"
+
+
+def _sensor_ids(config: CellConfig) -> Iterator[str]:
+    sensor = config.mechanism.force_torque
+    if sensor is None:
+        return
+    taken = {0x000: "NMT", 0x080: "SYNC", 0x700 + MASTER_NODE: "the daemon's heartbeat"}
+    for drive in config.mechanism.drives:
+        taken |= {base + drive.node: f"the drive of '{drive.joint}'" for base in CANOPEN_BASES}
+    if config.mechanism.gripper is not None:
+        node = config.mechanism.gripper.node
+        taken |= {base + node: "the gripper" for base in CANOPEN_BASES}
+    where = "mechanism.force_torque"
+    for key, can_id in (
+        ("command_id", sensor.command_id),
+        ("reply_ids[0]", sensor.reply_ids[0]),
+        ("reply_ids[1]", sensor.reply_ids[1]),
+    ):
+        if can_id in taken:
+            yield f"{where}.{key}: value {can_id:#x}: is already the CAN id of {taken[can_id]}"
+        taken[can_id] = f"{where}.{key}"

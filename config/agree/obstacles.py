@@ -1,0 +1,58 @@
+"""What must agree between a cell's obstacles, its cameras and what may touch what."""
+
+from collections.abc import Iterator
+
+from ..errors import nearest
+from ..schema.cell import CellConfig
+from ..urdf import Robot
+
+
+def obstacle_disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
+    """Yield what does not fit, each in one line with its key."""
+    names = [o.name for o in config.obstacles]
+    cameras = [c.name for c in config.cameras]
+    on_base = [c.name for c in config.cameras if c.on == "base"]
+    carried = [c.name for c in config.cameras if c.T_wrist_lens is not None]
+    for i, obstacle in enumerate(config.obstacles):
+        if obstacle.name in names[:i]:
+            yield f"obstacles[{i}].name: value '{obstacle.name}': is there already"
+        if obstacle.camera in on_base:
+            yield (
+                f"obstacles[{i}].camera: value '{obstacle.camera}': stands on Base: a sight line "
+                "begins at a camera with T_wrist_lens or T_world_lens"
+            )
+        if obstacle.camera in carried and obstacle.hard:
+            yield (
+                f"obstacles[{i}].hard: value True: the sight line of '{obstacle.camera}' moves "
+                "with the arm: only one that begins at a standing camera can be a barrier"
+            )
+        if obstacle.camera is not None and obstacle.camera not in cameras:
+            hint = nearest(obstacle.camera, cameras)
+            yield (
+                f"obstacles[{i}].camera: value '{obstacle.camera}': no such camera in "
+                f"[[cameras]]{hint}"
+            )
+    avoidance = config.avoidance
+    near, promised = avoidance.near_distance, avoidance.clearance + avoidance.margin
+    if avoidance.near_speed is not None and near <= promised:
+        yield (
+            f"avoidance.near_distance: value {near:g}: must be above {promised:g}, clearance and "
+            "margin"
+        )
+    if config.keeps_clear:
+        shaped = {capsule.link for capsule in avoidance.capsules}
+        for link in robot.unshaped_links():
+            if link not in shaped:
+                yield (
+                    f"avoidance.capsules: link '{link}' of {robot.urdf} has mass but no "
+                    "<collision>: nothing would keep it clear; give it capsules here"
+                )
+    links = robot.links()
+    for i, pair in enumerate(avoidance.allowed_contacts):
+        # What it may touch can be an obstacle that only comes while the arm works.
+        if pair.link not in links:
+            hint = nearest(pair.link, links)
+            yield (
+                f"avoidance.allowed_contacts[{i}].link: value '{pair.link}': no such link in "
+                f"{robot.urdf}{hint}"
+            )

@@ -1,0 +1,1 @@
+"""The schema of a cell file: one module per section."""

@@ -1,0 +1,262 @@
+"""What a cell file may say: every field with its unit, bound, default and meaning.
+
+One TOML file describes one cell. Unknown keys are errors, numbers are finite, SI throughout
+(metres, radians, seconds, newtons). `load.py` reads a file into these models and adds the robot
+description; `check.py` in the tools judges what a schema cannot see.
+"""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from .cameras import Camera, Vision
+from .following import Following
+from .mechanism import Mechanism
+from .moving import Frames
+from .null_space.potential import PotentialField
+from .null_space.priority import Priority
+from .obstacles import Avoidance, Obstacle
+from .reflection import Reflection
+from .rig.rig import Rig
+from .section import Name, NonNegative, Pose, Section, Share, Vector6
+from .security import Zenoh
+from .torque import Torque
+from .touch import Touch
+
+OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy", "field", "spheres")
+"""The redundancy objectives."""
+
+
+class Timing(Section):
+    """The clockwork: T < tolerated overruns * T < setpoint < heartbeat < lease timeout."""
+
+    period_s: float = Field(0.010, ge=0.001, le=0.1, description="control and SYNC period T [s]")
+    tolerated_overruns: int = Field(
+        4, ge=1, le=50, description="late ticks in a row before the verified stop [1]"
+    )
+    setpoint_timeout_s: float = Field(
+        0.080, gt=0, le=1, description="a drive without a new setpoint stops by itself after [s]"
+    )
+    heartbeat_period_s: float = Field(
+        0.050, gt=0, le=1, description="heartbeats are produced every [s]"
+    )
+    heartbeat_timeout_s: float = Field(
+        0.200, gt=0, le=5, description="a silent heartbeat is a dead peer after [s]"
+    )
+    lease_timeout_s: float = Field(
+        0.500, gt=0, le=10, description="an operator's lease that is not renewed ends after [s]"
+    )
+    stream_timeout_s: float = Field(
+        0.150, gt=0, le=5, description="a stream (stick, jog) fades when its news is older than [s]"
+    )
+    max_command_age_s: float = Field(
+        0.500, gt=0, le=10, description="oldest telemetry a command may be based on [s]"
+    )
+
+
+class Bus(Section):
+    """The CAN bus: any python-can interface, or one of the two that need no hardware."""
+
+    interface: str = Field(
+        "loopback",
+        description="'loopback' (UDP pinned to 127.0.0.1, between processes), 'in_process', or any "
+        "python-can interface, for instance 'socketcan'",
+    )
+    channel: str = Field(
+        "239.74.163.10",
+        description="python-can channel: 'can0' for socketcan, a multicast group for loopback",
+    )
+    port: int = Field(43210, ge=1024, le=65535, description="UDP port of a loopback bus [1]")
+    bitrate: int = Field(1_000_000, ge=10_000, le=1_000_000, description="bits per second [1/s]")
+    options: dict[str, str | int | float | bool] = Field(
+        default_factory=dict, description="passed to python-can as they stand"
+    )
+
+
+class Joystick(Section):
+    """Rates from a stick, times a gain per axis (K_HC)."""
+
+    enabled: bool = Field(True, description="switch at start")
+    gain: Vector6 = Field((1.0,) * 6, description="K_HC [1]")
+
+
+class Position(Section):
+    """Target poses: a jerk-limited path, followed with error feedback (K_P)."""
+
+    enabled: bool = Field(True, description="switch at start")
+    gain: Vector6 = Field((2.0,) * 6, description="K_P: error to rate [1/s]")
+    speed: float = Field(0.15, gt=0, le=5, description="path speed [m/s]")
+    angular_speed: float = Field(0.5, gt=0, le=10, description="path speed [rad/s]")
+
+
+class Force(Section):
+    """Force–moment accommodation: rate = K_F (desired wrench − wrench), per axis."""
+
+    enabled: bool = Field(True, description="switch at start")
+    gain: Vector6 = Field(
+        (7e-4, 7e-4, 7e-4, 0.03, 0.03, 0.03), description="K_F [m/s/N, rad/s/(N·m)]"
+    )
+    hold_threshold: float = Field(
+        30.0, gt=0, le=1e4, description="contact force in HOLD that FMA bleeds off [N]"
+    )
+    hold_leash: float = Field(
+        0.02, ge=0, le=0.2, description="largest tool travel while bleeding off [m]"
+    )
+
+
+class Sources(Section):
+    """What may ask the tool for a rate. All on at once; the rates add."""
+
+    joystick: Joystick = Field(default_factory=Joystick, description="the operator's stick")
+    position: Position = Field(default_factory=Position, description="target poses")
+    vision: Vision = Field(default_factory=Vision, description="a camera's view")
+    force: Force = Field(default_factory=Force, description="force control")
+    following: Following = Field(default_factory=Following, description="a hand at the tool")
+
+
+class Schedule(Section):
+    """A source's gain as a function of something measured: a table of factors, interpolated."""
+
+    source: Literal["joystick", "position", "force", "following"] = Field(
+        description="whose gain it is"
+    )
+    by: Literal["contact_force", "distance", "time"] = Field(
+        description="what decides: contact force at the MRF [N], distance from the MRF to the "
+        "target [m], or time since enable [s]"
+    )
+    at: tuple[NonNegative, ...] = Field(
+        min_length=2, max_length=32, description="where the table's points are, rising [N, m or s]"
+    )
+    factor: tuple[Share, ...] = Field(
+        min_length=2, max_length=32, description="the gain's factor at each, 0 to 1 [1]"
+    )
+    axes: tuple[Share, Share, Share, Share, Share, Share] = Field(
+        (1.0,) * 6, description="how much each axis heeds the factor: 1 in full, 0 not at all [1]"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_table(self) -> "Schedule":
+        if len(self.at) != len(self.factor):
+            raise ValueError(f"{len(self.at)} points in 'at', {len(self.factor)} in 'factor'")
+        if any(b <= a for a, b in zip(self.at, self.at[1:], strict=False)):
+            raise ValueError("'at' must rise from point to point")
+        return self
+
+
+class Limits(Section):
+    """Bounds of the tool's motion; joint bounds stand with the drives."""
+
+    speed: float = Field(0.5, gt=0, le=10, description="MRF speed [m/s]")
+    angular_speed: float = Field(1.5, gt=0, le=20, description="MRF angular speed [rad/s]")
+    acceleration: float = Field(2.0, gt=0, le=100, description="shaping of commands [m/s²]")
+    angular_acceleration: float = Field(6.0, gt=0, le=300, description="the same [rad/s²]")
+    jerk: float = Field(40.0, gt=0, le=10_000, description="shaping of commands [m/s³]")
+    angular_jerk: float = Field(120.0, gt=0, le=30_000, description="the same [rad/s³]")
+    speed_factor: float = Field(
+        1.0, ge=0.01, le=1.0, description="reduced speed: one factor on all limits, at start [1]"
+    )
+
+
+class Resolve(Section):
+    """Damped resolution of tool rates into joint rates near singularities."""
+
+    characteristic_length: float = Field(
+        0.3, gt=0, le=5, description="weighs radians against metres [m]"
+    )
+    singular_region: float = Field(
+        0.05, gt=0, le=2, description="σ0: damping begins below this singular value [m]"
+    )
+    damping: float = Field(0.02, gt=0, le=2, description="λm: damping at σ = 0 [m]")
+    floor: float = Field(
+        0.01, gt=0, le=1, description="singular value below which motion into it is held off [m]"
+    )
+
+    @model_validator(mode="after")
+    def _is_bounded(self) -> "Resolve":
+        # Joint rates are at most |ẋ| / (2 λm √(1 − λm²/σ0²)), the greatest damped gain there is.
+        for name in ("damping", "floor"):
+            value = getattr(self, name)
+            if value >= self.singular_region:
+                raise ValueError(
+                    f"{name} = {value:g} must be below singular_region = {self.singular_region:g}"
+                )
+        return self
+
+
+class Redundancy(Section):
+    """What the null space is used for; each gain 0 switches its objective off."""
+
+    mid_range: float = Field(
+        0.2, ge=0, le=10, description="pull of every joint to the middle of its range [1/s]"
+    )
+    manipulability: float = Field(
+        0.0, ge=0, le=10, description="away from singularities, times the slope of √det(JJᵀ) [1/s]"
+    )
+    posture: float = Field(
+        0.0, ge=0, le=10, description="pull of every joint to the posture of that name [1/s]"
+    )
+    posture_name: Name = Field("ready", description="posture that the joints are pulled to")
+    least_energy: float = Field(
+        0.0, ge=0, le=1, description="share of the way to the least kinetic energy [1]"
+    )
+    field: float = Field(
+        0.0, ge=0, le=10, description="how quickly to the least of the potential field [1/s]"
+    )
+    spheres: float = Field(
+        0.0, ge=0, le=10, description="share of the rates that [priority] asks for [1]"
+    )
+    max_rate: float = Field(
+        0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
+    )
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """The objectives' gains by name."""
+        return {name: getattr(self, name) for name in OBJECTIVES}
+
+
+class CellConfig(Section):
+    """A whole cell file."""
+
+    name: Name = Field(description="name of the cell: the second part of every Zenoh key")
+    description: str = Field("", max_length=200, description="one line for people")
+    default_script: str = Field(
+        description="path, from this file's folder, or the name of a script that is shipped"
+    )
+    timing: Timing = Field(default_factory=Timing, description="periods and timeouts")
+    bus: Bus = Field(default_factory=Bus, description="the CAN bus")
+    zenoh: Zenoh = Field(default_factory=Zenoh, description="the operators' network")
+    mechanism: Mechanism = Field(description="the arm")
+    cameras: tuple[Camera, ...] = Field((), description="cameras, each looking for one tag")
+    T_world_crf: Pose = Field(
+        default_factory=Pose, description="control reference frame in World, at start"
+    )
+    frames: Frames = Field(default_factory=Frames, description="frames that may move")
+    sources: Sources = Field(default_factory=Sources, description="who may ask for a tool rate")
+    schedules: tuple[Schedule, ...] = Field(
+        (), max_length=16, description="gains that change with force, distance or time"
+    )
+    reflection: Reflection | None = Field(
+        None, description="force reflection to the operator; absent where there is none"
+    )
+    limits: Limits = Field(default_factory=Limits, description="bounds of the tool's motion")
+    resolve: Resolve = Field(default_factory=Resolve, description="singularities")
+    redundancy: Redundancy = Field(default_factory=Redundancy, description="the null space")
+    torque: Torque = Field(default_factory=Torque, description="the law of drives in CST")
+    obstacles: tuple[Obstacle, ...] = Field(
+        (), max_length=64, description="what the arm keeps away from"
+    )
+    avoidance: Avoidance = Field(default_factory=Avoidance, description="clearances that are kept")
+    potential: PotentialField = Field(
+        default_factory=PotentialField, description="what repels the links, softly"
+    )
+    touch: Touch | None = Field(None, description="collision detection; absent: off")
+    priority: Priority | None = Field(
+        None, description="virtual spheres that obstacles push, before a hand is followed"
+    )
+    rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")
+
+    @property
+    def keeps_clear(self) -> bool:
+        """True for a cell that says anything of obstacles or their avoidance."""
+        return bool({"avoidance", "obstacles"} & self.model_fields_set)

@@ -1,0 +1,1 @@
+"""Potential field and control points in a cell file."""

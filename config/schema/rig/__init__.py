@@ -1,0 +1,1 @@
+"""The virtual hardware in a cell file."""

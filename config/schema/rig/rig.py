@@ -1,0 +1,102 @@
+"""What a cell file may say of the virtual hardware, and of what stands about the arm."""
+
+from pydantic import Field
+
+from ..cameras import RigTag
+from ..moving import RigFrames
+from ..section import Name, NonNegative, Positive, Section, Vector3, Vector6
+from .peg import RigHole, RigPeg
+
+
+class RigDrive(Section):
+    """The physics behind one simulated drive; one value for all joints or one each."""
+
+    stiffness: tuple[Positive, ...] = Field(description="position loop K_p [N·m/rad]")
+    damping: tuple[Positive, ...] = Field(description="position loop K_d [N·m·s/rad]")
+    integral: tuple[NonNegative, ...] = Field(description="position loop K_i [N·m/(rad·s)]")
+    armature: tuple[NonNegative, ...] = Field(description="rotor inertia at the joint [kg·m²]")
+    friction: tuple[NonNegative, ...] = Field(description="Coulomb friction [N·m]")
+    torque_filter_s: float = Field(
+        0.005, ge=0, le=0.1, description="time constant of the torque that it reports [s]"
+    )
+    torque_delay_s: float = Field(
+        0.02, ge=0, le=0.5, description="brake opens this long before torque stands: the sag [s]"
+    )
+
+
+class RigForceTorque(Section):
+    """Imperfections of the simulated force/torque sensor."""
+
+    noise: Vector6 = Field(
+        (0.05, 0.05, 0.05, 0.002, 0.002, 0.002), description="standard deviation [N, N·m]"
+    )
+    bias: Vector6 = Field((0.0,) * 6, description="reading without load [N, N·m]")
+    mounting_rpy: Vector3 | None = Field(
+        None,
+        description="true attitude of the Sensor frame in the Wrist; none: as T_wrist_sensor says "
+        "[rad]",
+    )
+    cross_talk: float = Field(
+        0.0,
+        ge=0,
+        le=0.2,
+        description="part of each axis that shows in the others, signs by seed [1]",
+    )
+
+
+class RigGripper(Section):
+    """What the simulated gripper takes hold of when it closes."""
+
+    mass: float = Field(0.0, ge=0, le=500, description="its mass [kg]")
+    com: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="its centre of mass in the true Sensor frame [m]"
+    )
+
+
+class Wall(Section):
+    """A plate on a sprung, damped slide: its stiffness is a number."""
+
+    xyz: Vector3 = Field(description="centre of the plate's face, in World [m]")
+    normal: Vector3 = Field((-1.0, 0.0, 0.0), description="out of the face, in World")
+    half_size: float = Field(0.25, gt=0, le=5, description="half the side of the plate [m]")
+    stiffness: float = Field(20_000.0, gt=0, le=1e6, description="of the slide [N/m]")
+    damping: float = Field(300.0, ge=0, le=1e5, description="of the slide [N·s/m]")
+    mass: float = Field(1.0, gt=0, le=1000, description="of the plate [kg]")
+
+
+class Box(Section):
+    """A fixed box, such as a table."""
+
+    name: Name = Field(description="name of the body")
+    xyz: Vector3 = Field(description="centre, in World [m]")
+    rpy: Vector3 = Field((0.0, 0.0, 0.0), description="attitude, in World [rad]")
+    half_size: Vector3 = Field(description="half the sides [m]")
+
+
+class Rig(Section):
+    """The virtual hardware: never read by the daemon."""
+
+    seed: int = Field(1, ge=0, description="seed of the sensor noise [1]")
+    physics_step_s: float = Field(0.001, ge=1e-4, le=0.002, description="physics step [s]")
+    drive: RigDrive = Field(description="what is behind every simulated drive")
+    force_torque: RigForceTorque = Field(
+        default_factory=RigForceTorque, description="sensor imperfections"
+    )
+    tool_radius: float = Field(
+        0.012, ge=0, le=0.2, description="ball at the MRF that touches things, 0 for none [m]"
+    )
+    payload_mass: float = Field(0.0, ge=0, le=500, description="true mass outboard of sensor [kg]")
+    payload_com: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="its true centre of mass in the true Sensor frame [m]"
+    )
+    gripper: RigGripper = Field(
+        default_factory=RigGripper, description="what the gripper takes hold of"
+    )
+    wall: Wall | None = Field(None, description="a wall of known stiffness")
+    boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
+    peg: RigPeg | None = Field(None, description="a peg as the tool")
+    holes: tuple[RigHole, ...] = Field((), max_length=16, description="holes to insert it into")
+    tags: tuple[RigTag, ...] = Field((), description="planar tags that cameras can see")
+    frames: RigFrames = Field(
+        default_factory=RigFrames, description="motion of platform and Carrier, and their news"
+    )

@@ -1,0 +1,1 @@
+"""Simulated CAN nodes: drives, force/torque sensor, gripper."""

@@ -1,0 +1,56 @@
+"""The simulated CiA 401 module with the gripper on one of its outputs, and what that holds."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ....config.schema.mechanism import Gripper
+from ....protocols.canopen.cia401 import KEEP, Object
+from .can_node import CanNode
+from .link import NodeLink
+
+EDS = Path(__file__).resolve().parents[3] / "config" / "devices" / "simulated_output.eds"
+
+
+class SimulatedGripper(CanNode):
+    """Calls `grasp(closed)` whenever its output changes. `clock` gives physics time [s]."""
+
+    def __init__(
+        self,
+        gripper: Gripper,
+        link: NodeLink,
+        grasp: Callable[[bool], None],
+        clock: Callable[[], float],
+    ) -> None:
+        super().__init__(gripper.node, link, clock, EDS)
+        self._gripper = gripper
+        self._grasp = grasp
+
+    @property
+    def closed(self) -> bool:
+        """Whether the output says that it is closed."""
+        bit = self.objects[Object.WRITE_OUTPUT, 1] >> self._gripper.output & 1
+        return bit == self._gripper.closed
+
+    def on_reset(self, *, communication_only: bool) -> None:
+        """All outputs are off after power-on."""
+        if not communication_only:
+            self._grasp(self.closed)
+
+    def on_written(self, index: int, subindex: int, value: int) -> None:
+        """Act at once on an output that is written over SDO."""
+        self.objects[index, subindex] = value
+        if index == Object.WRITE_OUTPUT:
+            self._grasp(self.closed)
+
+    def on_rpdo(self) -> None:
+        """Act on the output's new value."""
+        self._grasp(self.closed)
+
+    def on_master_lost(self) -> None:
+        """Keep the outputs, or take their error values (6206h, 6207h)."""
+        mode = self.objects[Object.ERROR_MODE_OUTPUT, 1]
+        if mode != KEEP:
+            kept = self.objects[Object.WRITE_OUTPUT, 1] & ~mode
+            value = self.objects[Object.ERROR_VALUE_OUTPUT, 1] & mode
+            self.objects[Object.WRITE_OUTPUT, 1] = kept | value
+            self._grasp(self.closed)

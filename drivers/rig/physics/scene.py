@@ -1,0 +1,226 @@
+"""Builds the MuJoCo model of a cell: the arm's URDF, then what `[rig]` puts around it."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....config.load import Cell, ConfigError
+from ....config.schema.mechanism import Mechanism
+from ....config.schema.rig.rig import Rig, Wall
+from ....config.schema.section import Pose
+from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
+from .peg import add_hole, add_peg
+from .sight import add_probe
+from .solids import add_solid, attitude
+
+WALL_SLIDE = "wall_slide"
+"""Joint of the wall's plate: its travel along the wall's normal [m]."""
+
+PLATFORM = tuple(f"platform_{axis}" for axis in ("x", "y", "z", "roll", "pitch", "yaw"))
+"""Joints of what the arm stands on, where that may move; before the arm's own."""
+
+TOOL_BALL = "tool_ball"
+"""Geom at the MRF that touches things."""
+
+HELD = "held"
+"""Body of what the gripper holds, at the sensor's site."""
+
+_LOCK_SOLREF = (0.002, 1.0)
+_LOCK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""A closed brake gives way by microradians: MuJoCo's constraints are springs, this one is hard."""
+_END_STOP = 0.2
+"""A joint's mechanical end stop lies this far beyond its limit in the URDF, a soft one [rad]."""
+_PLATE_HALF_THICKNESS = 0.02
+POINT_INERTIA = 2e-4
+"""About each axis of the payload's centre of mass, per kilogram [m²]."""
+
+
+def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
+    """Return the compiled model, and the ids of the geoms that are not the arm's.
+
+    The arm's joints come first, but for those of a platform that it stands on, with one torque
+    motor (gain 1) and one joint lock (equality constraint, off) each, in the order of the drives.
+    Site `mrf` is the MRF, site `sensor` the force/torque sensor. Raises `ConfigError` where the
+    physics cannot be made of the cell and its URDF.
+    """
+    try:
+        model = build_spec(cell).compile()
+    except ValueError as error:
+        words = str(error).removeprefix("Error: ").removeprefix("XML Error: ")
+        raise ConfigError(
+            f"{cell.path}: rig: no physics can be made of {cell.robot.urdf}: {words}"
+        ) from None
+    fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == FIXED]
+    return model, frozenset(fixed)
+
+
+def build_spec(cell: Cell) -> mujoco.MjSpec:
+    """Return what `build_model` compiles, for whoever adds to it. Raises `ValueError`."""
+    mechanism, rig = cell.config.mechanism, cell.config.rig
+    if rig is None:
+        raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
+    spec = mujoco.MjSpec.from_file(str(cell.robot.urdf))
+    spec.option.timestep = rig.physics_step_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10
+    _furnish_arm(spec, mechanism, rig)
+    root = spec.worldbody.first_body()
+    root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
+    if cell.config.frames.base is not None:
+        _put_on_platform(spec, root, rig.frames.platform_mass)
+    surfaces = [] if rig.wall is None else [_add_wall(spec, rig.wall)]
+    for box in rig.boxes:
+        body = spec.worldbody.add_body(
+            name=box.name, pos=box.xyz, quat=quaternion(Pose(rpy=box.rpy))
+        )
+        surfaces.append(_add_fixed_box(body, f"{box.name}_box", box.half_size))
+    for surface in surfaces if rig.tool_radius > 0 else ():
+        slides_on(spec, TOOL_BALL, surface)
+    for hole in rig.holes:
+        add_hole(spec, hole)
+    for obstacle in cell.config.obstacles:
+        solid = add_solid(spec, obstacle, quaternion(attitude(obstacle)))
+        if solid is not None:
+            fixed(solid)
+    if cell.config.cameras:
+        add_probe(spec)
+    return spec
+
+
+def _put_on_platform(spec: mujoco.MjSpec, root: mujoco.MjsBody, mass: float) -> None:
+    """Let the arm's root slide along and turn about the axes of its place, where it is told to."""
+    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    root.mass, root.explicitinertial, root.gravcomp = mass, True, 1
+    root.inertia[:] = [0.5 * mass] * 3
+    back = np.zeros(4)
+    mujoco.mju_negQuat(back, root.quat)
+    for i, name in enumerate(PLATFORM):
+        axis = np.zeros(3)
+        axis[i % 3] = 1.0
+        if i < 3:  # slides are along World's axes, whatever the place's attitude
+            mujoco.mju_rotVecQuat(axis, axis.copy(), back)
+        root.add_joint(name=name, type=slide if i < 3 else hinge, axis=axis)
+        hold = spec.add_equality(
+            name=name,
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=name,
+            active=True,
+        )
+        hold.solref[:], hold.solimp[:] = _LOCK_SOLREF, _LOCK_SOLIMP
+
+
+def turned_by(turn: NDArray[np.float64], quat: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return the rotation matrix (3, 3) of a quaternion turned by a rotation vector (3,) [rad]."""
+    angle = float(np.linalg.norm(turn))
+    by, both, R = np.zeros(4), np.zeros(4), np.zeros(9)
+    mujoco.mju_axisAngle2Quat(by, turn / max(angle, 1e-12), angle)
+    mujoco.mju_mulQuat(both, by, np.array(quat))
+    mujoco.mju_quat2Mat(R, both)
+    return R.reshape(3, 3)
+
+
+def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
+    tip = arm.body(mechanism.tip_link)
+    if tip is None:
+        raise ValueError(f"tip_link {mechanism.tip_link} is not a link of {mechanism.urdf}")
+    n = len(mechanism.drives)
+    for geom in arm.geoms:
+        of_arm(geom)
+    for i, drive in enumerate(mechanism.drives):
+        joint = arm.joint(drive.joint)
+        if joint is None:
+            raise ValueError(f"drive {drive.node}: {mechanism.urdf} has no joint {drive.joint}")
+        joint.armature = _of_joint(rig.drive.armature, i, n)
+        joint.frictionloss = _of_joint(rig.drive.friction, i, n)
+        joint.solref_friction[:], joint.solimp_friction[:] = SOLREF, _LOCK_SOLIMP
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        joint.range[:] += -_END_STOP, _END_STOP
+        motor = arm.add_actuator(
+            name=drive.joint, target=drive.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        motor.set_to_motor()
+        lock = arm.add_equality(
+            name=f"{drive.joint}_lock",
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=drive.joint,
+            active=False,
+        )
+        lock.solref[:], lock.solimp[:] = _LOCK_SOLREF, _LOCK_SOLIMP
+    _exclude_neighbours(arm)
+    mrf = mechanism.T_wrist_mrf
+    tip.add_site(name="mrf", pos=mrf.xyz, quat=quaternion(mrf))
+    if rig.tool_radius > 0:
+        ball = tip.add_geom(
+            name=TOOL_BALL, type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=mrf.xyz, density=0
+        )
+        ball.size[0] = rig.tool_radius
+        of_arm(ball)
+    if rig.peg is not None:
+        add_peg(tip, mrf, rig.peg)
+    _add_sensor(arm, tip, mechanism, rig)
+
+
+def _add_sensor(arm: mujoco.MjSpec, tip: mujoco.MjsBody, mechanism: Mechanism, rig: Rig) -> None:
+    sensor = mechanism.force_torque
+    place = sensor.T_wrist_sensor if sensor is not None else Pose()
+    if rig.force_torque.mounting_rpy is not None:
+        place = Pose(xyz=place.xyz, rpy=rig.force_torque.mounting_rpy)
+    tip.add_site(name="sensor", pos=place.xyz, quat=quaternion(place))
+    for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
+        arm.add_sensor(
+            name=kind.name.lower(), type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="sensor"
+        )
+    if mechanism.gripper is not None:
+        _add_held(tip, place)
+    if rig.payload_mass > 0:
+        body = tip.add_body(name="payload", pos=place.xyz, quat=quaternion(place))
+        body.mass, body.ipos, body.explicitinertial = rig.payload_mass, rig.payload_com, True
+        body.inertia = [POINT_INERTIA * rig.payload_mass] * 3
+
+
+def _add_held(tip: mujoco.MjsBody, place: Pose) -> None:
+    """Add what a gripper may hold: without mass until it does."""
+    body = tip.add_body(name=HELD, pos=place.xyz, quat=quaternion(place))
+    body.explicitinertial = True
+
+
+def _exclude_neighbours(arm: mujoco.MjSpec) -> None:
+    """Links two joints apart or less may overlap: shoulders and wrists do by design."""
+    moving: dict[str, int] = {}
+    for body in arm.bodies[1:]:
+        above = moving.get(body.parent.name, 0)
+        moving[body.name] = above + (1 if body.joints else 0)
+    for first, depth in moving.items():
+        for second, deeper in moving.items():
+            if first < second and abs(depth - deeper) <= 2:
+                arm.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> mujoco.MjsGeom:
+    normal = np.array(wall.normal) / np.linalg.norm(wall.normal)
+    quat = np.zeros(4)
+    mujoco.mju_quatZ2Vec(quat, normal)
+    body = spec.worldbody.add_body(name="wall", pos=wall.xyz, quat=quat, gravcomp=1)
+    body.mass, body.inertia, body.explicitinertial = wall.mass, [wall.mass] * 3, True
+    slide = body.add_joint(name=WALL_SLIDE, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0.0, 0.0, 1.0))
+    slide.stiffness[0], slide.damping[0] = wall.stiffness, wall.damping
+    plate = _add_fixed_box(
+        body, "wall_plate", (wall.half_size, wall.half_size, _PLATE_HALF_THICKNESS)
+    )
+    plate.pos[2] = -_PLATE_HALF_THICKNESS
+    return plate
+
+
+def _add_fixed_box(
+    body: mujoco.MjsBody, name: str, half_size: tuple[float, float, float]
+) -> mujoco.MjsGeom:
+    return fixed(body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half_size))
+
+
+def _of_joint(values: tuple[float, ...], joint: int, n: int) -> float:
+    if len(values) not in (1, n):
+        raise ValueError(f"[rig.drive]: {len(values)} values for {n} joints; give one or {n}")
+    return values[joint] if len(values) == n else values[0]

@@ -1,0 +1,273 @@
+"""The physics: one arm from its URDF, a tool ball, a sprung wall, fixed boxes, in MuJoCo.
+
+The same URDF gives Pinocchio the same mass matrix and gravity; what the rig adds (rotor inertia,
+friction, payload) comes from the cell's `[rig]`. Quantities are SI, in World unless said
+otherwise; joint vectors are (n,) in the order of the cell's drives.
+"""
+
+import math
+from functools import cached_property
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....config.load import Cell
+from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model
+from .solids import place
+
+Vector = NDArray[np.float64]
+
+
+class Nearest(NamedTuple):
+    """Where the arm is nearest to something."""
+
+    distance: float
+    """[m]; negative inside one another, at most 1."""
+    on_arm: Vector
+    """In World (3,) [m]."""
+    on_other: Vector
+    other: str
+    """Name of the other body."""
+
+
+class World:
+    """The model and its state. Joints start braked at the posture `start`, at rest."""
+
+    def __init__(self, cell: Cell) -> None:
+        if cell.config.rig is None:
+            raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
+        mechanism = cell.config.mechanism
+        self.model, self._fixed = build_model(cell)
+        self.data = mujoco.MjData(self.model)
+        self.dt = float(self.model.opt.timestep)
+        joints = [self.model.joint(d.joint) for d in mechanism.drives]
+        self.n = len(joints)
+        self._platform = cell.config.frames.base is not None
+        self._first = len(PLATFORM) if self._platform else 0
+        if [j.dofadr[0] for j in joints] != list(range(self._first, self._first + self.n)):
+            raise ValueError("the cell's drives must stand in the order of the chain's joints")
+        self._bodies = [int(j.bodyid[0]) for j in joints]
+        self._root = int(self.model.body_rootid[self._bodies[0]])
+        self._tip = int(self.model.body(mechanism.tip_link).id)
+        self._mrf = int(self.model.site("mrf").id)
+        self._held = cell.config.rig.gripper
+        self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
+        arm = slice(self._first, self._first + self.n)
+        self._friction = self.model.dof_frictionloss[arm].copy()
+        self.ahead_s = 0.0
+        """How far the bus' time is ahead of the state [s]: a SYNC comes between two steps."""
+        self._pushes: dict[int, Vector] = {}
+        self._swell: tuple[float, float] | None = None
+        """When the push on the tool began, and how long it takes [s]."""
+        self.q: Vector = self.data.qpos[arm]
+        self.dq: Vector = self.data.qvel[arm]
+        self.q[:] = mechanism.postures["start"]
+        for joint in range(self.n):
+            self.set_brake(joint, closed=True)
+        mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def time_s(self) -> float:
+        """Physics time since the start [s]."""
+        return float(self.data.time)
+
+    def angle(self, joint: int) -> float:
+        """Return a joint's angle [rad] at the bus' time."""
+        return float(self.q[joint] + self.ahead_s * self.dq[joint])
+
+    def step(self, torque: Vector) -> None:
+        """Advance by one physics step under joint torques (n,) [N·m]."""
+        self.data.ctrl[:] = torque
+        for body, force in self._pushes.items():
+            self._apply_push(body, force)
+        mujoco.mj_step(self.model, self.data)
+
+    # --- what holds and pushes the arm --------------------------------------------------------
+
+    def set_brake(self, joint: int, *, closed: bool) -> None:
+        """Close or open the holding brake of a joint; a closed one holds it where it is."""
+        self._set_lock(joint, 0, closed)
+
+    def set_jam(self, joint: int, *, jammed: bool) -> None:
+        """Block a joint mechanically where it is, or free it."""
+        self._set_lock(joint, 1, jammed)
+
+    def set_extra_friction(self, joint: int, torque: float) -> None:
+        """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
+        self.model.dof_frictionloss[self._first + joint] = self._friction[joint] + torque
+
+    def grasp(self, closed: bool) -> None:
+        """Take hold of the cell's object, where it is, or let go of it."""
+        held, mass = self.model.body(HELD), self._held.mass if closed else 0.0
+        held.mass[:], held.inertia[:] = mass, POINT_INERTIA * mass
+        held.ipos[:] = self._held.com
+
+    def push_joint(self, joint: int, force: Vector | None) -> None:
+        """Push a joint's link at its centre of mass with a World force (3,) [N]; None: let go."""
+        self._push(self._bodies[joint], force)
+
+    def push_tool(self, force: Vector | None, duration_s: float | None = None) -> None:
+        """Push the tool at the MRF with a World force (3,) [N]; None: let go.
+
+        With a duration T the push comes and goes as `force · sin²(π t / T)`, as a hand's does.
+        """
+        self._push(self._tip, force)
+        self._swell = None if force is None or duration_s is None else (self.time_s, duration_s)
+
+    def _set_lock(self, joint: int, which: int, on: bool) -> None:
+        was = bool(self._locks[joint].any())
+        self._locks[joint, which] = on
+        now = bool(self._locks[joint].any())
+        if now and not was:
+            self.model.eq_data[joint, 0] = self.q[joint]
+        self.data.eq_active[joint] = now
+
+    def _push(self, body: int, force: Vector | None) -> None:
+        if force is None:
+            self._pushes.pop(body, None)
+            self.data.xfrc_applied[body] = 0.0
+        else:
+            self._pushes[body] = np.asarray(force, dtype=float)
+
+    def _swollen(self) -> float:
+        """Return how much of the push on the tool there is now, 0 to 1."""
+        if self._swell is None:
+            return 1.0
+        since_s, duration_s = self._swell
+        elapsed_s = self.time_s - since_s
+        return math.sin(math.pi * elapsed_s / duration_s) ** 2 if elapsed_s < duration_s else 0.0
+
+    def _apply_push(self, body: int, force: Vector) -> None:
+        if body == self._tip:
+            force = self._swollen() * force
+        self.data.xfrc_applied[body, :3] = force
+        if body == self._tip:
+            arm = self.data.site_xpos[self._mrf] - self.data.xipos[body]
+            self.data.xfrc_applied[body, 3:] = np.cross(arm, force)
+
+    def place_platform(self, place: Vector) -> None:
+        """Bring what the arm stands on to a displacement (6,) from its place at start [m, rad].
+
+        Translation in World, then turns about its own x, y, z.
+        """
+        self.model.eq_data[self.n : self.n + len(PLATFORM), 0] = place
+
+    # --- what can be measured -----------------------------------------------------------------
+
+    def sensor_wrench(self) -> Vector:
+        """Return the load on the force/torque sensor (6,) [N, N·m], in the Sensor frame.
+
+        Everything outboard of the sensor pulls and pushes on it: at rest in free space it reads
+        the weight of the payload. MuJoCo reports what the inboard side exerts on the outboard
+        one, the opposite.
+        """
+        load: Vector = -self.data.sensordata[:6]
+        return load
+
+    def mrf_pose(self) -> tuple[Vector, Vector]:
+        """Return the MRF's origin (3,) [m] and rotation matrix (3, 3) in World."""
+        mujoco.mj_kinematics(self.model, self.data)
+        position = self.data.site_xpos[self._mrf].copy()
+        return position, self.data.site_xmat[self._mrf].reshape(3, 3).copy()
+
+    def base_pose(self) -> tuple[Vector, Vector]:
+        """Return Base's origin (3,) [m] and rotation matrix (3, 3) in World."""
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.data.xpos[self._root].copy(), self.data.xmat[self._root].reshape(3, 3).copy()
+
+    def base_twist(self) -> Vector:
+        """Return Base's twist (6,) `[v; ω]` at its origin, in World axes."""
+        found = np.zeros(6)
+        body = mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_objectVelocity(self.model, self.data, body, self._root, found, 0)
+        return np.concatenate([found[3:], found[:3]])
+
+    def contact_force(self) -> Vector:
+        """Return the force (3,) [N] that arm and tool exert on wall and boxes, in World."""
+        total = np.zeros(3)
+        wrench = np.zeros(6)
+        for i in range(self.data.ncon):
+            contact = self.data.contact[i]
+            first, second = contact.geom
+            if (first in self._fixed) == (second in self._fixed):
+                continue
+            mujoco.mj_contactForce(self.model, self.data, i, wrench)
+            on_second = contact.frame.reshape(3, 3).T @ wrench[:3]
+            total += on_second if second in self._fixed else -on_second
+        return total
+
+    def own_contact_force(self) -> float:
+        """Return the greatest force between two parts of the arm that touch [N], 0 for none."""
+        most, wrench = 0.0, np.zeros(6)
+        for i in range(self.data.ncon):
+            if not self._fixed.intersection(self.data.contact[i].geom.tolist()):
+                mujoco.mj_contactForce(self.model, self.data, i, wrench)
+                most = max(most, float(np.linalg.norm(wrench[:3])))
+        return most
+
+    def clearance(self) -> float | None:
+        """Return the least distance of arm or tool from wall, boxes and obstacles [m].
+
+        Negative inside one another, None where there is nothing to touch.
+        """
+        nearest = self.nearest()
+        return None if nearest is None else nearest.distance
+
+    def nearest(self) -> Nearest | None:
+        """Return where arm or tool are nearest to wall, boxes and obstacles, if there are any."""
+        if not len(self._pairs):
+            return None
+        mujoco.mj_kinematics(self.model, self.data)
+        bound = self._bounds()
+        fromto = np.zeros(6)
+        found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
+        # Bounding balls tell which pairs can be the nearest at all.
+        for i in np.argsort(bound, kind="stable"):
+            if bound[i] >= found.distance:
+                break
+            arm, fixed = (int(g) for g in self._pairs[i])
+            least = found.distance
+            distance = mujoco.mj_geomDistance(self.model, self.data, arm, fixed, least, fromto)
+            if distance < least:
+                name = self.model.body(self.model.geom_bodyid[fixed]).name
+                found = Nearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
+        return found
+
+    def gaps(self, within: float) -> Vector:
+        """Return the distances (k,) of parts of arm and tool from wall, boxes and obstacles [m].
+
+        At most `within`, one for each pair, in the same order every time.
+        """
+        mujoco.mj_kinematics(self.model, self.data)
+        return np.array(
+            [
+                mujoco.mj_geomDistance(self.model, self.data, arm, fixed, within, None)
+                if bound < within
+                else within
+                for (arm, fixed), bound in zip(self._pairs.tolist(), self._bounds(), strict=True)
+            ]
+        )
+
+    def place(self, obstacle: str, xyz: Vector) -> None:
+        """Move an obstacle of the cell to a place in World [m]. Raises `ValueError`."""
+        place(self.model, self.data, obstacle, xyz)
+
+    def wall_travel(self) -> float:
+        """Return how far the wall is pushed in, against its normal [m]. Raises `KeyError`."""
+        return -float(self.data.joint(WALL_SLIDE).qpos[0])
+
+    def _bounds(self) -> Vector:
+        """Return what the distances (k,) of all pairs are at least, by their bounding balls [m]."""
+        first, second = self._pairs.T
+        way = self.data.geom_xpos[first] - self.data.geom_xpos[second]
+        reach = self.model.geom_rbound[self._pairs].sum(axis=1)
+        return np.asarray(np.sqrt((way * way).sum(axis=1)) - reach)
+
+    @cached_property
+    def _pairs(self) -> NDArray[np.int64]:
+        weld = self.model.body_weldid[self.model.geom_bodyid]
+        arm = [g for g in range(self.model.ngeom) if g not in self._fixed and weld[g] != 0]
+        pairs = [(a, f) for a in arm for f in sorted(self._fixed)]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)

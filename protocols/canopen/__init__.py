@@ -1,0 +1,1 @@
+"""CANopen: communication, drive and input/output profiles, and the sensor's frames."""

@@ -1,0 +1,1 @@
+"""Messages that cross Zenoh, field by field."""

@@ -1,0 +1,164 @@
+"""What an operator tunes: gains, switches, the payload, the gripper, objectives, reduced speed."""
+
+import numpy as np
+
+from ...config.load import Cell
+from ...protocols.messages import requests
+from ...protocols.messages.motion import RedundancyRequest
+from ..control.mechanism.null_space.redundancy import Pulls
+from ..control.mechanism.payload import Payload
+from ..control.spatial import Array, Pose
+from ..refusals import Refused, Why
+from ..stability.payloads import PayloadJudge
+
+OF_THE_WRENCH = ("following", "force")
+"""The sources that move the tool for what the sensor reads."""
+
+
+class Tuning:
+    """The settings in force that are no frames; at first those of the cell."""
+
+    def __init__(self, cell: Cell) -> None:
+        config, sources = cell.config, cell.config.sources
+        self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
+        self.gains = {
+            "joystick": np.array(sources.joystick.gain),
+            "position": np.array(sources.position.gain),
+            "vision": np.array(sources.vision.gain),
+            "force": np.array(sources.force.gain),
+            "following": np.array(sources.following.gain),
+        }
+        self.on = {
+            "joystick": sources.joystick.enabled,
+            "position": sources.position.enabled,
+            "vision": sources.vision.enabled and bool(config.cameras),
+            "force": sources.force.enabled and config.mechanism.force_torque is not None,
+            "following": sources.following.enabled,
+        }
+        self._vision_on = self.on["vision"]
+        self.avoid = config.avoidance.enabled
+        """Whether clearances are kept."""
+        self.can_avoid = config.keeps_clear
+        self.speed_factor = config.limits.speed_factor
+        redundancy = config.redundancy
+        self.pulls = Pulls(redundancy.gains, self._postures[redundancy.posture_name])
+        sensor = config.mechanism.force_torque
+        self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
+        self.T_wrist_sensor = None
+        """None without a sensor."""
+        self.payload = None
+        """What hangs on the sensor; None without a sensor."""
+        if sensor is not None:
+            place = sensor.T_wrist_sensor
+            self.T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)
+            self.payload = Payload(sensor.payload.mass, np.array(sensor.payload.com))
+        self._payloads = {
+            name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
+        }
+        self.load_told, self.load_heard = 0, ""
+        """How often operators said something of the load, and what it was last."""
+        self.sensor_share = 1.0
+        """Part of their gains that the sources of the force/torque sensor act with [1]."""
+        self._rated_payload = config.mechanism.rated_payload
+        self._gripper = config.mechanism.gripper
+        self.gripper_closed: bool | None = None
+        """None until an operator has said so: what it holds at start is held on."""
+        self.payload_judge = PayloadJudge(cell)
+
+    @property
+    def gains_in_force(self) -> dict[str, Array]:
+        """The sources' gains (6,): zero for one that is off, or that a load makes wait."""
+        found = self._gains_on
+        if self.sensor_share < 1.0:
+            found.update({name: self.sensor_share * found[name] for name in OF_THE_WRENCH})
+        return found
+
+    @property
+    def _gains_on(self) -> dict[str, Array]:
+        """Those of the sources that are switched on, whether they wait for a load or not."""
+        off = np.zeros(6)
+        return {name: gain if self.on[name] else off for name, gain in self.gains.items()}
+
+    def hear_of_load(self, what: str) -> None:
+        """Note that an operator said something of the load: `LoadWatch` looks at it anew."""
+        self.load_told, self.load_heard = self.load_told + 1, what
+
+    def posture(self, name: str) -> Array:
+        """Return a posture (n,) [rad] of the cell by its name. Raises `Refused`."""
+        if name not in self._postures:
+            raise Refused(Why.UNKNOWN_POSTURE, f"{name!r} is none of {', '.join(self._postures)}")
+        return self._postures[name]
+
+    def settle_vision(self) -> None:
+        """Put the vision source's switch back to what it was at start."""
+        self.on["vision"] = self._vision_on
+
+    def set_objective(self, request: RedundancyRequest) -> None:
+        """Set a redundancy objective's gain. Raises `Refused` for a posture that is unknown."""
+        q = self.pulls.posture if request.posture is None else self.posture(request.posture)
+        self.pulls = Pulls({**self.pulls.gains, str(request.objective): request.gain}, q)
+
+    def set_payload(self, request: requests.PayloadRequest) -> None:
+        """Redefine what hangs on the sensor.
+
+        Raises `Refused` for a name that the cell lacks, and for what would swing the tool.
+        """
+        if self.payload is None:
+            raise Refused(Why.NOT_NOW, "the cell has no force/torque sensor")
+        if request.unknown:
+            self.hear_of_load("unknown")
+            return
+        rated = self._rated_payload
+        if rated is not None and (request.mass or 0.0) > rated:
+            raise Refused(Why.OUT_OF_RANGE, f"mass: {request.mass:g} kg, rated for {rated:g}")
+        if request.name is None:
+            payload = Payload(request.mass or 0.0, np.array(request.com))
+        elif request.name in self._payloads:
+            payload = self._payloads[request.name]
+        else:
+            known = ", ".join(self._payloads) or "none in this cell"
+            raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
+        self._hang(payload)
+        if request.bias is not None:
+            self.wrench_bias = -np.array(request.bias)
+        self.hear_of_load("payload")
+
+    def tare(self, unloaded: Array) -> None:
+        """Take a reading (6,) without the payload's weight for that of no contact."""
+        self.wrench_bias = unloaded
+        self.hear_of_load("tare")
+
+    def set_gripper(self, closed: bool) -> None:
+        """Close or open the gripper, and switch to the payload that the cell has for that."""
+        if self._gripper is None:
+            raise Refused(Why.NOT_NOW, "the cell has no gripper")
+        name = self._gripper.closed_payload if closed else self._gripper.open_payload
+        if name is not None and self.payload is not None:
+            self._hang(self._payloads[name])
+        self.gripper_closed = closed
+        self.hear_of_load("gripper")
+
+    def switch(self, source: str, on: bool) -> None:
+        """Switch a source. Raises `Refused` where the payload would swing the tool by it."""
+        if on and source in OF_THE_WRENCH and self.payload is not None:
+            self._judge(self.payload, {**self._gains_on, source: self.gains[source]})
+        self.on[source] = on
+
+    def gain_refusal(self, source: str, gain: tuple[float, ...]) -> str | None:
+        """Return why the payload in force would swing the tool at a source's gain (6,), or None."""
+        if source not in OF_THE_WRENCH or self.payload is None:
+            return None
+        return self._refusal(self.payload, {**self._gains_on, source: np.array(gain)})
+
+    def _hang(self, payload: Payload) -> None:
+        self._judge(payload, self._gains_on)
+        self.payload = payload
+
+    def _judge(self, payload: Payload, gains: dict[str, Array]) -> None:
+        reason = self._refusal(payload, gains)
+        if reason is not None:
+            raise Refused(Why.UNSTABLE_PAYLOAD, reason)
+
+    def _refusal(self, payload: Payload, gains: dict[str, Array]) -> str | None:
+        following, force = (float(gains[name][:3].max()) for name in OF_THE_WRENCH)
+        return self.payload_judge.refusal(payload.mass, following, force)

@@ -1,0 +1,163 @@
+"""What the drives are sent for a commanded motion: positions, speeds or torques.
+
+The last stage before the bus. It changes no motion: it says the same motion in the unit of the
+drives' operation mode, and refuses a torque or a speed that is not to be sent, as the gate refuses
+a posture.
+"""
+
+from typing import NamedTuple, Protocol
+
+from ..compiled import VECTOR, compiled
+from ..gate import TOLERANCE
+from ..mechanism.dynamics import Dynamics
+from ..mechanism.kinematics import Kinematics, Mechanism
+from ..parameters import Parameters
+from ..spatial import Array, Pose
+from ..stop.trajectory import Motion
+from .torque import TorqueLaw, Torques, TorqueState
+
+
+class Now(NamedTuple):
+    """What an actuation may look at."""
+
+    q: Array
+    """Joints as measured (n,) [rad]."""
+    error: Array
+    """Their lag behind the command (n,) [rad]."""
+    before: Motion
+    """The command before this tick."""
+    after: Motion
+    """The command that this tick decided on."""
+    commanded: Kinematics
+    """Where the command was before this tick."""
+    wrench_on_arm: Array | None
+    """What pushes the arm, at and in the MRF (6,); None when stale."""
+    T_wrist_mrf: Pose
+    time_s: float
+    settled: bool
+    """The drives are off."""
+    load: Array | None = None
+    """Payload and bias in effect (10,), see `sources.force.load_of`; None: the URDF's tool."""
+
+
+class Actuated(NamedTuple):
+    """A command (n,) in the drives' unit, and why it may not be sent, if so."""
+
+    command: Array
+    state: TorqueState | None
+    refusal: str | None = None
+    limits: tuple[str, ...] = ()
+
+
+class Actuation(Protocol):
+    """One operation mode."""
+
+    def __call__(self, state: TorqueState | None, now: Now, /) -> Actuated:
+        """Return what to send."""
+        ...
+
+
+def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
+    """Return the actuation of a cell's operation mode."""
+    if p.operation_mode == "csv":
+        return BySpeed(p)
+    if p.operation_mode == "cst":
+        return ByTorque(p, mechanism)
+    return by_position
+
+
+def by_position(_state: TorqueState | None, now: Now) -> Actuated:
+    """CSP: the commanded posture."""
+    return Actuated(now.after.q, None)
+
+
+class BySpeed:
+    """CSV: the commanded rates, and what brings the joints to the command."""
+
+    def __init__(self, p: Parameters) -> None:
+        self._joints, self._gain = p.joints, p.torque.speed_gain
+        self._most = (1.0 + TOLERANCE) * p.velocity + self._gain * p.following_window
+
+    def __call__(self, _state: TorqueState | None, now: Now) -> Actuated:
+        """Return the speeds (n,) [rad/s]."""
+        command = now.after.dq + self._gain * now.error
+        return Actuated(command, None, _beyond(self._joints, command, self._most, "speed", "rad/s"))
+
+
+class ByTorque:
+    """CST: the torques of the law, inside the bounds of torque and of its rate."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+        dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+        self._law = TorqueLaw(
+            dynamics,
+            p.torque,
+            p.friction,
+            p.max_torque,
+            p.resolve.characteristic_length,
+            p.period_s,
+            p.max_torque_rate,
+        )
+        self._weighs = p.T_wrist_sensor is not None
+        # Scratch: what the law's dynamics carry.
+        self._carried: bytes | None = None
+        self._joints, self._most = p.joints, p.max_torque
+        self._step = (1.0 + TOLERANCE) * p.max_torque_rate * p.period_s
+
+    def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
+        """Return the torques (n,) [N·m]."""
+        if self._weighs and now.load is not None:
+            self._carry(now.load[:4])
+        kept, torques = self._law.step(
+            state,
+            now.q,
+            now.before,
+            now.after,
+            now.commanded,
+            now.wrench_on_arm,
+            now.T_wrist_mrf,
+            now.time_s,
+            now.settled,
+        )
+        tau = torques.tau
+        refusal = _beyond(self._joints, tau, self._most, "torque", "N·m")
+        if refusal is None and state is not None:
+            step = tau - state.tau
+            refusal = _beyond(self._joints, step, self._step, "torque step", "N·m")
+        return Actuated(tau, kept, refusal, self._told(torques))
+
+    def _carry(self, load: Array) -> None:
+        """Let the law's dynamics have a payload (4,): mass [kg], and it times the centre [kg·m]."""
+        key = load.tobytes()
+        if key != self._carried:
+            mass = float(load[0])
+            self._law.carry(mass, load[1:] / max(mass, 1e-9))
+            self._carried = key
+
+    def _told(self, torques: Torques) -> tuple[str, ...]:
+        """Return the names of what limits the joints."""
+        if not (torques.beyond.any() or torques.held_back.any()):
+            return ()
+        return tuple(
+            f"{what}:{joint}"
+            for what, which in (("disturbance", torques.beyond), ("torque", torques.held_back))
+            for joint, so in zip(self._joints, which.tolist(), strict=True)
+            if so
+        )
+
+
+def _beyond(joints: tuple[str, ...], value: Array, most: Array, what: str, unit: str) -> str | None:
+    """Return why values (n,) may not be sent, or None. What is not finite is beyond, too."""
+    j = _first_beyond(value, most)
+    if j < 0:
+        return None
+    return f"{joints[j]}: {what} {value[j]:.4g} beyond {most[j]:.4g} {unit}"
+
+
+@compiled(VECTOR, VECTOR)
+def _first_beyond(value: Array, most: Array) -> int:
+    """Return the first of values (n,) that is not within `most` (n,), or −1."""
+    for j in range(len(value)):
+        if not abs(value[j]) <= most[j]:
+            return j
+    return -1

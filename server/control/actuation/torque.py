@@ -1,0 +1,175 @@
+"""What drives in CST are sent: the computed torque, and what is measured and found beside it.
+
+    τ = M q̈* + h − Jᵀ F − r
+
+with M q̈* + h of `computed_torque.py`, F the *measured* force on the arm and r what the momentum
+observer (`momentum.py`) found beside it.
+
+A torque that is computed from what SYNC k sampled acts from SYNC k + 1 to k + 2: the state is
+predicted to k + 1 with the torque that acts until then. M and h are those of the declared payload.
+
+The law asks for no more than the motors may give and change by in a period: each joint goes as far
+towards its torque as its bounds let it. The prediction and the observer know what was sent, so that
+what was held back is no disturbance, and nothing winds up. A force that changes is answered as far
+as a declared load that is not there leaves the arm at rest (`load_doubt.py`).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....config.schema.torque import Torque
+from ..compiled import VECTOR, compiled
+from ..mechanism.dynamics import Dynamics
+from ..mechanism.kinematics import Kinematics
+from ..spatial import Array, Pose, pose_error, wrench_to
+from ..stop.trajectory import Motion
+from .computed_torque import computed_torque
+from .load_doubt import LASTS_HZ, held_back, share_at_once
+from .momentum import MomentumState, begin, foreseen
+
+_NONE = np.zeros(6)
+
+
+class TorqueState(NamedTuple):
+    """What the law remembers of the last tick."""
+
+    q: Array
+    """Joints as measured (n,) [rad]."""
+    dq_next: Array
+    """Their rates as predicted for the next SYNC (n,) [rad/s]."""
+    sent: tuple[Array, Array]
+    """The last two torques (n,), newest first, without what was fed forward against friction."""
+    tau: Array
+    """The last torque (n,) as it was sent [N·m]."""
+    momentum: MomentumState
+    time_s: float
+    lasting: Array | None = None
+    """What lasts of the wrench (6,) on the arm, at and in the Wrist [N, N·m]; None at first."""
+
+
+class Torques(NamedTuple):
+    """Torques (n,) [N·m], and joints of which there is something to tell."""
+
+    tau: Array
+    beyond: NDArray[np.bool_]
+    """Joints (n,) whose disturbance is beyond what may be compensated."""
+    held_back: NDArray[np.bool_]
+    """Joints (n,) that would have been given more, but for the bounds of torque and its rate."""
+
+
+class TorqueLaw:
+    """The law of one arm; all arrays (n,)."""
+
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        torque: Torque,
+        friction: Array,
+        max_torque: Array,
+        length: float,
+        period_s: float,
+        max_torque_rate: Array | None = None,
+    ) -> None:
+        """Build; `length` weighs radians against metres where the tool's mobility is judged [m].
+
+        `friction` is Coulomb's at the joints, fed forward where motion is commanded [N·m].
+        `max_torque_rate` [N·m/s] is unbounded when None.
+        """
+        self._dynamics = dynamics
+        self._gains = torque
+        self._friction = friction
+        self._authority = torque.observer_share * max_torque
+        self._most = max_torque
+        rate = np.inf if max_torque_rate is None else max_torque_rate
+        self._step = np.broadcast_to(rate * period_s, max_torque.shape).astype(float)
+        self._anywhere = np.full(max_torque.shape, np.inf)
+        self._T = period_s
+        self._trust = 1.0 - math.exp(-2.0 * math.pi * torque.velocity_filter_hz * period_s)
+        self._lasts = 1.0 - math.exp(-2.0 * math.pi * LASTS_HZ * period_s)
+        self._weight = np.array([1.0] * 3 + [length] * 3)
+
+    def step(
+        self,
+        state: TorqueState | None,
+        q: Array,
+        before: Motion,
+        after: Motion,
+        commanded: Kinematics,
+        wrench_on_arm: Array | None,
+        T_wrist_mrf: Pose,
+        time_s: float,
+        settled: bool,
+    ) -> tuple[TorqueState, Torques]:
+        """Return what to remember, and the torques to send.
+
+        `q` (n,) was sampled at the last SYNC; the command goes from `before`, where the arm is as
+        `commanded`, to `after` while the torque acts. `wrench_on_arm` (6,) is measured, at and in
+        the MRF. `settled` is true while the drives are off: nothing is suspected then.
+        """
+        T, g = self._T, self._gains
+        last, step = (q, self._anywhere) if state is None else (state.tau, self._step)
+        if state is None or not 0.5 * T < time_s - state.time_s < 1.5 * T:
+            state = self._restart(q, time_s)
+        rate = (q - state.q) / T  # in the middle of the period that has passed
+        terms = self._dynamics.terms(q, rate)
+        felt = _NONE if wrench_on_arm is None else wrench_to(T_wrist_mrf, wrench_on_arm)
+        then = foreseen(
+            terms.M, terms.C, terms.g, terms.J_wrist, felt,
+            q, rate, state.dq_next, *state.sent, *state.momentum,
+            before.q, after.dq, self._friction, self._authority,
+            T, self._trust, g.observer, g.friction_lead, g.friction_speed,
+            g.compensation, settled,
+        )  # fmt: skip
+        lasting = felt if state.lasting is None else state.lasting
+        lasting = lasting + self._lasts * (felt - lasting)
+        mass, at = self._dynamics.carried
+        share, answer = share_at_once(then.inverse, terms.J_wrist, at, mass), then.answer
+        if share < 1.0:
+            answer = answer + g.compensation * held_back(terms.J_wrist, felt, lasting, share)
+        actual = self._dynamics.kinematics(then.q, T_wrist_mrf)
+        error = pose_error(commanded.T_world_mrf, actual.T_world_mrf)
+        tau = computed_torque(
+            terms.M, self._dynamics.bias(then.q, then.dq), answer,
+            then.inverse, commanded.J, actual.J, error,
+            before.q, before.dq, after.dq, then.q, then.dq, self._weight,
+            T, g.damping, g.stiffness, g.null_damping, g.null_stiffness,
+            g.singular_region, g.singular_damping,
+        )  # fmt: skip
+        sent, short = within_reach(tau + then.rubbing, last, self._most, step)
+        tau = sent - then.rubbing
+        momentum = MomentumState(then.expected, then.residual)
+        kept = TorqueState(q, then.dq, (tau, state.sent[0]), sent, momentum, time_s, lasting)
+        return kept, Torques(sent, np.abs(then.residual) > self._authority, short)
+
+    def carry(self, mass: float, com: Array) -> None:
+        """Say what is outboard of the Sensor frame: a point mass [kg] at com (3,) [m] in it."""
+        self._dynamics.carry(mass, com)
+
+    def _restart(self, q: Array, time_s: float) -> TorqueState:
+        """Return the state of an arm that was not looked at before: at rest, and held."""
+        rest = np.zeros_like(q)
+        held = self._dynamics.bias(q, rest)
+        return TorqueState(q, rest, (held, held), held, begin(rest), time_s - self._T)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR)
+def within_reach(
+    wanted: Array, last: Array, most: Array, step: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the torques (n,) nearest to those `wanted` that may follow on the `last` ones [N·m].
+
+    Each is at most `most` (n,), and at most `step` (n,) from the last one, which itself may be
+    beyond. Also returns which of them (n,) are not as wanted. What is not a number stays.
+    """
+    out, held_back = np.empty(len(wanted)), np.zeros(len(wanted), dtype=np.bool_)
+    for j in range(len(wanted)):
+        low, high = max(-most[j], last[j] - step[j]), min(most[j], last[j] + step[j])
+        out[j] = wanted[j]
+        if wanted[j] > high:
+            out[j], held_back[j] = high, True
+        elif wanted[j] < low:
+            out[j], held_back[j] = low, True
+    return out, held_back

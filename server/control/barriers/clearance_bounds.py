@@ -1,0 +1,77 @@
+"""What gaps must keep: bounds of barriers and of stops, by what may take something off them."""
+
+from typing import Final
+
+import numpy as np
+
+from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
+from ..scene import Index
+from ..spatial import Array
+
+HORIZON_S: Final = 0.4
+"""What moves is looked at when it can be near within this time [s]."""
+ROUNDEST: Final = 0.02
+"""Paths of links around things are no more curved than a circle with this radius [m]."""
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, NUMBER)
+def held(
+    tube: Array, gap: Array, promise: Array, speed: Array, between: float
+) -> tuple[Array, Array, Index]:
+    """Return what gaps (k,) need, their floors as if none were held, and which are.
+
+    Held are those that are below what they need, or may be soon, since something moves.
+    """
+    needed, floor = np.empty(len(gap)), np.full(len(gap), np.inf)
+    which, count = np.empty(len(gap), dtype=np.int64), 0
+    for i in range(len(gap)):
+        needed[i] = promise[i] + tube[i] + between
+        if gap[i] < needed[i] + speed[i] * HORIZON_S:
+            which[count] = i
+            count += 1
+    return needed, floor, which[:count].copy()
+
+
+@compiled(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER)
+def kept(
+    rows: Array, error: Array, gap: Array, promise: Array, speed: Array, nearer: Array,
+    margin: float, between: float,
+) -> tuple[Array, Array, Array, Array, Index]:  # fmt: skip
+    """Return tube and room (k,), as in `Sight`, and what `held` does.
+
+    `error` (n,) [rad] is what joints are behind; `nearer` (1, k) [m], or (0, 0), how much nearer
+    pairs may be before the arm is where the command is now.
+    """
+    k, n = rows.shape
+    tube, room = np.zeros(k), np.empty(k)
+    for i in range(k):
+        for j in range(n):
+            tube[i] += abs(rows[i, j]) * abs(error[j])
+        room[i] = gap[i] - promise[i] - margin - tube[i]
+        if len(nearer):
+            room[i] -= nearer[0, i]
+    needed, floor, which = held(tube, gap, promise, speed, between)
+    return tube, room, needed, floor, which
+
+
+@compiled(COUNT, INDEX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX)
+def wanted(
+    count: int, pairs: Index, closer: Array, needed: Array, promise: Array, radii: Array,
+    floor: Array, nearer: Array,
+) -> Array:  # fmt: skip
+    """Return what the segments of `pairs` (p,) are to keep (count + 1, p) [m] at looks at a stop.
+
+    What they need and what their paths, no straighter than their radii, may dip by between two
+    looks, each coming `closer` (p,) in all; and what else they may be `nearer` (count + 1, k) by,
+    or (0, 0). But no more than their floors.
+    """
+    found = np.empty((count + 1, len(pairs)))
+    for i in range(len(pairs)):
+        k, chord = pairs[i], closer[i] / count
+        round_off = chord * chord / (8.0 * max(radii[k] + promise[k], ROUNDEST))
+        for s in range(count + 1):
+            bound = needed[k] + round_off
+            if len(nearer):
+                bound += nearer[s, k]
+            found[s, i] = min(bound, floor[k]) + radii[k]
+    return found

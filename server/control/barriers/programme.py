@@ -1,0 +1,221 @@
+"""The nearest joint rates that keep every barrier: a small quadratic programme (DAQP).
+
+Self-motion is spent first, then the tool slows along its path, and only then does it leave the
+path: the unknowns are the joint rates and the share s of the asked tool motion, and leaving the
+path (J dq ≠ s ẋ) costs far more than going slower (s < 1), which costs far more than self-motion.
+An arm that only slowed would creep to a stop beside whatever stands across its path. So s does not
+fall below `SLIDE`: what is still too much then is taken off sideways, and since the least of it
+is, it is what approaches that goes. The rest slides on, along the barrier; where nothing is left
+of the motion but what approaches, the arm stands.
+
+Barriers are hard, where standing keeps them all; where a joint is to be led back into its limits,
+those of the joint rates are, and the others as well as can be. That a gap which is inside its bound
+is widened has a price: as well as it can be, and never by closing another.
+
+The solver is not trusted. Opposed or nearly dependent barriers make it find no solution where
+standing is one, or one that breaks barriers by its tolerance. So what it finds is looked at; if it
+fails, it is asked once more with soft barriers; and then the nearest rates are taken that keep
+every barrier to rounding (`least_distance.py`). What is left in the end is to stand, or to do no
+more than leads joints back.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..spatial import Array
+from .least_distance import KEPT, settled, shortfall
+
+LEAVE_PATH = 1000.0
+"""Cost of tool motion off the path, per (m/s)²."""
+SLOW_DOWN = 3.0
+"""Cost of going slower than asked, per (m/s)²."""
+SLIDE = 0.5
+"""Slowed to this share of what is asked, the tool goes no slower but leaves the path [1]."""
+ATTITUDE = 3.0
+"""Rotations count so much more here than in the resolution of tool rates: a tool that is pushed at
+something is not to tilt for the little way that this gains it [1]."""
+SELF_MOTION = 0.05
+"""Cost of joint rates other than asked, per part of V squared."""
+
+WIDEN = 1e4
+"""Cost of not widening a gap as told, per (m/s)²; it is never worth closing another."""
+UNBOUNDED = 1e30
+UNASKED = 1e-9
+"""A tool motion below this is none [m/s]."""
+
+_SOFT = 8
+"""DAQP's sign of a soft constraint."""
+_SOLVED = (1, 2)
+"""DAQP's signs of an optimum, of hard and of soft constraints."""
+
+
+_BY_TOLERANCE = 2e-6
+"""Barriers of unit slope are broken by less than this where the solver did its work [m/s]."""
+_SLOWED = 0.999
+"""Rates that keep this share were not slowed but for rounding [1]."""
+
+Fallback = Literal["", "barriers_softened", "barriers_slow", "barriers_stand"]
+"""What was done where the solver failed: nothing; barriers were soft to it, and then kept by the
+nearest rates that do; those were slowed towards standing; the arm stands, or just leads back."""
+
+
+class Nearest(NamedTuple):
+    """Joint rates inside all bounds."""
+
+    dq: Array
+    share: float
+    """Size of the tool motion that is left, on the path or sliding, as a share of the asked one,
+    0 to 1."""
+    pace: float
+    """Share of its asked speed at which the path itself may go on: that of the motion whose
+    projection this is, `SLIDE` at least."""
+    fallback: Fallback = ""
+    """What was done where the solver failed."""
+
+
+class BarrierError(Exception):
+    """Something to be resolved is not a finite number: carries what."""
+
+
+def nearest(
+    dq: Array,
+    J: Array,
+    low: Array,
+    high: Array,
+    velocity: Array,
+    characteristic_length: float,
+    rows: tuple[Array, Array] | None = None,
+) -> Nearest:
+    """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
+
+    J (6, n) is the task's Jacobian and `velocity` (n,) the joint speed bounds; `rows` are A (m, n)
+    and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. There always are
+    such rates; raises `BarrierError` where an argument is not finite.
+    """
+    n = len(dq)
+    slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
+    length = ATTITUDE * characteristic_length
+    H, f, A, upper, lower, sense = _programme(dq, J, low, high, velocity, slopes, least, length)
+    found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
+    wrong = shortfall(slopes, least, found[:n])
+    fallback: Fallback = ""
+    if flag not in _SOLVED or wrong > KEPT:
+        led_back = bool((low > 0.0).any() or (high < 0.0).any())
+        if not led_back or flag not in _SOLVED or wrong == math.inf:
+            _check_finite(dq=dq, J=J, low=low, high=high, slopes=slopes, least=least)
+            if flag not in _SOLVED or wrong > _BY_TOLERANCE:
+                fallback = "barriers_softened"
+                sense[len(f) : len(f) + len(least)] = _SOFT
+                found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
+            if flag not in _SOLVED or not np.isfinite(found).all():
+                found, fallback = np.append(np.clip(0.0, low, high), SLIDE), "barriers_stand"
+            elif not led_back:
+                found[:n], share = settled(found[:n], slopes, least, low, high, H[:n, :n])
+                if share < _SLOWED:
+                    fallback = "barriers_slow"
+    return Nearest(*_granted(found, dq, J, low, high, length), fallback)
+
+
+def _check_finite(**arguments: Array) -> None:
+    for name, values in arguments.items():
+        if not np.isfinite(values).all():
+            raise BarrierError(f"{name} is not finite: {values}")
+
+
+@compiled(VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER)
+def _programme(
+    dq: Array, J: Array, low: Array, high: Array, velocity: Array, slopes: Array, least: Array,
+    length: float,
+) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:  # fmt: skip
+    """Return H, f, A and the bounds above and below of the unknowns, then of the rows of A.
+
+    And DAQP's sense of each bound: barriers are soft where a joint is to be led back.
+
+    ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖², in the unknowns (dq', s), and one more for each gap that
+    is to be widened: what it falls short by. `length` weighs rotations [m/rad].
+    """
+    n, m = len(dq), len(least)
+    widened, wide = np.empty(m, dtype=np.int64), 0
+    for i in range(m):
+        if least[i] > 0.0:
+            widened[wide] = i
+            wide += 1
+    size, count = n + 1 + wide, m + wide
+    H, f, A = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
+    x = np.zeros(6)
+    for r in range(6):
+        for j in range(n):
+            x[r] += J[r, j] * dq[j]
+    slow, asked = 1e-9, 0.0
+    for j in range(n):
+        own = SELF_MOTION / velocity[j] ** 2
+        H[j, j] = own
+        cross = own * dq[j]
+        slow += own * dq[j] ** 2
+        asked += own * dq[j] ** 2
+        for r in range(6):
+            weighed = LEAVE_PATH * J[r, j] * (1.0 if r < 3 else length**2)
+            cross += weighed * x[r]
+            for k in range(n):
+                H[j, k] += weighed * J[r, k]
+        H[j, n] = H[n, j] = -cross
+    for r in range(6):
+        x2 = x[r] ** 2 * (1.0 if r < 3 else length**2)
+        slow += SLOW_DOWN * x2
+        asked += LEAVE_PATH * x2
+    H[n, n] = asked + slow
+    f[n] = -slow
+    upper, lower = np.empty(size + count), np.zeros(size + count)
+    for i in range(size + count):
+        upper[i] = UNBOUNDED
+    for j in range(n):
+        lower[j], upper[j] = low[j], high[j]
+    lower[n], upper[n] = SLIDE, 1.0
+    for i in range(m):
+        lower[size + i] = min(least[i], 0.0)
+        for j in range(n):
+            A[i, j] = slopes[i, j]
+    for i in range(wide):
+        gap = widened[i]
+        H[n + 1 + i, n + 1 + i] = WIDEN
+        for j in range(n):
+            A[m + i, j] = slopes[gap, j]
+        A[m + i, n + 1 + i] = 1.0
+        lower[size + m + i] = least[gap]
+    sense, led_back = np.zeros(size + count, dtype=np.int32), False
+    for j in range(n):
+        led_back = led_back or low[j] > 0.0 or high[j] < 0.0
+    if led_back:
+        for i in range(m):
+            sense[size + i] = _SOFT
+    return H, f, A, upper, lower, sense
+
+
+@compiled(MATRIX, VECTOR, NUMBER)
+def _weighed(J: Array, dq: Array, length: float) -> float:
+    """Return the size of a tool motion, rotations weighed by `length` [m/rad]."""
+    size2 = 0.0
+    for r in range(6):
+        rate = 0.0
+        for j in range(len(dq)):
+            rate += J[r, j] * dq[j]
+        size2 += rate**2 * (1.0 if r < 3 else length**2)
+    return math.sqrt(size2)
+
+
+@compiled(VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, NUMBER)
+def _granted(
+    solution: Array, dq: Array, J: Array, low: Array, high: Array, length: float
+) -> tuple[Array, float, float]:
+    """Return what `Nearest` holds, by the unknowns that solve the programme."""
+    n = len(dq)
+    found, pace = np.empty(n), solution[n]
+    for j in range(n):
+        found[j] = min(max(solution[j], low[j]), high[j])
+    asked, left = _weighed(J, dq, length), _weighed(J, found, length)
+    return found, pace if asked < UNASKED else min(pace, left / asked), pace

@@ -1,0 +1,1 @@
+"""HOLD: contact is bled off, and what was touched is given way to."""

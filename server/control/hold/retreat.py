@@ -1,0 +1,284 @@
+"""In HOLD after a touch, the arm goes back along the way it came until nothing pushes it.
+
+The commanded path is remembered in steps of some milliradians. The last `LOOKBACK_S` of it before
+the touch, and what the stop added, is taken back at once: there the arm was free. From there on the
+estimated torques decide (`collision.py`). While a joint is pushed, the arm goes on back along its
+path; where the push leads off the path, as that of a wall does along which the arm has slid, it
+goes where it is pushed, but not forward again.
+
+The motion goes one way only, is slow, and ends with the push, where another one is met, or when it
+has used up its leash: an estimate that is wrong makes it neither swing nor drift.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiled import NUMBER, VECTOR, compiled
+from ..spatial import Array
+
+STEP = 2e-3
+"""The path is remembered in steps of this, by the joint that moves most [rad]."""
+
+LOOKBACK_S = 0.2
+"""Contact began at most this long before it was felt [s]: low-pass, confirmation, soft walls."""
+
+FASTEST, SLOWEST = 0.2, 0.05
+"""Rates of the joint that moves most, back to where the arm was free and from there on [rad/s]."""
+
+APPROACH = 8.0
+"""Rate per distance, to where the arm was free and to the end of the leash [1/s]."""
+
+USED_UP = 0.02
+"""Part of the leash that is left when it counts as used up [1]."""
+
+RELEASE = 0.7
+"""A joint is pushed no longer below this part of its bound [1]."""
+
+ALONG = 0.3
+"""A push along the path: cosine between it and the way back, in joint space [1]."""
+
+OPPOSED_S = 0.05
+"""Another push must last so long to end the retreat [s]."""
+
+NEW = 0.5
+"""Contact that the sensor sees came with the touch where more than this part of it is new [1]."""
+
+ACROSS = 0.1
+"""Bleeding off goes forward on the path where the cosine between them is above this [1]."""
+
+
+class Pushed(NamedTuple):
+    """Unseen contact as the watch over the drives' torques estimates it (n,) [N·m]."""
+
+    external: Array
+    """Torques that nothing explains."""
+    excused: Array
+    """What of that friction and inertia may be."""
+    bound: Array
+    """What means contact beyond that."""
+    touched: bool = False
+    """The arm was stopped for it, and is to give way."""
+    lasting: bool = False
+    """It has not been released since."""
+    free: Array | None = None
+    """`external` before it was touched; None where that is not known."""
+    wrench: Array | None = None
+    """What the force/torque sensor sees push the tool (6,), at the MRF in World axes [N, N·m]."""
+    free_wrench: Array | None = None
+    """The same before it was touched; None where that is not known."""
+
+
+class RetreatState(NamedTuple):
+    """The way that led here, and how far it was gone back."""
+
+    way: tuple[Array, ...] = ()
+    """Commanded postures (n,), newest last [rad]."""
+    at_s: tuple[float, ...] = ()
+    """When each was passed [s]."""
+    felt_s: float | None = None
+    """When the push was felt [s]; None before."""
+    q: Array | None = None
+    """Command (n,) one tick ago, while the arm gives way [rad]; None before."""
+    overrun: int = 0
+    """Postures until one of a time when the arm was free [1]."""
+    travelled: float = 0.0
+    """How far the joint that moved most has gone since [rad]."""
+    opposed_s: float = 0.0
+    """How long another push has been in the way [s]."""
+    rate: float = 0.0
+    """Rate asked for [rad/s]."""
+    off_path: bool = False
+    """The rate asked for leads off the way; then `way` goes along beside the command."""
+    shifted: bool = False
+    """It ever did: the arm was never where `way` is now."""
+
+
+class Retreat:
+    """Gives way after a touch; `leash` is the longest travel of a joint [rad]."""
+
+    def __init__(self, leash: float, period_s: float) -> None:
+        self.leash = leash
+        self._T = period_s
+        self._kept = 16 + math.ceil(leash / STEP)
+        self.start = RetreatState()
+
+    def used_up(self, state: RetreatState) -> bool:
+        """Return whether there is no leash left."""
+        return state.travelled > (1.0 - USED_UP) * self.leash
+
+    def step(
+        self,
+        state: RetreatState,
+        q: Array,
+        dq: Array,
+        J: Array,
+        pushed: Pushed | None,
+        time_s: float,
+        held: bool,
+    ) -> tuple[RetreatState, Array]:
+        """Return the rates to ask for, `dq` (n,) with the retreat added [rad/s].
+
+        q (n,) is the command [rad], J (6, n) the MRF's Jacobian there, in World axes, and `dq` what
+        bleeding off asks for while the arm is `held`.
+        """
+        if not held or pushed is None or not pushed.touched:
+            if held and pushed is not None and _into(dq, pushed):
+                dq = np.zeros_like(dq)
+            return self._remembered(state, q, pushed, time_s), dq
+        state = _moved(self._begun(state, q, time_s), q)
+        back = _way_back(state, q)
+        seen, new = _seen(pushed, J)
+        state, way = self._direction(state, q, back, new, pushed)
+        if _into(dq, pushed) or (_forward(dq, back) and not _relieves(dq, seen, new, pushed)):
+            dq = np.zeros_like(dq)
+        return state._replace(q=q), dq + state.rate * way
+
+    def _remembered(
+        self, state: RetreatState, q: Array, pushed: Pushed | None, time_s: float
+    ) -> RetreatState:
+        """Return the state with the command's path in it."""
+        if state.q is not None:
+            state = self.start if state.shifted else RetreatState(state.way, state.at_s)
+        felt = pushed is not None and pushed.touched
+        if felt != (state.felt_s is not None):
+            state = state._replace(felt_s=time_s if felt else None)
+        if state.way and not _apart(q, state.way[-1], STEP):
+            return state
+        return state._replace(
+            way=(*state.way[1 - self._kept :], q), at_s=(*state.at_s[1 - self._kept :], time_s)
+        )
+
+    def _begun(self, state: RetreatState, q: Array, time_s: float) -> RetreatState:
+        """Return the state of an arm that gives way: how far back it certainly goes."""
+        if state.q is not None:
+            return state
+        free_s = (time_s if state.felt_s is None else state.felt_s) - LOOKBACK_S
+        since = sum(at_s > free_s for at_s in state.at_s)
+        overrun = min(since + 1, len(state.way)) if since else 0
+        return state._replace(q=q, overrun=overrun)
+
+    def _direction(
+        self, state: RetreatState, q: Array, back: Array | None, new: Array, pushed: Pushed
+    ) -> tuple[RetreatState, Array]:
+        """Return the state with the rate to give way at, and the direction (n,) for that rate."""
+        push, none = _beyond(pushed.external, pushed), np.zeros(len(q))
+        state = state._replace(rate=0.0, off_path=False)
+        if back is not None:
+            needed = _size(back * (pushed.bound + pushed.excused))
+            met = min(float(pushed.external @ back), float(new @ back))
+            opposed = met < -needed
+            state = state._replace(opposed_s=state.opposed_s + self._T if opposed else 0.0)
+        if self.used_up(state):
+            return state, none
+        end = APPROACH * (self.leash - state.travelled)
+        along = back is not None and float(push @ back) > ALONG * _size(push) * _size(back)
+        if back is not None and (state.overrun > 0 or (along and pushed.lasting)):
+            if state.opposed_s > OPPOSED_S:
+                return state, none
+            rate = SLOWEST
+            if state.overrun > 0:
+                to_go = float(np.abs(state.way[-1] - q).max()) + (state.overrun - 1) * STEP
+                rate = min(max(APPROACH * to_go, SLOWEST), FASTEST)
+            return state._replace(rate=min(rate, end)), back
+        way = _off_path(pushed, back)
+        if way is None:
+            return state, none
+        return state._replace(rate=min(SLOWEST, end), off_path=True, shifted=True), way
+
+
+def released(pushed: Pushed) -> bool:
+    """Return whether nothing pushes any more."""
+    return not _beyond(pushed.external, pushed).any()
+
+
+def _beyond(torque: Array, pushed: Pushed) -> Array:
+    """Return by how much torques (n,) are beyond what releases each joint (n,) [N·m]."""
+    rest = np.abs(torque) - pushed.excused - RELEASE * pushed.bound
+    return np.asarray(np.sign(torque) * np.maximum(rest, 0.0))
+
+
+def _moved(state: RetreatState, q: Array) -> RetreatState:
+    """Return the state without what of the way was gone back by now."""
+    way, overrun, travelled = state.way, state.overrun, state.travelled
+    if state.q is not None and state.rate > 0.0:
+        travelled += float(np.abs(q - state.q).max())
+        if state.off_path:
+            way = tuple(posture + (q - state.q) for posture in way)
+    while way and _passed(way, q):
+        way, overrun = way[:-1], max(0, overrun - 1)
+    return state._replace(
+        way=way, at_s=state.at_s[: len(way)], overrun=overrun, travelled=travelled
+    )
+
+
+def _passed(way: tuple[Array, ...], q: Array) -> bool:
+    """Return whether the newest posture (n,) of the way is reached, or lies behind q (n,)."""
+    if not _apart(q, way[-1], 0.25 * STEP):
+        return True
+    return len(way) > 1 and float((q - way[-1]) @ (way[-2] - way[-1])) > 0.0
+
+
+def _way_back(state: RetreatState, q: Array) -> Array | None:
+    """Return the direction (n,) of the way back, 1 for the joint that moves most."""
+    if not state.way:
+        return None
+    way = state.way[-1] - q
+    return np.asarray(way / np.abs(way).max())
+
+
+def _into(dq: Array, pushed: Pushed) -> bool:
+    """Return whether rates dq (n,) lead into what pushes unseen."""
+    return -float(pushed.external @ dq) > _size(dq * (pushed.bound + pushed.excused))
+
+
+def _seen(pushed: Pushed, J: Array) -> tuple[Array, Array]:
+    """Return the joint torques (n,) of contact that the sensor sees, and what came with the touch.
+
+    What it reads by a payload or a bias that is wrong was there before.
+    """
+    if pushed.wrench is None:
+        return np.zeros(J.shape[1]), np.zeros(J.shape[1])
+    seen = pushed.wrench @ J
+    return seen, seen - pushed.free_wrench @ J if pushed.free_wrench is not None else 0.0 * seen
+
+
+def _relieves(dq: Array, seen: Array, new: Array, pushed: Pushed) -> bool:
+    """Return whether rates dq (n,) give way to contact that the sensor saw with the touch."""
+    return float(new @ dq) > max(_size(dq * pushed.bound), NEW * float(seen @ dq))
+
+
+def _forward(dq: Array, back: Array | None) -> bool:
+    """Return whether rates dq (n,) lead forward on the path, away from the way `back` (n,)."""
+    return back is not None and -float(dq @ back) > ACROSS * _size(dq) * _size(back)
+
+
+def _off_path(pushed: Pushed, back: Array | None) -> Array | None:
+    """Return where the arm is pushed off its path (n,), 1 for the joint that moves most.
+
+    Only what was not felt before the touch counts: the weight of a payload that nobody told of
+    would lead down, whatever is there. None where there is no such push, or it leads forward.
+    """
+    if pushed.free is None or not pushed.lasting:
+        return None
+    push = _beyond(pushed.external - pushed.free, pushed)
+    size = _size(push)
+    if size == 0.0:
+        return None
+    if back is not None and float(push @ back) < 0.0:
+        push = push - back * (float(push @ back) / float(back @ back))
+    return push / float(np.abs(push).max()) if _size(push) > ALONG * size else None
+
+
+def _size(x: Array) -> float:
+    return math.sqrt(float(x @ x))
+
+
+@compiled(VECTOR, VECTOR, NUMBER)
+def _apart(a: Array, b: Array, by: float) -> bool:
+    """Return whether two postures (n,) are at least so far apart in one joint [rad]."""
+    most = 0.0
+    for j in range(len(a)):
+        most = max(most, abs(a[j] - b[j]))
+    return most >= by

@@ -1,0 +1,1 @@
+"""A mechanism: kinematics, dynamics, and the resolution of a twist into joint rates."""

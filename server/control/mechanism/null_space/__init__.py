@@ -1,0 +1,1 @@
+"""The null space: redundancy objectives, the potential field, control points."""

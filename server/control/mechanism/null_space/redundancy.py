@@ -1,0 +1,176 @@
+"""What the spare degrees of freedom do: the objectives' rates, summed, projected and bounded.
+
+Williams 1997, eq. 7: dq = J⁺ẋ + (I − J⁺J) z. Every objective has a gain, which is ramped like the
+sources' gains; one whose gain is zero is not computed.
+"""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ...compiled import MATRIX, NUMBER, VECTOR, compiled
+from ...parameters import Parameters
+from ...spatial import Array
+from ..kinematics import Mechanism
+from .objectives import least_energy, manipulability, posture
+from .objectives.mid_range import MidRange
+
+NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
+"""What objectives ask for that look at obstacles, where none does."""
+
+_NONE: Final = 1e-12
+"""Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
+
+
+class Pulls(NamedTuple):
+    """How strongly each objective acts."""
+
+    gains: dict[str, float]
+    posture: Array
+    """Joint angles (n,) that the posture objective pulls to [rad]."""
+
+
+class SelfMotion(NamedTuple):
+    """What the null space is asked to do."""
+
+    dq: Array
+    """Joint rates (n,) in the null space [rad/s]."""
+    norms: dict[str, float]
+    """Size of each objective's own part of it [rad/s]; they may cancel."""
+
+
+class Redundancy:
+    """Composes the objectives of one mechanism."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._mid_range = MidRange(p.lower, p.upper)
+        self._spare = p.n > mechanism.rank
+        self._velocity = p.velocity
+        self._bound = p.redundancy.max_rate * p.velocity
+        self.pulls = Pulls(p.redundancy.gains, p.pull_posture)
+        """Those of the cell file."""
+        # Scratch: of the pulls seen last, which objectives act, and their gains.
+        self._acting: tuple[Pulls | None, list[str], Array] = (None, [], np.zeros(0))
+
+    def none(self) -> SelfMotion:
+        """Return an idle null space."""
+        return SelfMotion(np.zeros(len(self._bound)), {})
+
+    def ramped(self, now: Pulls, target: Pulls, part: float) -> Pulls:
+        """Return the pulls a `part` (0 to 1) of the way from those in effect to the set ones."""
+        if now is target:
+            return target
+        gains = {}
+        for name, goal in target.gains.items():
+            way = goal - now.gains[name]
+            gains[name] = goal if abs(way) < 1e-6 else now.gains[name] + part * way
+        away = target.posture - now.posture
+        if not now.gains["posture"] or float(np.abs(away).max()) < 1e-6:
+            part = 1.0  # a pull that does not act yet may be aimed anew at once
+        if gains == target.gains and part == 1.0:
+            return target
+        return Pulls(gains, now.posture + part * away)
+
+    def rate(
+        self,
+        q: Array,
+        J: Array,
+        dq_task: Array,
+        null: Array,
+        pulls: Pulls,
+        factor: float,
+        outside: Mapping[str, Array] = NOTHING,
+    ) -> SelfMotion:
+        """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
+
+        `null` (n − rank, n) has orthonormal rows that span the spare motions; `factor` is the
+        reduced-speed setting, which scales the bound of the self-motion; `outside` holds what the
+        objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
+        s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
+        """
+        names, gains = self._act(pulls)
+        if not self._spare or not names:
+            return self.none()
+        asked = np.array([self._part(name, q, J, dq_task, null, pulls, outside) for name in names])
+        dq, norms = _composed(asked, gains, null, dq_task, self._velocity, self._bound, factor)
+        return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
+
+    def _act(self, pulls: Pulls) -> tuple[list[str], Array]:
+        """Return the objectives that act (k,), and their gains (k,)."""
+        if pulls is not self._acting[0]:
+            names = [name for name, gain in pulls.gains.items() if gain > 0.0]
+            self._acting = pulls, names, np.array([pulls.gains[name] for name in names])
+        return self._acting[1:]
+
+    def _part(
+        self,
+        name: str,
+        q: Array,
+        J: Array,
+        dq_task: Array,
+        null: Array,
+        pulls: Pulls,
+        outside: Mapping[str, Array],
+    ) -> Array:
+        """Return what an objective asks for (n,) at gain 1."""
+        match name:
+            case "field" | "spheres":
+                return outside.get(name, np.zeros(len(q)))
+            case "mid_range":
+                return self._mid_range.rate(q)
+            case "manipulability":
+                return manipulability.slope(J, self._mechanism.rank)[1]
+            case "posture":
+                return posture.rate(q, pulls.posture)
+            case _:
+                return least_energy.rate(dq_task, null, self._mechanism.mass_matrix(q))
+
+
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
+def _composed(
+    asked: Array,
+    gains: Array,
+    null: Array,
+    dq_task: Array,
+    velocity: Array,
+    most: Array,
+    factor: float,
+) -> tuple[Array, Array]:
+    """Return the self-motion (n,) and the size (k,) of each objective's part of it [rad/s].
+
+    Objectives ask for rates (k, n) at gains (k,). Of joints' speed bounds (n,), and of those of
+    self-motion, counts the part that is the reduced-speed setting.
+    """
+    objectives, n = asked.shape
+    dq, norms, part = np.zeros(n), np.zeros(objectives), np.empty(n)
+    for i in range(objectives):
+        for j in range(n):
+            part[j] = 0.0
+        for row in range(len(null)):
+            along = 0.0
+            for j in range(n):
+                along += null[row, j] * asked[i, j]
+            for j in range(n):
+                part[j] += gains[i] * along * null[row, j]
+        for j in range(n):
+            dq[j] += part[j]
+            norms[i] += part[j] * part[j]
+    beyond = slowed = 1.0
+    for j in range(n):
+        beyond = max(beyond, abs(dq[j]) / max(factor * most[j], _NONE))
+        slowed = max(slowed, abs(dq_task[j]) / (factor * velocity[j]))
+    share = 1.0 / beyond
+    fits = 1.0
+    for j in range(n):
+        room = factor * velocity[j] - np.sign(dq[j]) * dq_task[j] / slowed
+        fits = min(fits, max(room, 0.0) / max(share * abs(dq[j]), _NONE))
+    share *= fits
+    for j in range(n):
+        dq[j] *= share
+    for i in range(objectives):
+        norms[i] = share * math.sqrt(norms[i])
+    return dq, norms

@@ -1,0 +1,124 @@
+"""Singular values of a small matrix, by one-sided Jacobi rotations (Hestenes 1958).
+
+Rotations make the rows of a matrix orthogonal, pair by pair: Uᵀ A = S Vᵀ. For a Jacobian of six
+rows that takes a third of what a general library takes, and a small singular value comes out with
+all the digits that the matrix gives it (Demmel and Veselić 1992).
+"""
+
+import math
+
+import numpy as np
+
+from ..compiled import COUNT, MATRIX, TABLE, compiled
+from ..spatial import Array
+
+_ORTHOGONAL = 1e-15
+"""Rows whose cosine is below this are orthogonal [1]."""
+
+_NOTHING = 1e-15
+"""Rows below this part of the whole matrix are rounding: singular values of zero [1]."""
+
+_PASSES = 40
+"""Far more passes over all pairs of rows than any matrix takes; six are usual [1]."""
+
+
+@compiled(MATRIX, COUNT)
+def _size(rows: Array, i: int) -> float:
+    total = 0.0
+    for k in range(rows.shape[1]):
+        total += rows[i, k] * rows[i, k]
+    return math.sqrt(total)
+
+
+@compiled(MATRIX)
+def _orthogonal_rows(A: Array) -> tuple[Array, Array, Array]:
+    """Return an orthogonal U (m, m), Uᵀ A (m, n), whose rows are orthogonal, and their sizes."""
+    m, n = A.shape
+    rows, U, size = np.empty((m, n)), np.zeros((m, m)), np.empty(m)
+    for i in range(m):
+        U[i, i] = 1.0
+        for k in range(n):
+            rows[i, k] = A[i, k]
+    for _ in range(_PASSES):
+        whole = 0.0
+        for i in range(m):
+            size[i] = _size(rows, i)
+            whole += size[i] * size[i]
+        nothing, still = _NOTHING * math.sqrt(whole), True
+        for i in range(m):
+            for j in range(i + 1, m):
+                along = 0.0
+                for k in range(n):
+                    along += rows[i, k] * rows[j, k]
+                if abs(along) <= _ORTHOGONAL * max(size[i], nothing) * max(size[j], nothing):
+                    continue
+                still = False
+                skew = (size[j] * size[j] - size[i] * size[i]) / (2.0 * along)
+                tangent = math.copysign(1.0, skew) / (abs(skew) + math.sqrt(1.0 + skew * skew))
+                c = 1.0 / math.sqrt(1.0 + tangent * tangent)
+                s = c * tangent
+                for k in range(n):
+                    a, b = rows[i, k], rows[j, k]
+                    rows[i, k], rows[j, k] = c * a - s * b, s * a + c * b
+                for k in range(m):
+                    a, b = U[k, i], U[k, j]
+                    U[k, i], U[k, j] = c * a - s * b, s * a + c * b
+                size[i], size[j] = _size(rows, i), _size(rows, j)
+        if still:
+            break
+    return U, rows, size
+
+
+@compiled(TABLE, COUNT)
+def _complete(basis: Array, count: int) -> None:
+    """Make the next row of a basis (n, n) a unit vector that is orthogonal to the first ones."""
+    n = len(basis)
+    best, most = 0, -1.0
+    for k in range(n):
+        left = 1.0
+        for row in range(count):
+            left -= basis[row, k] * basis[row, k]
+        if left > most:
+            best, most = k, left
+    for k in range(n):
+        basis[count, k] = 1.0 if k == best else 0.0
+    for _ in range(2):  # the second time takes off what rounding left
+        for row in range(count):
+            along = 0.0
+            for k in range(n):
+                along += basis[row, k] * basis[count, k]
+            for k in range(n):
+                basis[count, k] -= along * basis[row, k]
+    size = _size(basis, count)
+    for k in range(n):
+        basis[count, k] /= size
+
+
+@compiled(MATRIX)
+def svd(A: Array) -> tuple[Array, Array, Array]:
+    """Return U (m, m), the singular values (r,), largest first, and Vt (n, n) of a matrix (m, n).
+
+    A = U[:, :r] diag(s) Vt[:r], r = min(m, n); U and Vt are orthogonal. As `numpy.linalg.svd`.
+    """
+    m, n = A.shape
+    r = min(m, n)
+    made, rows, size = _orthogonal_rows(A)
+    U, s, Vt = np.empty((m, m)), np.zeros(r), np.zeros((n, n))
+    for i in range(m):
+        largest = 0
+        for k in range(m):
+            if size[k] > size[largest]:
+                largest = k
+        for k in range(m):
+            U[k, i] = made[k, largest]
+        if i < r:
+            s[i] = size[largest]
+            if s[i] > _NOTHING * s[0]:
+                for k in range(n):
+                    Vt[i, k] = rows[largest, k] / s[i]
+            else:
+                _complete(Vt, i)
+        size[largest] = -1.0
+    for i in range(r, n):
+        _complete(Vt, i)
+    return U, s, Vt

@@ -1,0 +1,169 @@
+"""The arm as capsules: fitted around the primitives of its URDF, placed and differentiated."""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ..scene import Index
+from ..spatial import Array, Pose
+from .chain import Chain
+from .link_travel import levers
+
+SLACK = 1e-9
+"""A part that sticks out of another by less is inside it [m]."""
+
+
+class Capsule(NamedTuple):
+    """All points within a radius of a segment that is fixed to a body of the chain."""
+
+    link: str
+    body: int
+    start: Array
+    end: Array
+    radius: float
+
+
+class Placed(NamedTuple):
+    """The capsules' segments at s postures, in World."""
+
+    ends: Array
+    """(s, c, 2, 3) [m]."""
+    frames: Array
+    """The joints' frames (s, n, 3, 4)."""
+    axes: Array
+    """The joints' axes (s, n, 3)."""
+
+
+class Links:
+    """The c capsules of a cell's arm, from Base to tool."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Fit them. Raises `ConfigError` for a shape that needs a capsule from the cell."""
+        self.chain = Chain(cell)
+        self.capsules = capsules_of(cell, self.chain)
+        self.links = tuple(c.link for c in self.capsules)
+        self.radius = np.array([c.radius for c in self.capsules])
+        self.body: Index = np.array([c.body for c in self.capsules], dtype=np.int64)
+        self.half_length = np.array([0.5 * float(_length(c.end - c.start)) for c in self.capsules])
+        self._segments = np.array([[c.start, c.end] for c in self.capsules]).reshape(-1, 2, 3)
+        origins = self.chain.frames(np.zeros((1, self.chain.n)))[0, :, :, 3]
+        steps = [float(_length(b - a)) for a, b in itertools.pairwise(origins)]
+        self._steps = np.array(steps) + self.chain.stroke[1:]
+        """From each joint's origin to the next one's, at most (n − 1,) [m]."""
+
+    def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
+        """Return where the capsules are at postures q (s, n) [rad]."""
+        return Placed(*self.chain.placed(q, self.body, self._segments, T_world_base))
+
+    def levers(self, placed: Placed) -> Array:
+        """Return the distances of capsules from the joints' axes at one posture (c, n) [m].
+
+        Of either end, the farther; zero for joints that do not move it, 1 for prismatic ones.
+        """
+        return levers(placed.frames, placed.axes, placed.ends, self.body, self.chain.prismatic)
+
+    def reach(self, body: int, far: float) -> Array:
+        """Return bounds on the levers (n,) [m] of a point `far` from the origin of a body.
+
+        They hold at every posture: the way along the chain is never longer.
+        """
+        chain, n = self.chain, self.chain.n
+        lever = np.zeros(n)
+        if body:
+            way = np.concatenate([self._steps[: body - 1], [far + chain.stroke[body - 1]]])
+            lever[:body] = np.cumsum(way[::-1])[::-1]
+        lever[chain.prismatic] = np.minimum(lever[chain.prismatic], 1.0)
+        return lever
+
+
+def capsules_of(cell: Cell, chain: Chain) -> tuple[Capsule, ...]:
+    """Return the capsules around a cell's arm: of its URDF, then what the cell adds.
+
+    Raises `ConfigError` for a link whose shape is a mesh and that the cell gives no capsule.
+    """
+    stated = cell.config.avoidance.capsules
+    for i, given in enumerate(stated):
+        if not chain.model.existFrame(given.link):
+            raise ConfigError(
+                f"{cell.path}: avoidance.capsules[{i}].link: value '{given.link}': no such link in "
+                f"{cell.robot.urdf}"
+            )
+    found = []
+    for shape in _collision_shapes(cell, chain):
+        link = chain.model.frames[shape.parentFrame].name
+        body, T = chain.carried(shape.parentJoint, shape.placement)
+        fitted = _fitted(shape.geometry)
+        if fitted is not None:
+            axis, radius = fitted
+            found.append(Capsule(link, body, T.p - T.R @ axis, T.p + T.R @ axis, radius))
+        elif link not in {given.link for given in stated}:
+            raise ConfigError(
+                f"{cell.path}: avoidance.capsules: link '{link}' of {cell.robot.urdf} is a "
+                f"{type(shape.geometry).__name__}: give it capsules here"
+            )
+    for given in stated:
+        body, T = chain.body_of(given.link)
+        a, b = T.R @ np.array(given.start) + T.p, T.R @ np.array(given.end) + T.p
+        found.append(Capsule(given.link, body, a, b, given.radius))
+    outer = [c for i, c in enumerate(found) if not _inside_another(c, i, found)]
+    return tuple(sorted(outer, key=lambda c: c.body))
+
+
+def _collision_shapes(cell: Cell, chain: Chain) -> list["pin.GeometryObject"]:
+    description = cell.robot.description()
+    try:
+        geometry = pin.buildGeomFromUrdfString(chain.model, description, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        words = str(error).splitlines()[0]
+        raise ConfigError(f"{cell.robot.urdf}: <collision>: {words}") from None
+    return list(geometry.geometryObjects)
+
+
+def _fitted(shape: object) -> tuple[Array, float] | None:
+    """Return half the segment (3,) and the radius of a capsule around a primitive, or None."""
+    match type(shape).__name__:
+        case "Sphere":
+            return np.zeros(3), float(shape.radius)  # type: ignore[attr-defined]  # untyped
+        case "Cylinder" | "Capsule":
+            along = np.array([0.0, 0.0, float(shape.halfLength)])  # type: ignore[attr-defined]  # untyped
+            return along, float(shape.radius)  # type: ignore[attr-defined]  # untyped
+        case "Box":
+            half = np.array(shape.halfSide)  # type: ignore[attr-defined]  # untyped
+            k = int(np.argmax(half))
+            across = np.delete(half, k)
+            return np.eye(3)[k] * half[k], float(_length(across))
+        case _:
+            return None
+
+
+def _inside_another(capsule: Capsule, i: int, others: list[Capsule]) -> bool:
+    """Return whether a capsule lies inside another one of its body; of equal ones, the later."""
+    for k, other in enumerate(others):
+        if k == i or other.body != capsule.body:
+            continue
+        room = other.radius - capsule.radius + SLACK
+        inside = all(_distance(p, other) <= room for p in (capsule.start, capsule.end))
+        if inside and not (k > i and _inside_another_exactly(other, capsule)):
+            return True
+    return False
+
+
+def _inside_another_exactly(inner: Capsule, outer: Capsule) -> bool:
+    room = outer.radius - inner.radius + SLACK
+    return all(_distance(p, outer) <= room for p in (inner.start, inner.end))
+
+
+def _distance(point: Array, capsule: Capsule) -> float:
+    """Return the distance of a point from a capsule's segment [m]."""
+    along = capsule.end - capsule.start
+    length2 = float(along @ along)
+    part = 0.0 if length2 == 0.0 else float(along @ (point - capsule.start)) / length2
+    return float(_length(point - capsule.start - min(1.0, max(0.0, part)) * along))
+
+
+def _length(v: Array) -> Array:
+    return np.asarray(np.sqrt((v * v).sum(-1)))

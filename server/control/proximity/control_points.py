@@ -1,0 +1,119 @@
+"""Virtual spheres on the arm: how far their centres are from obstacles, and the slope of that."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ....config.schema.null_space.priority import VirtualSphere
+from ..compiled import ARRAY3, ARRAY4, FLAGS, INDEX, MATRIX, compiled
+from ..scene import Flags, Index, Scene
+from ..spatial import Array, Pose
+from .chain import Chain
+from .points import apart
+
+ALIKE: Final = 0.005
+"""Distances that differ by so much are nearly one, and their slopes are mixed [m]. Where another
+sphere or obstacle becomes the nearest, the direction to go turns over; it does not jump."""
+
+
+class Distances(NamedTuple):
+    """How far the spheres' centres are from obstacles at one posture."""
+
+    each: Array
+    """Of each to the nearest surface (s,) [m]; infinite without obstacles."""
+    slope: Array
+    """Of the least of them in the joint angles (n,) [m/rad]."""
+
+    @property
+    def least(self) -> float:
+        """The least of them [m]."""
+        return float(self.each.min())
+
+
+class Spheres:
+    """The virtual spheres of one cell."""
+
+    def __init__(self, cell: Cell, spheres: tuple[VirtualSphere, ...]) -> None:
+        """Place them. Raises `ConfigError` for one on a link that there is not, or that stands."""
+        self._chain = Chain(cell)
+        placed = [self._place(cell, i, sphere) for i, sphere in enumerate(spheres)]
+        self._body: Index = np.array([body for body, _ in placed], dtype=np.int64)
+        self._centre = np.array([p for _, p in placed])
+
+    def look(self, q: Array, scene: Scene | None, T_world_base: Pose | None = None) -> Distances:
+        """Return the distances at joint angles q (n,) [rad]."""
+        if scene is not None:
+            frames = self._chain.frames(q[None], T_world_base)
+            centre = _placed(frames, self._body, self._centre)
+            distance, normal = apart(centre, scene)
+            if distance.size:
+                axes, prismatic = self._chain.axes(frames), self._chain.prismatic
+                return Distances(
+                    *_mixed(frames, axes, prismatic, self._body, centre, distance, normal)
+                )
+        return Distances(np.full(len(self._centre), np.inf), np.zeros(len(q)))
+
+    def _place(self, cell: Cell, i: int, sphere: VirtualSphere) -> tuple[int, Array]:
+        where = f"{cell.path}: priority.spheres[{i}].link: value '{sphere.link}'"
+        try:
+            body, T = self._chain.body_of(sphere.link)
+        except KeyError:
+            raise ConfigError(f"{where}: no such link in {cell.robot.urdf}") from None
+        if body == 0:
+            raise ConfigError(f"{where}: no joint of the arm moves it")
+        return body, T.R @ np.array(sphere.centre) + T.p
+
+
+@compiled(ARRAY4, INDEX, MATRIX)
+def _placed(frames: Array, body: Index, centre: Array) -> Array:
+    """Return the centres (s, 3) of spheres on bodies (s,), in World, by frames (1, n, 3, 4)."""
+    found = np.empty(centre.shape)
+    for s in range(len(body)):
+        for i in range(3):
+            found[s, i] = frames[0, body[s] - 1, i, 3]
+            for k in range(3):
+                found[s, i] += frames[0, body[s] - 1, i, k] * centre[s, k]
+    return found
+
+
+@compiled(ARRAY4, ARRAY3, FLAGS, INDEX, MATRIX, MATRIX, ARRAY3)
+def _mixed(
+    frames: Array,
+    axes: Array,
+    prismatic: Flags,
+    body: Index,
+    centre: Array,
+    distance: Array,
+    normal: Array,
+) -> tuple[Array, Array]:
+    """Return the least distance of each sphere (s,), and the slope of the least of all (n,).
+
+    `distance` (s, k) and `normal` (s, k, 3) are those of `Apart`; the joints are given by their
+    frames (1, n, 3, 4), their axes (1, n, 3) and which are prismatic (n,).
+    """
+    spheres, obstacles = distance.shape
+    each, slope = np.full(spheres, np.inf), np.zeros(axes.shape[1])
+    for s in range(spheres):
+        for k in range(obstacles):
+            each[s] = min(each[s], distance[s, k])
+    least, total = each.min(), 0.0
+    for s in range(spheres):
+        x = y = z = 0.0
+        for k in range(obstacles):
+            share = math.exp((least - distance[s, k]) / ALIKE)
+            x += share * normal[s, k, 0]
+            y += share * normal[s, k, 1]
+            z += share * normal[s, k, 2]
+            total += share
+        for j in range(body[s]):
+            a, b, c = axes[0, j, 0], axes[0, j, 1], axes[0, j, 2]
+            if not prismatic[j]:  # the axis times the way from it to the centre
+                u = centre[s, 0] - frames[0, j, 0, 3]
+                v = centre[s, 1] - frames[0, j, 1, 3]
+                w = centre[s, 2] - frames[0, j, 2, 3]
+                a, b, c = b * w - c * v, c * u - a * w, a * v - b * u
+            slope[j] += a * x + b * y + c * z
+    return each, slope / total

@@ -1,0 +1,1 @@
+"""Joint limits in time: jerk-limited profiles, the limiter, the verified stop."""

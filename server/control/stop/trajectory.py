@@ -1,0 +1,208 @@
+"""Time-optimal, jerk-limited motions: the one place that knows Ruckig.
+
+Joint and Cartesian states are triples of arrays: position, velocity, acceleration. All functions
+are pure; the objects here only keep scratch memory.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+import ruckig
+
+from ..compiled import NUMBER, VECTOR, compiled
+from ..evolve import evolve
+from ..spatial import Array
+from .velocity_profile import reach, stepped, stop_at, stop_postures, stopping
+
+
+class Motion(NamedTuple):
+    """Position, velocity and acceleration of n degrees of freedom."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    @staticmethod
+    def at_rest(q: Array) -> "Motion":
+        """Return rest at q (n,)."""
+        return Motion(q.copy(), np.zeros_like(q), np.zeros_like(q))
+
+    def stands(self, below: float = 0.0) -> bool:
+        """Return whether no speed and no acceleration is as large as `below`, or any at all."""
+        return _stands(self.dq, self.ddq, below)
+
+
+@compiled(VECTOR, VECTOR, NUMBER)
+def _stands(dq: Array, ddq: Array, below: float) -> bool:
+    for i in range(len(dq)):
+        for size in (abs(dq[i]), abs(ddq[i])):
+            if not (size == 0.0 or size < below):  # nor what is not a number
+                return False
+    return True
+
+
+class TrajectoryError(Exception):
+    """There is no way from a state, or under a bound: it says which."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _UnderWay:
+    """How far along something that was planned is."""
+
+    duration_s: float
+    elapsed_s: float = 0.0
+
+    def advanced(self, by_s: float) -> Self:
+        """Return the same, further along."""
+        return evolve(self, elapsed_s=self.elapsed_s + by_s)
+
+    @property
+    def to_go_s(self) -> float:
+        """Time until the end [s]."""
+        return max(0.0, self.duration_s - self.elapsed_s)
+
+    @property
+    def finished(self) -> bool:
+        """True once the end is reached."""
+        return self.elapsed_s >= self.duration_s
+
+
+@dataclass(frozen=True)
+class Profile(_UnderWay):
+    """A planned motion to a target."""
+
+    trajectory: "ruckig.Trajectory"
+
+    def at(self, ahead_s: float = 0.0) -> Motion:
+        """Return the motion `ahead_s` after now."""
+        return _state(self.trajectory.at_time(self.elapsed_s + ahead_s))
+
+
+@dataclass(frozen=True)
+class Stop(_UnderWay):
+    """A jerk-limited way to rest."""
+
+    start: Motion
+    """Where it began."""
+    phases: Array
+    """How long each part of it lasts, and its jerk (2, k, n) [s, 1/s³]."""
+    low: Array
+    """Least position of each joint along the whole stop (n,)."""
+    high: Array
+    """Greatest position of each joint along the whole stop (n,)."""
+
+    @staticmethod
+    def along(start: Motion, phases: Array) -> "Stop":
+        """Return the stop from `start` that goes through phases (2, k, n)."""
+        low, high, duration_s = reach(*start, phases)
+        return Stop(start, phases, low, high, duration_s=duration_s)
+
+    def at(self, ahead_s: float = 0.0) -> Motion:
+        """Return the motion `ahead_s` after now."""
+        return Motion(*stop_at(*self.start, self.phases, self.elapsed_s + ahead_s))
+
+    def postures(self, ahead_s: Array) -> Array:
+        """Return the positions (s, n) at times (s,) after now."""
+        return stop_postures(*self.start, self.phases, self.elapsed_s + ahead_s)
+
+
+def _state(at_time: tuple[list[float], list[float], list[float]]) -> Motion:
+    q, dq, ddq = at_time
+    return Motion(np.array(q), np.array(dq), np.array(ddq))
+
+
+def _phases(trajectory: "ruckig.Trajectory") -> Array:
+    """Return the phases (2, k, n) of a trajectory: how long each lasts, and its jerk."""
+    (profiles,) = trajectory.profiles
+    return np.array(
+        [[[*p.brake.t, *p.t] for p in profiles], [[*p.brake.j, *p.j] for p in profiles]]
+    ).transpose(0, 2, 1)
+
+
+def _calculated(
+    planner: "ruckig.Ruckig", i: "ruckig.InputParameter", start: Motion, kind: str, target: Array
+) -> "ruckig.Trajectory":
+    """Return the trajectory from `start`; raises `TrajectoryError` that names state and target."""
+    i.current_position, i.current_velocity, i.current_acceleration = start
+    trajectory = ruckig.Trajectory(len(start.q))
+    try:
+        result = planner.calculate(i, trajectory)
+    except (ruckig.RuckigError, ValueError) as error:  # of results that its enum does not name
+        raise TrajectoryError(f"{kind} target {target} from {start}: {error}") from error
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise TrajectoryError(f"{kind} target {target} from {start}: {result.name}")
+    return trajectory
+
+
+class VelocityPlanner:
+    """Velocity targets for n degrees of freedom under acceleration and jerk bounds (n,)."""
+
+    def __init__(self, acceleration: Array, jerk: Array) -> None:
+        n = len(acceleration)
+        self._n = n
+        self._ruckig = ruckig.Ruckig(n)
+        self._input = ruckig.InputParameter(n)
+        self._input.control_interface = ruckig.ControlInterface.Velocity
+        self._input.synchronization = ruckig.Synchronization.Phase
+        self._input.target_acceleration = [0.0] * n
+        self._input.max_velocity = [1e6] * n
+        self.set_bounds(acceleration, jerk)
+
+    def set_bounds(self, acceleration: Array, jerk: Array) -> None:
+        """Change the acceleration and jerk bounds (n,)."""
+        self._bounds = acceleration, jerk
+        self._input.max_acceleration = acceleration
+        self._input.max_jerk = jerk
+
+    def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
+        """Return the motion one period later on the way to velocities `target` (n,)."""
+        try:
+            return Motion(*stepped(*motion, target, *self._bounds, period_s, synchronised))
+        except ValueError as error:
+            raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
+
+    def straight(self, motion: Motion, target: Array, period_s: float) -> tuple[Motion, Stop]:
+        """Return the motion one period later on the way to velocities `target` (n,), and its stop.
+
+        Both in a straight line, as far as the motion of now allows: all freedoms keep their shares.
+        """
+        moved = _state(self._straight(motion, target).at_time(period_s))
+        return moved, Stop.along(moved, _phases(self._straight(moved, np.zeros(self._n))))
+
+    def stop(self, motion: Motion) -> Stop:
+        """Return the quickest stop of each degree of freedom on its own."""
+        try:
+            phases = stopping(motion.dq, motion.ddq, *self._bounds)
+        except ValueError as error:
+            raise TrajectoryError(f"stop from {motion}: {error}") from error
+        return Stop.along(motion, phases)
+
+    def _straight(self, motion: Motion, target: Array) -> "ruckig.Trajectory":
+        self._input.target_velocity = target
+        return _calculated(self._ruckig, self._input, motion, "velocity", target)
+
+
+class PositionPlanner:
+    """Position targets for n degrees of freedom, ending at rest, in straight lines where it can."""
+
+    def __init__(self, n: int, straight: bool = True) -> None:
+        """Build for n freedoms; not `straight`, each goes its own way, which is always feasible."""
+        self._ruckig = ruckig.Ruckig(n)
+        self._input = ruckig.InputParameter(n)
+        self._input.synchronization = (
+            ruckig.Synchronization.Phase if straight else ruckig.Synchronization.No
+        )
+        self._input.target_velocity = [0.0] * n
+        self._input.target_acceleration = [0.0] * n
+
+    def plan(self, motion: Motion, target: Array, bounds: tuple[Array, Array, Array]) -> Profile:
+        """Return the way from `motion` to rest at `target` (n,).
+
+        `bounds` are velocity, acceleration and jerk (n,) each.
+        """
+        i = self._input
+        i.max_velocity, i.max_acceleration, i.max_jerk = bounds
+        i.target_position = target
+        trajectory = _calculated(self._ruckig, i, motion, "position", target)
+        return Profile(trajectory, duration_s=trajectory.duration)

@@ -1,0 +1,181 @@
+"""The quickest jerk-limited ways to a velocity, in closed form: the tick takes several of them.
+
+One freedom's acceleration ramps by the full jerk to a plateau, stays there, and ramps to zero. For
+a given duration the change of velocity grows with the plateau, so that each change has one; and
+every duration from the shortest on will do, since a velocity can be kept once it is reached. So
+freedoms that are to arrive together all take the longest of their shortest durations; one that a
+gentler ramp to zero brings there in time takes that, and waits. An acceleration beyond its bound is
+first ramped down to it.
+
+A way is its phases, one after the other: how long each lasts and its jerk, `(2, k, n)` for n
+freedoms [s, 1/s³].
+"""
+
+import math
+
+import numpy as np
+
+from ..compiled import ARRAY3, FLAG, NUMBER, VECTOR, compiled
+from ..spatial import Array
+
+_INSTANT = 1e-12
+"""Durations below this are rounding [s]."""
+
+
+@compiled(NUMBER, NUMBER, NUMBER, NUMBER)
+def _shortest(change: float, a: float, bound: float, jerk: float) -> float:
+    """Return the least duration [s] of a change of velocity from an acceleration 0 ≤ a ≤ bound."""
+    sense = 1.0 if change >= a * a / (2.0 * jerk) else -1.0  # beside what ramping to zero gives
+    peak = math.sqrt(max(0.5 * a * a + sense * jerk * change, 0.0))
+    if peak <= bound:
+        return (2.0 * peak - sense * a) / jerk
+    held_s = (sense * change - (2.0 * bound * bound - a * a) / (2.0 * jerk)) / bound
+    return (2.0 * bound - sense * a) / jerk + held_s
+
+
+@compiled(NUMBER, NUMBER, NUMBER, NUMBER)
+def _plateau(change: float, a: float, jerk: float, duration: float) -> float:
+    """Return the acceleration that is held, so that the change takes a duration [s]; a ≥ 0."""
+    stopping, reach = a * a / (2.0 * jerk), jerk * duration
+    if change >= a * duration - stopping:  # above a: up, and down to zero
+        b, c = reach + a, jerk * (change + stopping)
+    elif change >= stopping:  # between zero and a: down, and down to zero
+        return min(a, (change - stopping) / max(duration - a / jerk, _INSTANT))
+    else:  # below zero: down, and up to zero
+        b, c = reach - a, jerk * (stopping - change)
+    root = math.sqrt(max(b * b - 4.0 * c, 0.0))
+    size = 2.0 * c / (b + root) if b + root > 0.0 else 0.0
+    return size if change >= stopping else -size
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, FLAG)
+def _planned(
+    dq: Array, ddq: Array, target: Array, acceleration: Array, jerk: Array, together: bool
+) -> Array:
+    """Return the phases (2, 4, n) of the quickest way to velocities (n,), all `together` or not.
+
+    Raises `ValueError` where a change of velocity is not finite.
+    """
+    n = len(dq)
+    phases = np.zeros((2, 4, n))
+    change, shortest = np.empty(n), np.empty(n)
+    longest = 0.0
+    for i in range(n):
+        # Mirrored, so that each begins with an acceleration that is not negative.
+        mirror, a, j = math.copysign(1.0, ddq[i]), abs(ddq[i]), jerk[i]
+        start = min(a, acceleration[i])
+        braked_s = (a - start) / j
+        phases[0, 0, i], phases[1, 0, i] = braked_s, -mirror * j
+        change[i] = mirror * (target[i] - dq[i]) - 0.5 * (a + start) * braked_s
+        if not math.isfinite(change[i]):
+            raise ValueError("not finite")
+        shortest[i] = _shortest(change[i], start, acceleration[i], j)
+        longest = max(longest, braked_s + shortest[i])
+    for i in range(n):
+        mirror, j = math.copysign(1.0, ddq[i]), jerk[i]
+        start = min(abs(ddq[i]), acceleration[i])
+        lasts = longest - phases[0, 0, i] if together else shortest[i]
+        if j * change[i] >= 0.5 * start * start > 0.0 and 2.0 * change[i] <= start * lasts:
+            ramp_s = 2.0 * change[i] / start
+            phases[0, 3, i], phases[1, 3, i] = ramp_s, -mirror * start / ramp_s
+            continue
+        held = _plateau(change[i], start, j, lasts)
+        up_s, down_s = abs(held - start) / j, abs(held) / j
+        phases[0, 1, i], phases[1, 1, i] = up_s, mirror * math.copysign(j, held - start)
+        phases[0, 2, i] = max(lasts - up_s - down_s, 0.0)
+        phases[0, 3, i], phases[1, 3, i] = down_s, -mirror * math.copysign(j, held)
+    return phases
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)
+def _along(q: Array, dq: Array, ddq: Array, target: Array, phases: Array, t: float) -> Array:
+    """Return position, velocity and acceleration (3, n) a time t after those of a start (n,)."""
+    out = np.empty((3, len(q)))
+    for i in range(len(q)):
+        x, v, a, left = q[i], dq[i], ddq[i], t
+        for phase in range(phases.shape[1]):
+            s, j = min(phases[0, phase, i], left), phases[1, phase, i]
+            x += s * (v + s * (0.5 * a + s * j / 6.0))
+            v += s * (a + 0.5 * s * j)
+            a += s * j
+            left -= s
+        if left > 0.0:  # arrived
+            v, a = target[i], 0.0
+            x += left * v
+        out[0, i], out[1, i], out[2, i] = x, v, a
+        if not math.isfinite(x + v + a):
+            raise ValueError("not finite")
+    return out
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG)
+def stepped(
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    target: Array,
+    acceleration: Array,
+    jerk: Array,
+    period_s: float,
+    together: bool,
+) -> Array:
+    """Return position, velocity and acceleration (3, n) one period on the way to velocities (n,).
+
+    `acceleration` and `jerk` (n,) bound the way. Freedoms arrive `together`, or each as soon as it
+    can. Raises `ValueError` where the result would not be finite.
+    """
+    phases = _planned(dq, ddq, target, acceleration, jerk, together)
+    return _along(q, dq, ddq, target, phases, period_s)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR)
+def stopping(dq: Array, ddq: Array, acceleration: Array, jerk: Array) -> Array:
+    """Return the phases (2, 4, n) of the quickest stop of each freedom."""
+    return _planned(dq, ddq, np.zeros(len(dq)), acceleration, jerk, False)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3)
+def reach(q: Array, dq: Array, ddq: Array, phases: Array) -> tuple[Array, Array, float]:
+    """Return the least and the greatest position (n,) along a way, and how long it lasts [s]."""
+    n = len(q)
+    low, high, duration = np.empty(n), np.empty(n), 0.0
+    turns = np.empty(2)
+    for i in range(n):
+        x, v, a, total = q[i], dq[i], ddq[i], 0.0
+        low[i] = high[i] = x
+        for phase in range(phases.shape[1]):
+            seconds, j = phases[0, phase, i], phases[1, phase, i]
+            # Where the velocity passes through zero, both roots in a form that loses no digits.
+            turns[0] = turns[1] = seconds
+            root2 = a * a - 2.0 * j * v
+            if root2 >= 0.0:
+                sum_ = -(a + math.copysign(math.sqrt(root2), a))
+                if sum_ != 0.0:
+                    turns[0] = 2.0 * v / sum_
+                if j != 0.0:
+                    turns[1] = sum_ / j
+            for k in range(3):
+                s = seconds if k == 2 else min(max(turns[k], 0.0), seconds)
+                at = x + s * (v + s * (0.5 * a + s * j / 6.0))
+                low[i], high[i] = min(low[i], at), max(high[i], at)
+            x, v, a = at, v + seconds * (a + 0.5 * seconds * j), a + seconds * j
+            total += seconds
+        duration = max(duration, total)
+    return low, high, duration
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)
+def stop_at(q: Array, dq: Array, ddq: Array, phases: Array, t: float) -> Array:
+    """Return position, velocity and acceleration (3, n) a time t after a stop began."""
+    return _along(q, dq, ddq, np.zeros(len(q)), phases, t)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3, VECTOR)
+def stop_postures(q: Array, dq: Array, ddq: Array, phases: Array, times: Array) -> Array:
+    """Return the positions (s, n) at times (s,) after a stop began."""
+    out, rest = np.empty((len(times), len(q))), np.zeros(len(q))
+    for k in range(len(times)):
+        at = _along(q, dq, ddq, rest, phases, times[k])
+        for i in range(len(q)):
+            out[k, i] = at[0, i]
+    return out

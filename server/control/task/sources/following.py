@@ -1,0 +1,222 @@
+"""Following a hand: the tool moves as a damped mass would under the force on it.
+
+The reference obeys `M ẍ + B ẋ = F` (Hamaguchi, Taniguchi, eq. 4), integrated by Runge–Kutta of
+fourth order; the command follows it at the rate `ẋ + K (x − x_command)`. The reference is carried
+along by what the other sources ask, so that their rates add to the hand's and nobody is fought.
+
+A payload of m answers the reference's own acceleration with −m ẍ, and that is taken off what is
+felt only as well as sensor and encoders agree. What is left of m ẍ acts over M again. So the force
+is low-passed the longer, the heavier the payload is beside M: `Impedance.payload_smoothing_s` times
+m / M.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...compiled import MATRIX, NUMBER, VECTOR, compiled
+from ...evolve import evolve
+from ...spatial import Array, Pose, moved_near, pose_error, right_jacobian
+
+STANDING = 1e-6
+"""A reference that is slower than this, and has no force to come, is at rest [m/s, rad/s]."""
+
+SLACK = (0.02, 0.1)
+"""The reference is at most this far from the command [m, rad]: an arm that cannot follow does not
+catch up afterwards with all that it missed."""
+
+_NONE = np.zeros(6)
+
+
+@dataclass(frozen=True)
+class Impedance:
+    """What the tool feels like, per axis (6,)."""
+
+    mass: Array
+    """M_e [kg, kg·m²]."""
+    damping: Array
+    """B_e [N·s/m, N·m·s/rad]."""
+    stiffness: float
+    """Error of the command to rate [1/s]."""
+    deadband: tuple[float, float]
+    """Force [N] and moment [N·m] that are noise."""
+    most: tuple[float, float]
+    """Force [N] and moment [N·m] beyond which more makes no difference."""
+    payload_smoothing_s: float = 0.0
+    """Time constant of the force for a payload of the mass M_e, and of the moment likewise [s]."""
+
+
+@dataclass(frozen=True)
+class FollowingState:
+    """The reference; without a pose it is wherever the command is, at rest."""
+
+    twist: Array = field(default_factory=lambda: np.zeros(6))
+    """Its velocity in World axes (6,)."""
+    T_world_reference: Pose | None = None
+    step: Array = field(default_factory=lambda: np.zeros(6))
+    """What it moves by in this tick (6,) [m, rad]."""
+    asked: Array = field(default_factory=lambda: np.zeros(6))
+    """The rate that was asked for in this tick (6,)."""
+    felt: Array | None = None
+    """The low-passed wrench on the arm at the MRF, in World axes (6,); None before there is one."""
+
+
+class Following:
+    """Follows the wrench on the arm."""
+
+    def __init__(self, impedance: Impedance, period_s: float) -> None:
+        self._impedance = impedance
+        self._period_s = period_s
+
+    def rate(
+        self,
+        state: FollowingState,
+        wrench_on_arm: Array | None,
+        gain: Array,
+        T_world_mrf: Pose,
+        share: float = 1.0,
+        load: Array | None = None,
+    ) -> tuple[Array, FollowingState]:
+        """Return the twist (6,) of the MRF in World axes, and the next state.
+
+        `wrench_on_arm` (6,) is what pushes the arm, at and in the MRF, None when stale: the motion
+        then dies out with M/B. `gain` (6,) is the share of it that is followed, in MRF axes;
+        `share` scales all of it, for an avoidance that takes precedence (eq. 10: 1 − α). `load`
+        (10,) is the payload as `force.load_of` has it, None for none.
+        """
+        strength = min(1.0, float(gain.max()))
+        if strength <= 0.0 and float(np.abs(state.twist).max()) < STANDING:
+            return np.zeros(6), FollowingState()
+        felt = None
+        if wrench_on_arm is not None:
+            wrench_on_arm, felt = _calmed(
+                wrench_on_arm, T_world_mrf.R, state.felt, *self._shares(load)
+            )
+        i, T = self._impedance, state.T_world_reference or T_world_mrf
+        # What is switched off lets go of its reference as its gain fades.
+        twist, step, asked = _led(
+            state.twist, _NONE if wrench_on_arm is None else wrench_on_arm, gain, T_world_mrf.R,
+            pose_error(T, T_world_mrf), i.mass, i.damping, *i.deadband, *i.most,
+            share, strength * i.stiffness, self._period_s,
+        )  # fmt: skip
+        return asked, FollowingState(twist, T, step, asked, felt)
+
+    def _shares(self, load: Array | None) -> tuple[float, float]:
+        """Return the share of a new force and of a new moment that is taken over, 0 to 1."""
+        if load is None:
+            return 1.0, 1.0
+        i, m = self._impedance, float(load[0])
+        about = float(load[1:4] @ load[1:4]) / m if m > 0.0 else 0.0
+        return (
+            self._share(smoothing_s(i.payload_smoothing_s, m, float(i.mass[0]))),
+            self._share(smoothing_s(i.payload_smoothing_s, about, float(i.mass[3]))),
+        )
+
+    def _share(self, time_s: float) -> float:
+        return 1.0 if time_s <= 0.0 else -math.expm1(-self._period_s / time_s)
+
+    def advance(
+        self, state: FollowingState, twist: Array, granted: float, T_world_mrf: Pose
+    ) -> FollowingState:
+        """Return the state after a tick that asked for `twist` (6,) in all.
+
+        `granted` (0 to 1) is the share of it that was let through, `T_world_mrf` the pose that the
+        command now has.
+        """
+        if state.T_world_reference is None:
+            return state
+        step = granted * (state.step + self._period_s * (twist - state.asked))
+        if step[3:].any():
+            # As all points of one rigid body move, so that it does not matter which is the MRF.
+            step[:3] = right_jacobian(-step[3:]) @ step[:3]
+        reference = moved_near(state.T_world_reference, step, T_world_mrf, SLACK)
+        return evolve(state, T_world_reference=reference)
+
+
+def smoothing_s(per_mass_s: float, payload: float, mass: float) -> float:
+    """Return the time constant [s] of the force under a payload, both masses in one unit."""
+    return per_mass_s * payload / mass
+
+
+def _calmed(
+    wrench: Array, R: Array, before: Array | None, force: float, moment: float
+) -> tuple[Array, Array]:
+    """Return the low-passed wrench (6,) in MRF axes, and in World's, where R (3, 3) leads."""
+    if before is None or (force >= 1.0 and moment >= 1.0):
+        return wrench, _turned(wrench, R)
+    felt = _blended(wrench, R, before, force, moment)
+    return _turned(felt, R.T), felt
+
+
+@compiled(VECTOR, MATRIX)
+def _turned(wrench: Array, R: Array) -> Array:
+    out = np.zeros(6)
+    for i in range(3):
+        for k in range(3):
+            out[i] += R[i, k] * wrench[k]
+            out[3 + i] += R[i, k] * wrench[3 + k]
+    return out
+
+
+@compiled(VECTOR, MATRIX, VECTOR, NUMBER, NUMBER)
+def _blended(wrench: Array, R: Array, before: Array, force: float, moment: float) -> Array:
+    new = _turned(wrench, R)
+    for i in range(3):
+        new[i] = before[i] + force * (new[i] - before[i])
+        new[3 + i] = before[3 + i] + moment * (new[3 + i] - before[3 + i])
+    return new
+
+
+@compiled(VECTOR, NUMBER, NUMBER, NUMBER, NUMBER)
+def _felt(
+    wrench: Array, dead_force: float, dead_moment: float, most_force: float, most_moment: float
+) -> Array:
+    """Return the wrench (6,) without what is noise, and bounded; its direction stays."""
+    out = np.empty(6)
+    for first, dead, most in ((0, dead_force, most_force), (3, dead_moment, most_moment)):
+        size2 = 0.0
+        for i in range(first, first + 3):
+            size2 += wrench[i] ** 2
+        size = max(math.sqrt(size2), 1e-12)
+        beyond = 1.0 if dead <= 0.0 else min(1.0, max(0.0, size / dead - 1.0))
+        smooth = beyond * beyond * (3.0 - 2.0 * beyond)
+        for i in range(first, first + 3):
+            out[i] = wrench[i] * (smooth * min(1.0, most / size))
+    return out
+
+
+@compiled(
+    VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR,
+    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER,
+)  # fmt: skip
+def _led(
+    twist: Array, wrench: Array, gain: Array, R: Array, error: Array, mass: Array, damping: Array,
+    dead_force: float, dead_moment: float, most_force: float, most_moment: float,
+    share: float, stiffness: float, period_s: float,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Return velocity and path of a damped mass after one period, and the rate to ask for; (6,).
+
+    The mass moves with `twist` (6,) in World, where R (3, 3) leads from the axes of `wrench` (6,)
+    and `gain` (6,). `error` (6,) is the way from the command to the reference.
+    """
+    felt = _felt(wrench, dead_force, dead_moment, most_force, most_moment)
+    after, path, asked = np.empty(6), np.empty(6), np.empty(6)
+    T = period_s
+    for i in range(6):
+        first, row = (0, i) if i < 3 else (3, i - 3)
+        F = 0.0
+        for k in range(3):
+            F += R[row, k] * (share * gain[first + k] * felt[first + k])
+        M, B, v = mass[i], damping[i], twist[i]
+        a1 = (F - B * v) / M
+        v2 = v + 0.5 * T * a1
+        a2 = (F - B * v2) / M
+        v3 = v + 0.5 * T * a2
+        a3 = (F - B * v3) / M
+        v4 = v + T * a3
+        a4 = (F - B * v4) / M
+        after[i] = v + T / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        path[i] = T / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+        asked[i] = after[i] + stiffness * error[i]
+    return after, path, asked

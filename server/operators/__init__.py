@@ -1,0 +1,1 @@
+"""Who may speak: the network, the lease, admission, and answers to requests."""

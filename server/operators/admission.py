@@ -1,0 +1,160 @@
+"""Who may say what, and how fresh it has to be: every command and request passes here.
+
+Refused are: a command that does not prove the lease, is of an old epoch or out of order; bytes
+that are no message; a command based on a picture older than the cell allows or older than the last
+enable. So a command that was queued anywhere on its way is dead, not late; and no clocks are
+compared. Proof comes first: nothing that lacks it is decoded.
+"""
+
+from dataclasses import dataclass
+
+from ...protocols.codec import CodecError, decode
+from ...protocols.messages.messages import Command, Message
+from ...protocols.proof import PROOF_BYTES, Proof
+from ...protocols.topics import Flow, Topic
+from ..refusals import Refused, Why
+from .lease import Lease
+
+FIRST_SEQ = 2**48
+"""A lease's first sequence number is below this [1]."""
+
+LEAP = 2**20
+"""A sequence number is at most so far ahead of the newest: none locks its sender out [1]."""
+
+
+@dataclass(frozen=True)
+class Now:
+    """What admission has to know of this tick."""
+
+    time_s: float
+    tick: int
+    enabled_since: int | None
+    """Tick of the last enable or resume, None while not ENABLED."""
+
+
+class Admission:
+    """The lease and the order of what its holder sends."""
+
+    def __init__(
+        self, cell: str, period_s: float, max_command_age_s: float, lease_timeout_s: float
+    ) -> None:
+        self._cell = cell
+        self._max_age_ticks = max(1, round(max_command_age_s / period_s))
+        self._timeout_s = lease_timeout_s
+        self.lease = Lease()
+        self._proven_seq: dict[str, int] = {}
+        self._newest_seq: int | None = None
+        self.last_seq: dict[str, int] = {}
+        """Of the newest message that was accepted on each key."""
+        self.age_ticks: int | None = None
+        """How old the picture was that the last accepted command was based on."""
+
+    def prove(self, topic: Topic, payload: bytes, attachment: bytes, now: Now) -> Proof:
+        """Return the proof that came with a payload, if it holds. Raises `Refused`.
+
+        Only what is proven moves the sequence, and nothing is proven twice.
+        """
+        lease = self.lease
+        if not lease.alive(now.time_s):
+            raise Refused(Why.NO_LEASE, "nobody holds the lease")
+        proof = Proof.read(attachment)
+        if proof is None:
+            raise Refused(
+                Why.WRONG_PROOF, f"a proof of {len(attachment)} bytes instead of {PROOF_BYTES}"
+            )
+        self._of_this_lease(proof)
+        last = self._proven_seq.get(topic.key, -1)
+        most = FIRST_SEQ if self._newest_seq is None else self._newest_seq + LEAP
+        if not last < proof.seq <= most:
+            raise Refused(Why.OUT_OF_ORDER, f"seq {proof.seq} after {last}, at most {most}")
+        if not lease.proven_by(proof, topic.full_key(self._cell), payload):
+            raise Refused(Why.WRONG_PROOF, f"not proven to come from {lease.holder}")
+        self._proven_seq[topic.key] = proof.seq
+        self._newest_seq = max(self._newest_seq or 0, proof.seq)
+        return proof
+
+    def admit(self, topic: Topic, payload: bytes, proof: Proof | None, now: Now) -> Message:
+        """Return the message of a payload that may act now. Raises `Refused`."""
+        if proof is None and issubclass(topic.message, Command):
+            raise Refused(Why.WRONG_PROOF, "no proof of the lease")
+        try:
+            message = decode(topic, payload)
+        except CodecError as error:
+            raise Refused(error.reason, error.detail) from None
+        if isinstance(message, Command) and proof is not None:
+            self._held(proof, now)
+            self._recent(message, now)
+            needs_enabled = topic.flow is Flow.COMMAND and topic.key != "cmd/keepalive"
+            if needs_enabled:
+                self._current(message, now)
+            self.last_seq[topic.key] = proof.seq
+            self.age_ticks = now.tick - message.seen_tick
+        return message
+
+    def require_free(self, now: Now) -> int:
+        """Return the epoch of the lease that may be granted now.
+
+        Raises `Refused` while one is alive.
+        """
+        if self.lease.alive(now.time_s):
+            left = self.lease.expires_s - now.time_s
+            raise Refused(
+                Why.LEASE_TAKEN, f"{self.lease.holder} holds the lease for {left:.2f} s more"
+            )
+        return self.lease.epoch + 1
+
+    def grant(self, operator: str, secret: bytes, now: Now) -> Lease:
+        """Grant the lease to an operator. Raises `Refused` while another's is alive."""
+        self.require_free(now)
+        self.lease = self.lease.granted(operator, secret, now.time_s, self._timeout_s)
+        self._forget_order()
+        self.age_ticks = None
+        return self.lease
+
+    def renew(self, now: Now) -> None:
+        """Renew the lease that was just proven."""
+        self.lease = self.lease.renewed(now.time_s, self._timeout_s)
+
+    def end(self) -> None:
+        """End the lease; its secret proves nothing any more."""
+        self.lease = self.lease.ended()
+        self._forget_order()
+
+    def holds(self, proof: Proof | None, now: Now) -> bool:
+        """Return whether a proof that held is of the lease that is alive now."""
+        lease = self.lease
+        return proof is not None and lease.alive(now.time_s) and proof.epoch == lease.epoch
+
+    def _forget_order(self) -> None:
+        self._proven_seq, self._newest_seq, self.last_seq = {}, None, {}
+
+    def _of_this_lease(self, proof: Proof) -> None:
+        if proof.epoch != self.lease.epoch:
+            raise Refused(Why.OLD_EPOCH, f"epoch {proof.epoch}, the lease's is {self.lease.epoch}")
+
+    def _held(self, proof: Proof, now: Now) -> None:
+        """Look again at a proof that held: the lease may have ended within the same tick."""
+        if not self.lease.alive(now.time_s):
+            raise Refused(Why.NO_LEASE, "nobody holds the lease")
+        self._of_this_lease(proof)
+
+    def _recent(self, command: Command, now: Now) -> None:
+        if command.seen_tick > now.tick:
+            raise Refused(
+                Why.FUTURE_PICTURE, f"seen_tick {command.seen_tick}, this is tick {now.tick}"
+            )
+        age = now.tick - command.seen_tick
+        if age > self._max_age_ticks:
+            raise Refused(
+                Why.OLD_PICTURE,
+                f"based on a picture {age} ticks old, at most {self._max_age_ticks}",
+            )
+
+    def _current(self, command: Command, now: Now) -> None:
+        if now.enabled_since is None:
+            raise Refused(Why.NOT_ENABLED, "the arm is not enabled")
+        if command.seen_tick < now.enabled_since:
+            raise Refused(
+                Why.BEFORE_ENABLE,
+                f"seen_tick {command.seen_tick}, enabled since tick {now.enabled_since}",
+            )

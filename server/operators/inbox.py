@@ -1,0 +1,246 @@
+"""Reception of the network's messages: the holder's are sorted out of all others, in little time.
+
+Whatever arrives waits in rings, one for each topic, where newer messages push out older ones. Many
+times a second the rings are emptied here. A message that is too long is thrown away before it is
+copied, one that does not prove the lease before it is decoded. What is proven goes on to a mailbox
+of its own, where nothing that lacks a proof can push it out.
+
+What matters most comes first: the keepalive, protective stops and modes. For everything else there
+is a budget of time in each tick; what is left over waits for the next one.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from ...protocols import topics as t
+from ...protocols.codec import Reason
+from ...protocols.messages.requests import Reply
+from ...protocols.proof import Proof
+from ..refusals import Refused
+from .admission import Admission, Now
+from .link import Answer, Link, Parcel, Source
+
+FIRST: Final = (t.KEEPALIVE, t.PROTECTIVE_STOP, t.MODE, t.RELEASE)
+"""Sorted completely in every tick."""
+
+REST: Final = tuple(x for x in (*t.COMMANDS, *t.REQUESTS) if x not in FIRST)
+"""Sorted in turn, as far as the budget allows."""
+
+HOLDERS: Final = tuple(x for x in t.REQUESTS if x.needs_proof or x is t.PROTECTIVE_CLEAR)
+ORDERS: Final = tuple(x for x in t.COMMANDS if x is not t.KEEPALIVE)
+
+PART: Final = 0.1
+"""Each of sorting, commands and sensors may take so much of a period [1]."""
+
+ANSWERED: Final = 4
+"""Refused requests that are answered in a tick; further ones find nobody [1]."""
+
+PRESSED: Final = 16
+"""More refusals than this between two looks are a flood, to be looked at more often [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Letter:
+    """A message that may be decoded: proven, or one that needs no proof."""
+
+    topic: t.Topic
+    payload: bytes
+    proof: Proof | None
+    answer: Answer | None = None
+
+    def reply(self, content: bytes | None) -> None:
+        """Answer a request; with None it ends without an answer."""
+        if self.answer is not None:
+            self.answer(content)
+
+
+@dataclass(slots=True)
+class Refusal:
+    """Messages of one topic that were refused; the first one's reason, how many, whom to answer."""
+
+    topic: t.Topic
+    refused: Refused
+    count: int = 1
+    answers: tuple[Answer, ...] = ()
+
+
+class Reception:
+    """Empties the network's rings into mailboxes of what counts; `clock` measures the budget."""
+
+    def __init__(
+        self, link: Link, admission: Admission, clock: Callable[[], float], period_s: float
+    ) -> None:
+        self._link = link
+        self._admission = admission
+        self._clock = clock
+        self._budget_s = PART * period_s
+        self._boxes = {x.key: deque[Letter](maxlen=x.unread) for x in (*FIRST, *REST)}
+        self._first, self._rest, self._sensors = (
+            [(x, link.source(x)) for x in topics] for topics in (FIRST, REST, t.SENSORS)
+        )
+        self._waiting = 0
+        """Letters in all mailboxes."""
+        self._refusals: dict[str, Refusal] = {}
+        self._answers_left = ANSWERED
+        self.pressed = False
+        """True while so much is refused that the rings should be emptied more often."""
+
+    def sort(self, now: Now) -> None:
+        """Empty the rings of commands and requests, as far as the budget allows."""
+        refused = 0
+        for topic, take in self._first:
+            parcel = take()
+            if parcel is not None:
+                refused += self._drain(topic, take, parcel, now, math.inf)
+        end_s = self._clock() + self._budget_s
+        for i, (topic, take) in enumerate(self._rest):
+            parcel = take()
+            if parcel is not None:
+                refused += self._drain(topic, take, parcel, now, end_s)
+                if self._clock() > end_s:
+                    # The next ones come first, next time.
+                    self._rest = self._rest[i + 1 :] + self._rest[: i + 1]
+                    self.pressed = True
+                    return
+        self.pressed = refused > PRESSED
+
+    def _drain(self, topic: t.Topic, take: Source, first: Parcel, now: Now, end_s: float) -> int:
+        """Sort what waits on a topic until a time; return how much of it was refused."""
+        refused, parcel = 0, first
+        for _ in range(self._link.room(topic)):
+            refused += not self._keep(topic, parcel, now)
+            if self._clock() > end_s:
+                break
+            more = take()
+            if more is None:
+                break
+            parcel = more
+        return refused
+
+    def refusals(self) -> list[Refusal]:
+        """Return and forget what was refused since the last call, one entry for each topic."""
+        taken = list(self._refusals.values())
+        self._refusals.clear()
+        self._answers_left = ANSWERED
+        return taken
+
+    def requests(self) -> Iterator[Letter]:
+        """Yield the requests: the holder's as they were sent, all others, and stops, which win."""
+        yield from self._in_order(self._take(HOLDERS))
+        yield from self._take((t.LEASE, t.PROTECTIVE_STOP))
+
+    def commands(self) -> Iterator[Letter]:
+        """Yield the holder's commands: keepalives, then the others as they were sent."""
+        yield from self._take((t.KEEPALIVE,))
+        yield from self._in_order(self._take(ORDERS))
+
+    def sensors(self) -> Iterator[Letter]:
+        """Yield sensors' readings, one of each topic in turn, as far as the budget allows."""
+        end_s = self._clock() + self._budget_s
+        waiting = [(topic, take, self._link.room(topic)) for topic, take in self._sensors]
+        while waiting:
+            still = []
+            for topic, take, left in waiting:
+                parcel = take()
+                if parcel is None:
+                    continue
+                if left > 1:
+                    still.append((topic, take, left - 1))
+                payload = self._read(topic, parcel)
+                if payload is not None:
+                    yield Letter(topic, payload, None)
+                if self._clock() > end_s:
+                    self._sensors = [*self._sensors[1:], self._sensors[0]]
+                    return
+            waiting = still
+
+    # --- one message -------------------------------------------------------------------------
+
+    def _keep(self, topic: t.Topic, parcel: Parcel, now: Now) -> bool:
+        """Put a message into its mailbox, or refuse it; return whether it was kept."""
+        payload = self._read(topic, parcel)
+        if payload is None:
+            return False
+        proof = None
+        try:
+            if topic.needs_proof or (topic is t.PROTECTIVE_CLEAR and len(parcel.attached) > 0):
+                attached = bytes(parcel.attached) if len(parcel.attached) < 64 else b""
+                proof = self._admission.prove(topic, payload, attached, now)
+            else:
+                self._admission.admit(topic, payload, None, now)  # can it be read at all?
+        except Refused as refused:
+            self._refuse(topic, refused, parcel)
+            return False
+        box = self._boxes[topic.key]
+        if len(box) == box.maxlen:
+            box[0].reply(None)
+        else:
+            self._waiting += 1
+        box.append(Letter(topic, payload, proof, parcel.answer))
+        return True
+
+    def _read(self, topic: t.Topic, parcel: Parcel) -> bytes | None:
+        """Return the payload, or refuse one that is too long, without copying it."""
+        size = len(parcel.payload)
+        if size > topic.max_bytes:
+            refused = Refused(Reason.TOO_LARGE, f"{size} bytes, at most {topic.max_bytes}")
+            self._refuse(topic, refused, parcel)
+            return None
+        return bytes(parcel.payload)
+
+    def _refuse(self, topic: t.Topic, refused: Refused, parcel: Parcel) -> None:
+        entry = self._refusals.get(topic.key)
+        if entry is None:
+            entry = self._refusals[topic.key] = Refusal(topic, refused)
+        else:
+            entry.count += 1
+        if parcel.answer is None:
+            return
+        if self._answers_left > 0:
+            self._answers_left -= 1
+            entry.answers += (parcel.answer,)
+        else:
+            parcel.answer(None)
+
+    # --- mailboxes ---------------------------------------------------------------------------
+
+    def _take(self, topics: tuple[t.Topic, ...]) -> list[Letter]:
+        letters: list[Letter] = []
+        if self._waiting == 0:
+            return letters
+        for topic in topics:
+            box = self._boxes[topic.key]
+            if box:
+                letters += box
+                box.clear()
+        self._waiting -= len(letters)
+        return letters
+
+    def _in_order(self, letters: list[Letter]) -> Iterator[Letter]:
+        """Yield letters by their sequence within the budget; put back what is beyond it.
+
+        Topics arrive apart; what one operator said within a period is taken as it was said.
+        """
+        letters.sort(key=_seq)
+        end_s = self._clock() + self._budget_s
+        for i, letter in enumerate(letters):
+            if i > 0 and self._clock() > end_s:
+                for left in letters[i:]:
+                    self._boxes[left.topic.key].append(left)
+                self._waiting += len(letters) - i
+                return
+            yield letter
+
+
+def refusal_reply(refused: Refused, now: Now) -> Reply:
+    """Return the reply that says why a request was refused."""
+    return Reply(
+        ok=False, reason=str(refused.reason)[:64], detail=refused.detail[:500], tick=now.tick
+    )
+
+
+def _seq(letter: Letter) -> int:
+    return -1 if letter.proof is None else letter.proof.seq

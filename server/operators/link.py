@@ -1,0 +1,160 @@
+"""The operators' network: what the cycle sees of it, and Zenoh behind it.
+
+Everything is polled. Messages wait in ring channels, one for each topic, newest wins, so no
+backlog is ever executed, and a flood on one key crowds out no other. No Python thread but the
+loop's own runs in the daemon, and one that sends answers.
+"""
+
+import re
+from collections.abc import Callable
+from functools import partial
+from typing import Final, NamedTuple, Protocol
+
+import zenoh
+
+from ...drivers.device import DeviceError
+from ...drivers.network.identity import Identity
+from ...drivers.network.sessions import member_config, router_config
+from ...protocols.topics import COMMANDS, REQUESTS, SENSORS, Flow, Topic
+from .answers import Answers
+
+RING: Final = 128
+"""Messages of a topic that wait to be sorted: 12,800 a second at 100 Hz [1]."""
+
+Answer = Callable[[bytes | None], None]
+"""Answers a request; with None it ends without an answer."""
+
+
+class Content(Protocol):
+    """Bytes that are not copied yet."""
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        ...
+
+    def __bytes__(self) -> bytes:
+        """Copy them."""
+        ...
+
+
+class Parcel(NamedTuple):
+    """A message as it came in."""
+
+    payload: Content
+    attached: Content = b""
+    """A proof of the lease, judged by nobody yet."""
+    answer: Answer | None = None
+    """Of a request."""
+
+
+Source = Callable[[], Parcel | None]
+"""Returns the oldest message that waits on a topic, None without one."""
+
+
+class Link(Protocol):
+    """The network as the cycle uses it; nothing here blocks."""
+
+    def room(self, topic: Topic) -> int:
+        """Return how many messages of a topic wait at most."""
+        ...
+
+    def source(self, topic: Topic) -> Source:
+        """Return what takes the messages of a topic, one at a time."""
+        ...
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Send telemetry."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the network."""
+        ...
+
+
+def room(topic: Topic) -> int:
+    """Return how many messages of a topic wait at most until they are sorted.
+
+    A sensor's are not sorted, and wait where they are.
+    """
+    return topic.unread if topic.flow is Flow.SENSOR else RING
+
+
+class ZenohLink:
+    """A Zenoh session for one cell: a router, or with `dials` a client of another one.
+
+    Raises `DeviceError` where it cannot listen, or nobody answers.
+    """
+
+    def __init__(
+        self, cell: str, endpoint: str, identity: Identity | None = None, dials: bool = False
+    ) -> None:
+        config = member_config if dials else router_config
+        try:
+            self._session = zenoh.open(config(endpoint, cell, identity))
+        except zenoh.ZError as error:
+            # Zenoh's own words end in places of its source.
+            cause = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
+            key = "router" if dials else "listen"
+            raise DeviceError(f"zenoh.{key}: value {endpoint!r}: {cause}") from None
+        ring = zenoh.handlers.RingChannel
+        self._puts = {
+            topic.key: self._session.declare_subscriber(topic.full_key(cell), ring(room(topic)))
+            for topic in (*COMMANDS, *SENSORS)
+        }
+        self._queries = {
+            topic.key: self._session.declare_queryable(topic.full_key(cell), ring(room(topic)))
+            for topic in REQUESTS
+        }
+        self._cell = cell
+        self._answers = Answers()
+        self._keys = {topic.key: topic.full_key(cell) for topic in REQUESTS}
+        self._publishers: dict[str, zenoh.Publisher] = {}
+
+    def room(self, topic: Topic) -> int:
+        """Return how many messages of a topic wait at most."""
+        return room(topic)
+
+    def source(self, topic: Topic) -> Source:
+        """Return what takes the messages of a topic, one at a time."""
+        if topic.flow is Flow.REQUEST:
+            queries = self._queries[topic.key]
+            return partial(_next_request, queries.try_recv, self._answers, self._keys[topic.key])
+        return partial(_next_put, self._puts[topic.key].try_recv)
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
+        and event ids tell the reader that something is missing.
+        """
+        publisher = self._publishers.get(topic.key)
+        if publisher is None:
+            publisher = self._session.declare_publisher(
+                topic.full_key(self._cell),
+                priority=zenoh.Priority.REAL_TIME,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            self._publishers[topic.key] = publisher
+        publisher.put(payload)
+
+    def close(self) -> None:
+        """Close the session."""
+        self._answers.close()
+        self._session.close()  # type: ignore[no-untyped-call]  # its stubs
+
+
+def _next_put(receive: "Callable[[], zenoh.Sample | None]") -> Parcel | None:
+    sample = receive()
+    return None if sample is None else Parcel(sample.payload, sample.attachment or b"")
+
+
+def _next_request(
+    receive: "Callable[[], zenoh.Query | None]", answers: Answers, key: str
+) -> Parcel | None:
+    for _ in range(RING):
+        query = None if answers.crowded else receive()
+        if query is None:
+            return None
+        answer = partial(answers.give, query, key)
+        if str(query.key_expr) == key:
+            return Parcel(query.payload or b"", query.attachment or b"", answer)
+        answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
+    return None

@@ -1,0 +1,59 @@
+"""An operators' network inside one process, for simulation: the same bytes, no Zenoh."""
+
+from collections import deque
+from collections.abc import Callable
+
+from ...protocols.topics import Flow, Topic
+from .link import Parcel, Source, room
+
+
+class MemoryLink:
+    """Both ends of the network: the cycle polls it, an operator in the same process uses it."""
+
+    def __init__(self) -> None:
+        self._rings: dict[str, deque[Parcel]] = {}
+        self._listeners: list[Callable[[Topic, bytes], None]] = []
+
+    def put(self, topic: Topic, payload: bytes, proof: bytes = b"") -> None:
+        """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
+        if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
+            raise ValueError(f"{topic.key} is no command")
+        self._ring(topic).append(Parcel(payload, proof))
+
+    def ask(
+        self, topic: Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
+    ) -> None:
+        """Send a request as an operator; `answer` is called with the reply's bytes."""
+        if topic.flow is not Flow.REQUEST:
+            raise ValueError(f"{topic.key} is no request")
+
+        def reply(content: bytes | None) -> None:
+            if content is not None:
+                answer(content)
+
+        self._ring(topic).append(Parcel(payload, proof, reply))
+
+    def listen(self, listener: Callable[[Topic, bytes], None]) -> None:
+        """Hand all telemetry to a listener as it is published."""
+        self._listeners.append(listener)
+
+    def room(self, topic: Topic) -> int:
+        """Return how many messages of a topic wait at most."""
+        return room(topic)
+
+    def source(self, topic: Topic) -> Source:
+        """Return what takes the messages of a topic, one at a time."""
+        ring = self._ring(topic)
+        return lambda: ring.popleft() if ring else None
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Send telemetry."""
+        for listener in self._listeners:
+            listener(topic, payload)
+
+    def close(self) -> None:
+        """Forget everybody."""
+        self._listeners.clear()
+
+    def _ring(self, topic: Topic) -> deque[Parcel]:
+        return self._rings.setdefault(topic.key, deque(maxlen=room(topic)))

@@ -1,0 +1,332 @@
+"""The operators' desk: answers every request, now or once what was asked for has come about.
+
+Requests change the lease, wishes for a mode, and settings. A request for a mode is answered when
+the mode is reached, or can't be.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...protocols.codec import encode
+from ...protocols.messages import messages as m
+from ...protocols.messages import motion, requests
+from ...protocols.messages.moving import FrameRequest
+from ...protocols.messages.obstacles import AvoidanceRequest
+from ...protocols.messages.reflection import ReflectionRequest
+from ...protocols.messages.sightings import StoreView
+from ...protocols.proof import Proof
+from ..commands.commands import Orders
+from ..control.spatial import Array, Pose
+from ..mode import Mode, Wish
+from ..perception.cameras import VisionWatch
+from ..perception.moving_frames import FrameWatch
+from ..perception.obstacle_map import World
+from ..refusals import Refused, Why
+from ..runtime.events import Events
+from .admission import Admission, Now
+from .grants import Grants
+from .inbox import Letter, refusal_reply
+from .protective import ProtectiveStops
+
+ENABLE_TIMEOUT_S = 3.0
+"""Drives that are not in Operation enabled by then will not be [s]."""
+
+_ENDS = {
+    Wish.ENABLE: frozenset(Mode) - {Mode.READY},
+    Wish.DISABLE: {Mode.FAULT},
+    Wish.RESET: frozenset[Mode](),
+}
+"""Modes in which a wish cannot come about any more."""
+
+_PAST = {"pause": "paused", "resume": "resumed", "abort": "aborted"}
+
+
+@dataclass(frozen=True)
+class View:
+    """What a request may depend on."""
+
+    now: Now
+    mode: Mode
+    unloaded: Array | None
+    """Sensor reading less the payload's weight, averaged (6,) [N, N·m]; None when stale."""
+    still: bool
+    """The arm stood while that was averaged, and nothing else was asked of it."""
+    essential_stale: tuple[str, ...]
+    gain_bound: Callable[[str, tuple[float, ...]], str | None]
+    """Why a source's gains would be unstable, or None."""
+    vision: VisionWatch
+    """What the cameras see."""
+    world: World
+    """What is known of obstacles."""
+    frames: FrameWatch
+    """Where the frames are that may move."""
+    T_world_mrf: Pose | None = None
+    """Where the command has the MRF; None before the joints were heard."""
+    T_wrist_mrf: Pose | None = None
+    """The MRF that this is; None: the one that is in force."""
+    touched: bool = False
+    """True while something unseen pushes the arm, which stopped for it."""
+    drives_off: bool = True
+    """All drives have said that they are off, after what they were last told."""
+
+    def placed(self, T_wrist_mrf: Pose) -> Pose | None:
+        """Return where the command has an MRF that may be a new one since; None: nowhere yet."""
+        T, then = self.T_world_mrf, self.T_wrist_mrf
+        if T is None or then is None or then is T_wrist_mrf:
+            return T
+        return T @ (then.inverse() @ T_wrist_mrf)
+
+
+@dataclass(frozen=True)
+class _Pending:
+    """A wish whose request waits for its answer."""
+
+    asked: Letter
+    since_s: float
+
+
+class Desk:
+    """Takes requests, keeps wishes, and remembers the protective stop."""
+
+    def __init__(
+        self,
+        admission: Admission,
+        orders: Orders,
+        events: Events,
+        grants: Grants,
+    ) -> None:
+        self._admission = admission
+        self._orders = orders
+        self._events = events
+        self._grants = grants
+        self.wish = Wish.NONE
+        self.hold = False
+        self.resume = False
+        self._stops = ProtectiveStops()
+        self._pending: _Pending | None = None
+
+    @property
+    def protective_stop(self) -> str | None:
+        """Name of the operator who asked for the protective stop that is latched, if any."""
+        return self._stops.asked_by
+
+    def begin_tick(self) -> None:
+        """Forget what was asked for one tick only."""
+        self.hold = self.resume = False
+
+    def serve(self, asked: Letter, view: View) -> None:
+        """Answer one request, or keep it until its wish has come about."""
+        try:
+            message = self._admission.admit(asked.topic, asked.payload, asked.proof, view.now)
+            reply = self._act(message, asked, view)
+        except Refused as refused:
+            self._events.refused("request", asked.topic.key, refused.reason, refused.detail)
+            reply = refusal_reply(refused, view.now)
+        if reply is not None:
+            asked.reply(encode(reply))
+
+    def settle(self, mode: Mode, view: View) -> None:
+        """Answer the pending wish once it has come about or has taken too long."""
+        pending = self._pending
+        if pending is None:
+            return
+        done = {
+            Wish.ENABLE: mode is Mode.ENABLED,
+            Wish.DISABLE: mode is Mode.READY and view.drives_off,
+            Wish.RESET: mode is Mode.READY,
+        }[self.wish]
+        late = view.now.time_s - pending.since_s > ENABLE_TIMEOUT_S
+        if done:
+            self.finish_wish(view.now, None)
+        elif late:
+            self.finish_wish(view.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
+        elif mode in _ENDS[self.wish]:
+            self.finish_wish(view.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
+
+    def end_enable(self, now: Now, reason: str) -> None:
+        """Give up enabling: what was asked for before something else came is dead, not late."""
+        if self.wish is Wish.ENABLE:
+            self.finish_wish(now, Refused(Why.NOT_NOW, reason))
+
+    def finish_wish(self, now: Now, refused: Refused | None) -> None:
+        """End the pending wish and answer it."""
+        pending, wish = self._pending, self.wish
+        self._pending, self.wish = None, Wish.NONE
+        if pending is None:
+            return
+        if refused is None:
+            reply = requests.Reply(ok=True, tick=now.tick)
+        else:
+            self._events.warning(f"{wish}_failed", refused.detail, reason=refused.reason)
+            reply = refusal_reply(refused, now)
+        pending.asked.reply(encode(reply))
+
+    # --- one method per request --------------------------------------------------------------
+
+    def _act(self, message: m.Message, asked: Letter, view: View) -> requests.Reply | None:
+        ok = requests.Reply(ok=True, tick=view.now.tick)
+        match message:
+            case requests.LeaseRequest():
+                granted = self._grants.grant(message, view.now)
+                self._events.info("lease_granted", message.operator, epoch=granted.epoch)
+                self._events.remind()
+                return granted
+            case requests.LeaseRelease():
+                self._events.info("lease_released", self._admission.lease.holder or "")
+                self._admission.end()
+            case requests.ModeRequest():
+                return self._mode(message, asked, view)
+            case requests.ProtectiveStop():
+                self._stops.latch(message.operator, message.seal)
+                self._events.warning("protective_stop", f"asked by {message.operator}")
+            case requests.ProtectiveClear():
+                return self._clear(message, asked.proof, view)
+            case requests.GainRequest():
+                reason = view.gain_bound(message.source, message.gain)
+                reason = reason or self._orders.tuning.gain_refusal(message.source, message.gain)
+                if reason is not None:
+                    if not message.forced:
+                        raise Refused(Why.UNSTABLE_GAIN, reason)
+                    self._events.warning("gain_forced", reason, source=message.source)
+                self._orders.tuning.gains[message.source] = np.array(message.gain)
+                self._events.info("gain_set", message.source, gain=str(list(message.gain)))
+            case requests.SwitchRequest():
+                if message.on and message.source is m.SourceName.VISION:
+                    view.vision.require_view()
+                self._orders.tuning.switch(message.source, message.on)
+                self._orders.idle = self._orders.idle and not message.on
+                if message.on and message.source is m.SourceName.POSITION:
+                    self._orders.restart_path()
+                self._events.info("source_switched", message.source, on=message.on)
+            case FrameRequest():
+                T_world_mrf = view.placed(self._orders.places.T_wrist_mrf)
+                if T_world_mrf is None:
+                    raise Refused(Why.NOT_NOW, "where the arm is was not heard yet")
+                self._orders.set_frame(message, T_world_mrf)
+                self._tell_frame(message)
+            case requests.SpeedRequest():
+                self._orders.tuning.speed_factor = message.factor
+                self._events.info("speed_set", "", factor=message.factor)
+            case requests.PayloadRequest():
+                self._orders.tuning.set_payload(message)
+                if not message.unknown:
+                    self._tell_payload(message.name)
+            case requests.GripperRequest():
+                self._orders.tuning.set_gripper(message.closed)
+                self._events.info("gripper_closed" if message.closed else "gripper_opened")
+            case motion.RedundancyRequest():
+                self._orders.tuning.set_objective(message)
+                self._orders.idle = False
+                self._events.info("objective_set", message.objective, gain=message.gain)
+            case motion.ClutchRequest():
+                self._orders.set_clutch(message)
+                master = self._orders.master
+                self._events.info(
+                    "clutch_set",
+                    "",
+                    engaged=master.engaged,
+                    translation=master.translation,
+                    rotation=master.rotation,
+                )
+            case ReflectionRequest():
+                self._orders.set_protection(message)
+                tell = self._events.info if message.protected else self._events.warning
+                tell("reflection_protected" if message.protected else "reflection_unprotected")
+            case motion.PathRequest():
+                self._orders.set_path(message)
+                self._events.info("path_" + _PAST[message.action])
+            case AvoidanceRequest():
+                if message.on and not self._orders.tuning.can_avoid:
+                    raise Refused(Why.NOT_NOW, "the cell says nothing of avoidance")
+                self._orders.tuning.avoid = message.on
+                self._events.info("avoidance_switched", "", on=message.on)
+            case requests.TareRequest():
+                self._tare(view)
+            case requests.AcknowledgeLoad():
+                self._orders.tuning.hear_of_load("acknowledged")
+            case StoreView():
+                stored = view.vision.store(message.camera)
+                self._events.info("view_stored", message.camera or "", **stored)
+            case _:
+                raise Refused(Why.NOT_NOW, f"no service for {asked.topic.key}")
+        return ok
+
+    def _mode(
+        self, message: requests.ModeRequest, asked: Letter, view: View
+    ) -> requests.Reply | None:
+        mode = view.mode
+        allowed: dict[str, tuple[Mode, ...]] = {
+            "enable": (Mode.READY, Mode.HOLD),
+            "hold": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
+            "resume": (Mode.HOLD,),
+            "disable": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
+            "reset": (Mode.FAULT,),
+        }
+        replaced = (self.wish, message.action) if mode is Mode.READY else None
+        if replaced == (Wish.ENABLE, "disable"):
+            self.end_enable(view.now, "disable asked")
+        elif mode not in allowed[message.action]:
+            modes = " or ".join(allowed[message.action])
+            raise Refused(Why.NOT_NOW, f"{message.action} needs mode {modes}, it is {mode}")
+        if message.action in ("enable", "resume"):
+            self._ready_to_move(view)
+        if replaced == (Wish.DISABLE, "enable"):
+            self.finish_wish(view.now, None)  # READY it is: the drives go off, and then on again
+        if self._pending is not None:
+            raise Refused(Why.NOT_NOW, f"{self.wish} is still under way")
+        if message.action == "hold":
+            self.hold = True
+        elif mode is Mode.HOLD and message.action in ("enable", "resume"):
+            self.resume = True
+        else:
+            self.wish = Wish(message.action)
+            self._pending = _Pending(asked, view.now.time_s)
+            return None
+        return requests.Reply(ok=True, tick=view.now.tick)
+
+    def _ready_to_move(self, view: View) -> None:
+        if self.protective_stop is not None:
+            raise Refused(
+                Why.PROTECTIVE_STOP, f"protective stop asked by {self.protective_stop} is latched"
+            )
+        if view.essential_stale:
+            raise Refused(Why.SENSOR_STALE, f"{', '.join(view.essential_stale)} is stale")
+        if self._orders.tuning.avoid and view.world.stop is not None:
+            raise Refused(Why.SENSOR_STALE, f"the news of obstacle {view.world.stop} is stale")
+        if view.touched:
+            raise Refused(Why.TOUCHED, "what pushes the arm is still there")
+
+    def _clear(
+        self, message: requests.ProtectiveClear, proof: Proof | None, view: View
+    ) -> requests.Reply:
+        if self._stops.asked_by is None:
+            return requests.Reply(ok=True, tick=view.now.tick)
+        if self._admission.holds(proof, view.now):
+            self._stops.clear()
+        else:
+            self._stops.open(message.opens)
+        left = self._stops.asked_by
+        detail = f"by {message.operator}" + (f"; that of {left} is latched" if left else "")
+        self._events.info("protective_stop_cleared", detail)
+        return requests.Reply(ok=True, tick=view.now.tick, detail=detail[:500])
+
+    def _tell_frame(self, request: FrameRequest) -> None:
+        there = request.relative_to or ("wrist" if request.frame == "mrf" else "world")
+        on = {"moves_with": self._orders.places.crf.on} if request.frame == "crf" else {}
+        self._events.info("frame_set", request.frame, relative_to=str(there), **on)
+
+    def _tell_payload(self, name: str | None) -> None:
+        payload = self._orders.tuning.payload
+        if payload is not None:
+            com = str(np.round(payload.com, 4).tolist())
+            self._events.info("payload_set", name or "", mass=payload.mass, com=com)
+
+    def _tare(self, view: View) -> None:
+        if view.unloaded is None:
+            raise Refused(Why.SENSOR_STALE, "force_torque is stale or missing")
+        if not view.still:
+            raise Refused(Why.NOT_NOW, "the arm moves, or is told to")
+        self._orders.tuning.tare(view.unloaded)
+        self._events.info("tared", "", bias=str(np.round(view.unloaded, 3).tolist()))

@@ -1,0 +1,202 @@
+"""What the cameras see: which pictures are believed, which view is kept, and how old it all is.
+
+A picture's tick names the telemetry that its sender had when it was exposed. The measured pose of
+the Wrist at that tick places the target, so that a late picture is no wrong one. Every picture
+that is not believed, and the view lost and found again, is an event; a row of equal doubts is one.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ...config.load import Cell
+from ...config.schema.cameras import Camera, Vision
+from ...protocols.messages.sightings import Sighting
+from ..control.frame_tree import Mount
+from ..control.spatial import Pose
+from ..control.task.sources.vision import ViewGoal
+from ..refusals import Refused, Why
+from ..runtime.events import Events
+from .filters.sighting import Belief, Doubt, Known, judge
+
+
+@dataclass
+class _Track:
+    """One camera, and what is known of its target."""
+
+    camera: Camera
+    T_lens: Pose
+    """Lens in the Wrist, in World or in Base."""
+    known: Known | None = None
+    newest_tick: int = -1
+    doubt: Doubt | None = None
+    """Why the newest picture was not believed."""
+
+    @property
+    def carried(self) -> bool:
+        """True for a camera on the Wrist."""
+        return self.camera.on == "wrist"
+
+    def T_world_lens(self, at: "_Place") -> Pose:
+        """Return the Lens in World."""
+        match self.camera.on:
+            case "wrist":
+                return at.T_world_wrist @ self.T_lens
+            case "base":
+                return at.T_world_base @ self.T_lens
+        return self.T_lens
+
+    def T_anchor_lens(self, at: "_Place") -> Pose:
+        """Return the Lens in the frame in which its target stands still: World, or the Wrist."""
+        T = self.T_world_lens(at)
+        return T if self.carried else at.T_world_wrist.inverse() @ T
+
+
+class _Place(NamedTuple):
+    """Where the arm was measured to be in one tick."""
+
+    tick: int
+    T_world_wrist: Pose
+    T_world_base: Pose
+
+
+class VisionWatch:
+    """All cameras of a cell."""
+
+    def __init__(self, cell: Cell, events: Events) -> None:
+        period = cell.config.timing.period_s
+        vision: Vision = cell.config.sources.vision
+        self._events = events
+        self._timeout = round(vision.timeout_s / period)
+        self._belief = Belief(
+            period,
+            vision.least_quality,
+            vision.jump_speed,
+            vision.jump_angular_speed,
+            *vision.jump_slack,
+            vision.smoothing_s,
+        )
+        self._tracks = {c.name: _Track(c, _place(c)) for c in cell.config.cameras}
+        self._places: deque[_Place] = deque(maxlen=self._timeout + 2)
+        self._camera = vision.camera or next(iter(self._tracks), "")
+        view = vision.view
+        self._view = None if view is None else Pose.from_xyz_rpy(view.xyz, view.rpy)
+
+    @property
+    def watching(self) -> bool:
+        """True in a cell with cameras."""
+        return bool(self._tracks)
+
+    @property
+    def view(self) -> Pose | None:
+        """The target in the Lens as last believed, None when stale."""
+        track = self._tracks.get(self._camera)
+        if track is None or track.known is None or not self._places:
+            return None
+        return track.T_anchor_lens(self._places[-1]).inverse() @ track.known.T_anchor_target
+
+    @property
+    def lens(self) -> Mount | None:
+        """Where the Lens is of the camera whose view is kept."""
+        track = self._tracks.get(self._camera)
+        return None if track is None else Mount(track.camera.on, track.T_lens)
+
+    def age(self, tick: int) -> int | None:
+        """Return how many ticks old the newest picture is that was believed, None when stale."""
+        track = self._tracks.get(self._camera)
+        return None if track is None or track.known is None else tick - track.known.tick
+
+    def remember(self, tick: int, T_world_wrist: Pose, T_world_base: Pose) -> None:
+        """Keep where Wrist and Base were measured at a tick, for pictures that belong to it."""
+        self._places.append(_Place(tick, T_world_wrist, T_world_base))
+
+    def take(self, sighting: Sighting, tick: int) -> None:
+        """Take in what a camera saw. Raises `Refused` for a camera that the cell does not have."""
+        track = self._tracks.get(sighting.camera)
+        if track is None:
+            known = ", ".join(self._tracks) or "none"
+            raise Refused(Why.UNKNOWN_CAMERA, f"{sighting.camera!r} is none of {known}")
+        if sighting.tick > tick:
+            raise Refused(Why.FUTURE_PICTURE, f"tick {sighting.tick}, this is tick {tick}")
+        believed = self._judge(track, sighting)
+        if isinstance(believed, Doubt):
+            if believed is not track.doubt:
+                self._tell(track, "warning", "picture_rejected", believed, sighting.quality)
+            track.doubt = believed
+            return
+        if track.known is None:
+            self._tell(track, "info", "view_found", None, sighting.quality)
+        track.known, track.doubt = believed, None
+
+    def look(self, tick: int) -> None:
+        """Let go of what was seen too long ago: the source fades."""
+        for track in self._tracks.values():
+            if track.known is not None and tick - track.known.tick > self._timeout:
+                track.known = None
+                self._tell(track, "warning", "view_lost", track.doubt or Doubt.NO_PICTURE, None)
+
+    def store(self, camera: str | None) -> dict[str, float]:
+        """Keep what a camera sees now; return it. Raises `Refused` where it sees nothing."""
+        name = camera or self._camera
+        track = self._tracks.get(name)
+        if track is None:
+            raise Refused(Why.UNKNOWN_CAMERA, f"{name!r} is none of {', '.join(self._tracks)}")
+        if track.known is None or not self._places:
+            raise Refused(Why.SENSOR_STALE, f"camera {name} sees no tag now")
+        self._camera = name
+        self._view = self.view
+        values = (0.0,) * 6 if self._view is None else self._view.to_xyz_rpy()
+        return dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), values, strict=True))
+
+    def require_view(self) -> None:
+        """Raise `Refused` where there is nothing that the source could keep."""
+        if not self._tracks:
+            raise Refused(Why.UNKNOWN_CAMERA, "the cell has no camera")
+        if self._view is None:
+            raise Refused(Why.NOT_NOW, "no view is stored yet: ask operator/store_view first")
+
+    def goal(self, T_world_base: Pose) -> ViewGoal | None:
+        """Return where the view is to bring the arm, with Base where this tick's command has it.
+
+        None without a view, or when it is stale.
+        """
+        track = self._tracks.get(self._camera)
+        if track is None or track.known is None or self._view is None:
+            return None
+        if track.carried:
+            return ViewGoal(track.T_lens, track.known.T_anchor_target @ self._view.inverse())
+        T_world_lens = track.T_lens
+        if track.camera.on == "base":
+            T_world_lens = T_world_base @ T_world_lens
+        return ViewGoal(track.known.T_anchor_target, T_world_lens @ self._view, T_world_lens.R)
+
+    def _judge(self, track: _Track, sighting: Sighting) -> Known | Doubt:
+        if sighting.tick <= track.newest_tick:
+            return Doubt.OUT_OF_ORDER
+        track.newest_tick = sighting.tick
+        place = next((p for p in self._places if p.tick == sighting.tick), None)
+        if place is None:
+            return Doubt.LATE
+        T_anchor_lens = track.T_anchor_lens(place)
+        poses = tuple(T_anchor_lens @ Pose.from_xyz_rpy(p[:3], p[3:]) for p in sighting.poses)
+        return judge(
+            track.known,
+            sighting.tick,
+            poses,
+            sighting.errors_px,
+            sighting.quality,
+            self._belief,
+        )
+
+    def _tell(
+        self, track: _Track, severity: str, name: str, doubt: Doubt | None, quality: float | None
+    ) -> None:
+        if track.camera.name != self._camera:
+            return
+        tell = self._events.warning if severity == "warning" else self._events.info
+        detail = f"camera {track.camera.name}" + (f": {doubt}" if doubt else "")
+        tell(name, detail, camera=track.camera.name, reason=doubt, quality=quality)
+
+
+def _place(camera: Camera) -> Pose:
+    return Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)

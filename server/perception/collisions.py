@@ -1,0 +1,133 @@
+"""Watches for contact that no sensor sees, and says which joint felt it."""
+
+import numpy as np
+
+from ...config.load import Cell
+from ..control.frame_tree import Moved
+from ..control.hold.retreat import Pushed
+from ..control.mechanism.dynamics import Dynamics
+from ..control.mechanism.kinematics import Mechanism
+from ..control.parameters import Parameters
+from ..control.spatial import GRAVITY, Array
+from ..control.state import Memory, Output
+from ..mode import Mode
+from ..plant import PlantReading
+from ..runtime.events import Events
+from .contact_release import GivingWay
+from .filters.collision import Doubt, Load, Touch, TouchState
+
+LOST_S = 0.5
+"""Without an estimate for longer than this, it is said that nothing is felt [s]."""
+
+
+class TouchWatch:
+    """Collision detection of one cell; idle where the cell does not ask for it."""
+
+    def __init__(self, cell: Cell, p: Parameters, mechanism: Mechanism, events: Events) -> None:
+        self._events = events
+        self._calibration = None if p.T_wrist_sensor is None else p.wrench_calibration
+        self._touch = _touch(cell, p, mechanism)
+        self._state = TouchState()
+        self._lost_after = round(LOST_S / p.period_s)
+        self._blind_ticks = 0
+        self._giving = GivingWay(p, events)
+        section = cell.config.touch
+        self._carried_within = p.friction + (0.0 if section is None else np.array(section.torque))
+
+    @property
+    def external(self) -> Array | None:
+        """Torques (n,) of unseen contact [N·m], one period ago; None where not watched."""
+        return self._state.external
+
+    @property
+    def stopping(self) -> bool:
+        """True while something pushes that the arm has stopped for."""
+        return self._giving.touched
+
+    @property
+    def carried(self) -> bool:
+        """True while the drives carry what the sensor reads, but for friction: it is a weight."""
+        external = self._state.external
+        return external is not None and bool((np.abs(external) <= self._carried_within).all())
+
+    @property
+    def pushed(self) -> Pushed | None:
+        """What pushes the arm, and whether it is to give way; None where it is not known."""
+        return self._giving.pushed
+
+    def look(
+        self,
+        reading: PlantReading,
+        memory: Memory | None,
+        output: Output | None,
+        moved: Moved,
+        mode: Mode,
+        doubt: Doubt | None = None,
+    ) -> None:
+        """Take in a reading, and what the tick before made of the one before.
+
+        `doubt` is what the sensor's load may be off by. What pushes an arm that is long at rest in
+        HOLD may stay until it is to move.
+        """
+        if self._touch is None:
+            return
+        if reading.q is None or not reading.enabled or memory is None or memory.load is None:
+            self._state, self._blind_ticks = TouchState(), 0
+            self._giving.reset()
+            return
+        load = self._carried(reading, memory.load)
+        base = moved.T_world_base_measured
+        free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
+        self._touch.dynamics.fall(free_fall)
+        before = self._state.external
+        self._state = self._touch.measure(
+            self._state, reading.q, reading.tau, load, reading.sampled_s, doubt
+        )
+        self._tell_blind(self._state.external is before)
+        found, pushed = self._touch.touched(self._state), self._touch.pushed(self._state)
+        self._giving.look(found, pushed, mode, memory, output)
+
+    def _carried(self, reading: PlantReading, load: Array) -> Load | None:
+        """Return what the sensor reads; while it is stale, its payload is what the arm carries.
+
+        Without a sensor that is what the URDF says. `load` (10,), see `sources.force.load_of`.
+        """
+        if self._touch is None or self._calibration is None:
+            return None
+        fresh = reading.wrench_mean is not None
+        mass = 0.0 if fresh else float(load[0])
+        self._touch.dynamics.carry(mass, load[1:4] / max(load[0], 1e-9))
+        mean = reading.wrench_mean
+        if mean is None:
+            return None
+        wrench = self._calibration @ (mean.wrench - load[4:])
+        return Load(wrench, self._calibration @ mean.jump, reading.wrench_mean_lag_s)
+
+    def _tell_blind(self, blind: bool) -> None:
+        was_lost = self._blind_ticks > self._lost_after
+        self._blind_ticks = self._blind_ticks + 1 if blind else 0
+        if self._blind_ticks == self._lost_after + 1:
+            self._events.warning(
+                "touch_lost",
+                f"contact is not felt: for {LOST_S:g} s there were no three samples in a row"
+                " of which it is known when they were taken",
+            )
+        elif was_lost and not blind:
+            self._events.info("touch_found", "contact is felt again")
+
+
+def _touch(cell: Cell, p: Parameters, mechanism: Mechanism) -> Touch | None:
+    section = cell.config.touch
+    if section is None:
+        return None
+    dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+    bound = section.torque if len(section.torque) == p.n else section.torque * p.n
+    return Touch(
+        dynamics,
+        p.friction,
+        np.array(bound),
+        section.doubt,
+        section.filter_hz,
+        section.confirm_s,
+        p.period_s,
+    )

@@ -1,0 +1,82 @@
+"""Watches the force/torque sensor: tells when it falls silent, and averages it for a tare."""
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..commands.settings import OF_THE_WRENCH
+from ..control.spatial import Array
+from ..plant import PlantReading
+from ..runtime.events import Events
+
+TARE_S = 0.3
+"""A tare averages the sensor over this time [s]."""
+
+STILL = 1e-3
+"""An arm stands for a tare while every joint stayed within this over that time [rad, m].
+
+Force control follows the sensor's noise: where it is on, no command is ever quite zero. Within this
+a tool moves by millimetres a second, so that no force of inertia counts, and weight is known.
+"""
+
+ASKED = np.array([1e-3] * 3 + [2e-3] * 3)
+"""And while nothing but the sensor itself asks for more than this (6,) [m/s, rad/s].
+
+What a stick pushes against a wall stands, too: its push is what force control and stick agree on.
+"""
+
+NAME = "force_torque"
+
+
+class SensorWatch:
+    """One cell's sensor; `essential` means that the arm does not move without it."""
+
+    def __init__(self, events: Events, essential: bool, period_s: float) -> None:
+        self._events = events
+        self._essential = essential
+        self._stale = False
+        self._unloaded: deque[Array] = deque(maxlen=round(TARE_S / period_s))
+        self._stood: deque[Array] = deque(maxlen=round(TARE_S / period_s))
+        """Where the joints were (n,), while nothing was asked of the arm."""
+
+    def look(
+        self, reading: PlantReading, weight: Array | None, twists: Mapping[str, Array]
+    ) -> None:
+        """Take in a reading; `weight` (6,) is what the payload alone makes the sensor read.
+
+        `twists` are what each source asks for.
+        """
+        asked = sum((v for name, v in twists.items() if name not in OF_THE_WRENCH), np.zeros(6))
+        if reading.q is None or (np.abs(asked) > ASKED).any():
+            self._stood.clear()
+        else:
+            self._stood.append(reading.q)
+        stale = reading.wrench is None
+        if stale and not self._stale:
+            self._events.warning("sensor_stale", NAME, age_s=reading.wrench_age_s)
+        elif self._stale and not stale:
+            self._events.info("sensor_fresh", NAME)
+        self._stale = stale
+        if reading.wrench is None:
+            self._unloaded.clear()
+        elif weight is not None:
+            self._unloaded.append(reading.wrench - weight)
+
+    @property
+    def unloaded(self) -> Array | None:
+        """The mean reading (6,) less the payload's weight [N, N·m]; None before there is one."""
+        full = len(self._unloaded) == self._unloaded.maxlen
+        return np.asarray(np.mean(self._unloaded, axis=0)) if full else None
+
+    @property
+    def still(self) -> bool:
+        """True while the arm stands well enough for a tare."""
+        if len(self._stood) < (self._stood.maxlen or 0):
+            return False
+        return bool((np.ptp(np.array(self._stood), axis=0) < STILL).all())
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """The sensor's name while it is stale and the arm may not move without it."""
+        return (NAME,) if self._essential and self._stale else ()

@@ -1,0 +1,70 @@
+"""The wrench that is measured, averaged over a moment, in World axes."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..control.spatial import Array, Pose, sizes
+from ..control.state import Output
+
+AVERAGE_S = 0.2
+"""What is measured is averaged over this time [s]."""
+NEWEST = 5
+"""And over so many ticks where it is to be known how it changes [1]."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where the tool was, and what was measured there."""
+
+    T: Pose
+    sizes: Array
+    """Of force and moment (2,) [N, N·m]."""
+    directions: Array
+    """Unit vectors of both in World (2, 3)."""
+
+
+class Measured:
+    """The newest wrenches of the tool; `bounds` (2,) is what is no load [N, N·m]."""
+
+    def __init__(self, bounds: Array, period_s: float) -> None:
+        self._bounds = bounds
+        self._recent: deque[Array] = deque(maxlen=max(2, round(AVERAGE_S / period_s)))
+
+    @property
+    def known(self) -> bool:
+        """True once there is a reading."""
+        return bool(self._recent)
+
+    def clear(self) -> None:
+        """Forget: the sensor is stale."""
+        self._recent.clear()
+
+    def add(self, wrench_mrf: Array, output: Output) -> None:
+        """Take in the wrench (6,) of a tick, in MRF axes."""
+        R = output.T_world_mrf_measured.R
+        self._recent.append((wrench_mrf.reshape(2, 3) @ R.T).ravel())
+
+    def mean(self) -> Array:
+        """Return the mean wrench (6,)."""
+        return np.asarray(np.mean(self._recent or [np.zeros(6)], axis=0))
+
+    def now(self) -> Array:
+        """Return the mean wrench (6,) of the last few ticks."""
+        return np.asarray(np.mean(list(self._recent)[-NEWEST:] or [np.zeros(6)], axis=0))
+
+    def mark(self, output: Output) -> Mark:
+        """Return where the tool is, and what is measured now."""
+        mean = self.now()
+        size = np.array(sizes(mean))
+        directions = mean.reshape(2, 3) / np.maximum(size, 1e-9)[:, None]
+        return Mark(output.T_world_mrf_measured, size, directions)
+
+    def sizes(self) -> Array:
+        """Return the sizes (2,) of mean force and moment [N, N·m]."""
+        return np.array(sizes(self.mean()))
+
+    def quiet(self) -> bool:
+        """Return whether neither is beyond its bound."""
+        return self.known and bool((self.sizes() <= self._bounds).all())

@@ -1,0 +1,281 @@
+"""The world model: obstacles of the cell and of messages, how old their news is, and their events.
+
+News says where an obstacle was in a telemetry tick; from there its age counts, whatever the way
+took. Between news an obstacle is somewhere within its bounds, which `control/scene.py` states.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...config.load import Cell
+from ...config.schema.obstacles import Obstacle, Shape, Stale
+from ...protocols.messages.obstacles import ObstacleNews
+from ..control.scene import UNBOUNDED, Boxes, Rounds, Scene
+from ..control.spatial import Array, rotation_rpy
+from ..refusals import Refused, Why
+from ..runtime.events import Events
+
+MOST = 64
+"""Most obstacles that are known at a time [1]."""
+
+JUMP_SLACK = 0.01
+"""News may contradict the bound of speed by so much: the noise of whoever saw it [m]."""
+
+_ZERO = (0.0, 0.0, 0.0)
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Known:
+    """An obstacle, as the newest news has it."""
+
+    name: str
+    shape: Shape
+    xyz: Vector
+    to: Vector
+    radius: float
+    rpy: Vector
+    half_size: Vector
+    velocity: Vector
+    max_speed: float
+    max_acceleration: float | None
+    timeout_s: float
+    stale: Stale
+    clearance: float
+    hard: bool
+    carried: bool
+    fixed: bool
+    """True for one of the cell file that stands still."""
+    tick: int
+    """Telemetry tick of the newest news."""
+
+    @property
+    def moves(self) -> bool:
+        """True for one that may move between two news."""
+        return self.max_speed > 0.0
+
+
+class World:
+    """All obstacles of a cell."""
+
+    def __init__(self, cell: Cell, events: Events) -> None:
+        self._events = events
+        self._period_s = cell.config.timing.period_s
+        self._clearance = cell.config.avoidance.clearance
+        self._cameras = {c.name: c for c in cell.config.cameras}
+        self._known = {o.name: self._of_cell(o) for o in cell.config.obstacles}
+        self._gone: dict[str, int] = {}
+        self._stale: set[str] = set()
+        self._still: Scene | None = None
+
+    @property
+    def known(self) -> tuple[Known, ...]:
+        """What is known, in no particular order."""
+        return tuple(self._known.values())
+
+    @property
+    def stale(self) -> tuple[str, ...]:
+        """Names of those whose news is stale."""
+        return tuple(sorted(self._stale))
+
+    @property
+    def stop(self) -> str | None:
+        """Name of an obstacle whose stale news calls for the verified stop, None without one."""
+        return next((name for name in self.stale if self._known[name].stale == "stop"), None)
+
+    # --- news --------------------------------------------------------------------------------
+
+    def take(self, news: ObstacleNews, tick: int) -> None:
+        """Take in what was told of an obstacle. Raises `Refused` where it does not fit."""
+        before = self._known.get(news.name)
+        newest = self._gone.get(news.name, -1) if before is None else before.tick
+        if news.tick > tick:
+            raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
+        if news.tick < newest:
+            raise Refused(Why.OUT_OF_ORDER, f"{news.name}: tick {news.tick} after {newest}")
+        if before is not None and before.fixed:
+            raise Refused(Why.FIXED_OBSTACLE, f"{news.name} stands in the cell file")
+        if news.remove:
+            self._remove(news, before)
+            return
+        after = self._created(news) if news.shape is not None else self._moved(news, before)
+        if before is None:
+            self._events.info("obstacle_set", news.name, shape=after.shape)
+        elif news.shape is None:
+            self._check_speed(before, after)
+        self._known[news.name] = after
+        self._still = None
+
+    def look(self, tick: int) -> None:
+        """Tell of news that has become stale, and of fresh news."""
+        for known in self._known.values():
+            is_stale = known.moves and self._age(known, tick) > known.timeout_s
+            if is_stale and known.name not in self._stale:
+                self._stale.add(known.name)
+                age = self._age(known, tick)
+                self._events.warning(
+                    "obstacle_stale",
+                    f"{known.name}: no news for {age:.2f} s: {known.stale}",
+                    obstacle=known.name,
+                    policy=known.stale,
+                )
+            elif not is_stale and known.name in self._stale:
+                self._stale.discard(known.name)
+                self._events.info("obstacle_fresh", known.name)
+
+    def _created(self, news: ObstacleNews) -> Known:
+        if len(self._known) >= MOST and news.name not in self._known:
+            raise Refused(Why.TOO_MANY_OBSTACLES, f"{MOST} are known already")
+        shape = news.shape or "point"
+        xyz = news.xyz or _ZERO
+        return Known(
+            name=news.name,
+            shape=shape,
+            xyz=xyz,
+            to=news.to or xyz,
+            radius=news.radius or 0.0,
+            rpy=news.rpy or _ZERO,
+            half_size=news.half_size or _ZERO,
+            velocity=news.velocity or _ZERO,
+            max_speed=news.max_speed or 0.0,
+            max_acceleration=news.max_acceleration,
+            timeout_s=0.25 if news.timeout_s is None else news.timeout_s,
+            stale=news.stale or "stop",
+            clearance=self._clearance if news.clearance is None else news.clearance,
+            hard=shape != "sight_line" if news.hard is None else news.hard,
+            carried=False,
+            fixed=False,
+            tick=news.tick,
+        )
+
+    def _moved(self, news: ObstacleNews, before: Known | None) -> Known:
+        if before is None:
+            raise Refused(Why.UNKNOWN_OBSTACLE, f"{news.name} is not known: give its shape")
+        told = {key: value for key in _CHANGEABLE if (value := getattr(news, key)) is not None}
+        if news.xyz is not None:
+            # What is moved as a whole keeps its length; a velocity that is not told is unknown.
+            told.setdefault("velocity", _ZERO)
+            if news.to is None and before.shape == "capsule":
+                way = np.subtract(news.xyz, before.xyz) + np.array(before.to)
+                told["to"] = tuple(way.tolist())
+            told["carried"] = False
+        return replace(before, tick=news.tick, **told)
+
+    def _remove(self, news: ObstacleNews, before: Known | None) -> None:
+        if before is None:
+            raise Refused(Why.UNKNOWN_OBSTACLE, f"{news.name} is not known")
+        del self._known[news.name]
+        self._stale.discard(news.name)
+        if len(self._gone) >= 4 * MOST:
+            del self._gone[next(iter(self._gone))]
+        self._gone[news.name] = news.tick
+        self._still = None
+        self._events.info("obstacle_removed", news.name)
+
+    def _check_speed(self, before: Known, after: Known) -> None:
+        """Warn of one that moved further than its own bound lets it: no promise holds for it."""
+        way = float(np.linalg.norm(np.subtract(after.xyz, before.xyz)))
+        way = max(way, float(np.linalg.norm(np.subtract(after.to, before.to))))
+        since = (after.tick - before.tick) * self._period_s
+        if way > max(before.max_speed, after.max_speed) * since + JUMP_SLACK:
+            self._events.warning(
+                "obstacle_jumped",
+                f"{after.name}: {way:.3f} m in {since:.2f} s, faster than {after.max_speed:g} m/s",
+                obstacle=after.name,
+                distance_m=way,
+            )
+
+    # --- the scene ---------------------------------------------------------------------------
+
+    def scene(self, tick: int) -> Scene:
+        """Return what is known now, each obstacle where it is predicted to be."""
+        if self._still is not None:
+            return self._still
+        every = sorted(self._known.values(), key=lambda known: known.shape == "box")
+        scene = self._packed(every, tick)
+        if not scene.moves:
+            self._still = scene
+        return scene
+
+    def _packed(self, every: list[Known], tick: int) -> Scene:
+        rounds = [known for known in every if known.shape != "box"]
+        boxes = every[len(rounds) :]
+        age = np.array([self._age(k, tick) if k.moves else 0.0 for k in every])
+        still = np.array([k.timeout_s if k.stale == "keep" else np.inf for k in every])
+        believed = np.array([k.max_acceleration is not None and k.moves for k in every], dtype=bool)
+        velocity = _rows(k.velocity for k in every) * believed[:, None]
+        velocity[age > still] = 0.0
+        way = _rows(k.velocity for k in every) * (believed * np.minimum(age, still))[:, None]
+        shift = way[: len(rounds)]
+        # Off its prediction an obstacle is at most as fast as both together.
+        speed = np.array([k.max_speed for k in every], dtype=float)
+        speed = speed + believed * np.sqrt((_rows(k.velocity for k in every) ** 2).sum(axis=1))
+        return Scene(
+            names=tuple(k.name for k in every),
+            rounds=Rounds(
+                start=_rows(k.xyz for k in rounds) + shift,
+                end=_rows(k.to for k in rounds) + shift,
+                radius=np.array([k.radius for k in rounds], dtype=float),
+                line=np.array([k.shape == "sight_line" for k in rounds], dtype=bool),
+                carried=np.array([k.carried for k in rounds], dtype=bool),
+            ),
+            boxes=Boxes(
+                R=np.array([rotation_rpy(*k.rpy) for k in boxes]).reshape(-1, 3, 3),
+                centre=_rows(k.xyz for k in boxes) + way[len(rounds) :],
+                half=_rows(k.half_size for k in boxes),
+            ),
+            hard=np.array([k.hard for k in every], dtype=bool),
+            clearance=np.array([k.clearance for k in every], dtype=float),
+            velocity=velocity,
+            speed=speed,
+            acceleration=np.array(
+                [UNBOUNDED if k.max_acceleration is None else k.max_acceleration for k in every],
+                dtype=float,
+            ),
+            age=age,
+            still_after=still,
+            stop=self.stop,
+        )
+
+    def _age(self, known: Known, tick: int) -> float:
+        return max(0, tick - known.tick) * self._period_s
+
+    def _of_cell(self, obstacle: Obstacle) -> Known:
+        xyz = obstacle.xyz or _ZERO
+        carried = False
+        if obstacle.camera is not None:
+            camera = self._cameras[obstacle.camera]
+            carried, place = camera.on == "wrist", camera.place
+            xyz = place.xyz
+        return Known(
+            name=obstacle.name,
+            shape=obstacle.shape,
+            xyz=xyz,
+            to=obstacle.to or xyz,
+            radius=obstacle.radius or 0.0,
+            rpy=obstacle.rpy,
+            half_size=obstacle.half_size or _ZERO,
+            velocity=_ZERO,
+            max_speed=obstacle.max_speed,
+            max_acceleration=obstacle.max_acceleration,
+            timeout_s=obstacle.timeout_s,
+            stale=obstacle.stale,
+            clearance=self._clearance if obstacle.clearance is None else obstacle.clearance,
+            hard=obstacle.shape != "sight_line" if obstacle.hard is None else obstacle.hard,
+            carried=carried,
+            fixed=obstacle.max_speed == 0.0,
+            tick=0,
+        )
+
+
+_CHANGEABLE = (
+    "xyz", "to", "rpy", "half_size", "radius", "velocity", "max_speed", "max_acceleration",
+    "timeout_s", "stale", "clearance", "hard",
+)  # fmt: skip
+
+
+def _rows(vectors: Iterable[Vector]) -> Array:
+    """Return vectors as an array (k, 3), also when there are none."""
+    return np.array(list(vectors), dtype=float).reshape(-1, 3)

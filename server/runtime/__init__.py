@@ -1,0 +1,1 @@
+"""Time and what happened: the daemon's clock, and its events."""

@@ -1,0 +1,1 @@
+"""Stability of the sampled loops: force, following, torque, gains and payloads."""

@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+from telerobot.server.control.barriers import programme as nearest_module
+from telerobot.server.control.barriers.programme import ATTITUDE, SLIDE, nearest
+
+L = 0.3
+W = np.diag([1.0] * 3 + [L] * 3)
+
+
+def jacobian(arm, q):
+    return arm.mechanism.kinematics(q, arm.settings.T_wrist_mrf).J
+
+
+def rates_for(J, twist):
+    return np.linalg.pinv(J) @ twist
+
+
+def turned(J, found, asked):
+    """Angle between the weighted tool motion asked for and the one found [rad]."""
+    a, b = W @ J @ asked, W @ J @ found
+    return np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))
+
+
+def test_rates_inside_all_bounds_stay_what_they_are(arm, rng):
+    V = arm.p.velocity
+    for _ in range(50):
+        dq = rng.uniform(-V, V)
+        found = nearest(dq, jacobian(arm, arm.random_posture(rng)), -V, V, V, L)
+        np.testing.assert_allclose(found.dq, dq, atol=1e-6)
+        assert found.share == pytest.approx(1.0, abs=1e-6)
+
+
+def test_every_answer_is_inside_the_box(arm, rng):
+    V = arm.p.velocity
+    for _ in range(200):
+        low = -V * rng.uniform(-0.1, 1.0, arm.p.n)
+        high = np.maximum(low, V * rng.uniform(-0.1, 1.0, arm.p.n))
+        found = nearest(rng.uniform(-V, V), jacobian(arm, arm.random_posture(rng)), low, high, V, L)
+        assert (found.dq >= low).all()
+        assert (found.dq <= high).all()
+        assert -1e-9 <= found.share <= 1.0 + 1e-9
+
+
+def test_nothing_but_zero_is_left_where_nothing_is_allowed(arm, rng):
+    none = np.zeros(arm.p.n)
+    J = jacobian(arm, arm.posture("ready"))
+    assert not nearest(rng.normal(size=arm.p.n), J, none, none, arm.p.velocity, L).dq.any()
+
+
+def test_seven_joints_keep_the_tool_on_its_way_when_one_of_them_is_blocked(pa10, rng):
+    """Self-motion is spent first, where the other six can do it: here all but s2, e1, e2, w1."""
+    V, J = pa10.p.velocity, jacobian(pa10, pa10.posture("ready") + 0.2)
+    for _ in range(20):
+        twist = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.1, 0.1, 0.1]
+        dq = rates_for(J, twist)
+        for joint in (0, 2, 6):
+            low, high = -10 * V, 10 * V
+            low[joint] = high[joint] = 0.0
+            found = nearest(dq, J, low, high, V, L)
+            assert found.dq[joint] == 0.0
+            assert found.share > 0.9
+            assert turned(J, found.dq, dq) < np.deg2rad(1)
+
+
+def test_six_joints_slow_down_before_they_leave_the_way(ur5e, rng):
+    """One joint may do only half of what is asked: slower, and still in the same direction."""
+    V = ur5e.p.velocity
+    for _ in range(50):
+        q = ur5e.posture("ready") + rng.uniform(-0.2, 0.2, 6)
+        J = jacobian(ur5e, q)
+        dq = rates_for(J, rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15])
+        joint = int(np.argmax(np.abs(dq) / V))
+        low, high = -V, V.copy()
+        (low if dq[joint] < 0 else high)[joint] = 0.5 * dq[joint]
+        found = nearest(dq, J, low, high, V, L)
+        assert 0.45 < found.share < 0.9
+        assert turned(J, found.dq, dq) < np.deg2rad(5)
+
+
+def test_a_joint_that_leads_away_from_its_bound_is_not_held(arm, rng):
+    """Another joint's bound may slow the way, it never turns a joint round."""
+    V, J = arm.p.velocity, jacobian(arm, arm.posture("ready"))
+    for _ in range(50):
+        dq = rng.uniform(-0.5, 0.5, arm.p.n) * V
+        # Every joint is at the bound that it leads away from.
+        found = nearest(dq, J, np.where(dq > 0, 0.0, -V), np.where(dq > 0, V, 0.0), V, L)
+        np.testing.assert_allclose(found.dq, dq, atol=1e-6)
+
+
+def test_where_slowing_is_not_enough_only_what_approaches_is_given_up(ur5e, rng):
+    """Six joints have no self-motion: the slowed tool motion, projected on the barrier."""
+    V, M = 10.0 * ur5e.p.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
+    for _ in range(50):
+        J = jacobian(ur5e, ur5e.posture("ready") + rng.uniform(-0.2, 0.2, 6))
+        x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
+        dq = rates_for(J, x)
+        # A gap with slope n along the tool's motion, which closes it more or less obliquely.
+        n = -M @ x / np.sqrt(x @ M @ x) + rng.normal(size=6) * [1.0, 1.0, 1.0, 0.9, 0.9, 0.9]
+        if n @ x > -0.3 * np.sqrt((x @ M @ x) * (n @ np.linalg.solve(M, n))):
+            continue
+        found = nearest(dq, J, -V, V, V, L, (n[None] @ J, np.zeros(1)))
+        turn = np.linalg.solve(M, n)
+        expected = SLIDE * (x - turn * (n @ x) / (n @ turn))
+        np.testing.assert_allclose(J @ found.dq, expected, atol=0.02 * np.linalg.norm(x))
+        assert n @ J @ found.dq > -2e-4
+        assert found.pace == pytest.approx(SLIDE)
+        assert found.share <= SLIDE + 1e-9
+
+
+def test_a_motion_straight_at_a_barrier_is_all_given_up(ur5e, rng):
+    V, M = 10.0 * ur5e.p.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
+    J = jacobian(ur5e, ur5e.posture("ready"))
+    x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
+    found = nearest(rates_for(J, x), J, -V, V, V, L, (-(M @ x)[None] @ J, np.zeros(1)))
+    assert np.linalg.norm(J @ found.dq) < 0.01 * np.linalg.norm(x)
+    assert found.share < 0.01
+
+
+def test_the_answer_does_not_jump_where_sliding_begins(ur5e, rng):
+    V, J = 10.0 * ur5e.p.velocity, jacobian(ur5e, ur5e.posture("ready"))
+    x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
+    dq, n = rates_for(J, x), rng.normal(size=6)
+    n *= -np.sign(n @ x)
+    allowed = np.linspace(1.1, 0.0, 400) * (n @ x)
+    every = np.array([nearest(dq, J, -V, V, V, L, (n[None] @ J, b[None])).dq for b in allowed])
+    steps = np.linalg.norm(np.diff(every, axis=0) @ J.T, axis=1)
+    assert steps.max() < 0.05 * np.linalg.norm(x)
+
+
+def test_a_gap_is_widened_as_told_where_that_closes_no_other(pa10, rng):
+    V, J = pa10.p.velocity, jacobian(pa10, pa10.posture("ready"))
+    for _ in range(20):
+        slopes = rng.normal(size=(2, 7)) * 0.3
+        found = nearest(rates_for(J, rng.normal(size=6) * 0.02), J, -V, V, V, L,
+                        (slopes[:1], np.array([0.01])))  # fmt: skip
+        assert slopes[0] @ found.dq > 0.008
+        # One that opens only as the other closes, and one that nothing opens.
+        against = np.array([slopes[0], -slopes[0], np.zeros(7)])
+        found = nearest(rates_for(J, rng.normal(size=6) * 0.02), J, -V, V, V, L,
+                        (against, np.array([0.02, 0.0, 0.02])))  # fmt: skip
+        assert abs(slopes[0] @ found.dq) < 1e-6
+
+
+def test_the_programme_has_the_costs_that_are_stated(rng):
+    n = 7
+    dq, J, V = rng.normal(size=n), rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n)
+    low, high, slopes = -V, V, rng.normal(size=(3, n))
+    least, length = np.array([-0.2, 0.01, -0.1]), 0.4
+    posed = (J, low, high, V, slopes, least, length)
+    H, f, A, upper, lower, sense = nearest_module._programme(dq, *posed)
+    weight = np.diag([1.0] * 3 + [length] * 3)
+    for _ in range(10):
+        z = rng.normal(size=len(f))
+        rates, s, short = z[:n], z[n], z[n + 1 :]
+        aside = weight @ J @ (rates - s * dq)
+        own = nearest_module.SELF_MOTION * np.sum(((rates - s * dq) / V) ** 2)
+        slow = nearest_module.SLOW_DOWN * np.sum((weight @ J @ dq) ** 2) + 1e-9
+        slow += nearest_module.SELF_MOTION * np.sum((dq / V) ** 2)
+        cost = nearest_module.LEAVE_PATH * aside @ aside + own
+        cost += slow * ((1.0 - s) ** 2 - 1.0) + nearest_module.WIDEN * short @ short
+        assert 0.5 * z @ H @ z + f @ z == pytest.approx(0.5 * cost, rel=1e-9)
+        np.testing.assert_allclose(A @ z, [*(slopes @ rates), slopes[1] @ rates + short[0]])
+    np.testing.assert_array_equal(lower, [*low, nearest_module.SLIDE, 0.0, -0.2, 0.0, -0.1, 0.01])
+    np.testing.assert_array_equal(upper[: n + 1], [*high, 1.0])
+    assert not sense.any()
+
+
+@pytest.mark.parametrize("side", ["low", "high"])
+def test_barriers_are_soft_only_where_a_joint_is_led_back(rng, side):
+    n = 7
+    dq, J, V = rng.normal(size=n), rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n)
+    low, high, slopes = -V, V, rng.normal(size=(3, n))
+    if side == "low":
+        low[2] = 0.01
+    else:
+        high[2] = -0.01
+    least = np.array([-0.2, 0.01, -0.1])
+    *_, sense = nearest_module._programme(dq, J, low, high, V, slopes, least, 0.4)
+    # The rates, the share and what widening falls short by; three barriers, and the widening.
+    np.testing.assert_array_equal(sense, [0] * (n + 2) + [8] * 3 + [0])

@@ -1,0 +1,78 @@
+"""How fast gaps may close: against the law written out, and against an arm that brakes."""
+
+import numpy as np
+import pytest
+from telerobot.server.control.barriers.velocity_damper import (
+    BRAKING,
+    RETURN_RATE,
+    RETURN_SPEED,
+    Braking,
+    Walled,
+)
+
+PERIOD_S = 0.01
+ACCELERATION = np.array([2.0, 3.0, 4.0])
+JERK = np.array([20.0, 60.0, 50.0])
+BRAKES = Braking(ACCELERATION, JERK, PERIOD_S)
+NO_WALLS = Walled(np.zeros((6, 3)), np.zeros(3), np.zeros(0), np.zeros(0))
+
+
+@pytest.fixture
+def gaps(rng):
+    """Slopes, room and closing speed: gaps with room and without, to what stands and what comes."""
+    slopes = rng.uniform(-1.0, 1.0, (60, 3))
+    slopes[0] = 0.0
+    return slopes, rng.uniform(-0.05, 0.3, 60), np.maximum(rng.uniform(-0.3, 0.3, 60), 0.0)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.3])
+@pytest.mark.parametrize("widen", [False, True])
+def test_the_speed_is_that_of_the_law(gaps, factor, widen):
+    slopes, room, closing = gaps
+    lag = 2.0 * (factor * 0.1 + PERIOD_S)
+    size = np.abs(slopes)
+    slowest = np.maximum((size / (factor * ACCELERATION)).max(axis=1), 1e-12)
+    a = BRAKING * (size * size).sum(axis=1) / slowest
+    b = a * lag + closing
+    speed = np.sqrt(b * b + 2.0 * a * np.maximum(room - closing * lag, 0.0)) - b
+    if widen:
+        beyond = np.maximum(closing * lag - room, 0.0)
+        speed -= np.minimum(RETURN_RATE * beyond, RETURN_SPEED)
+    rows = BRAKES.rows(slopes, room, closing, NO_WALLS, factor, widen)
+    assert rows.low == pytest.approx(-speed, abs=1e-12)
+    np.testing.assert_array_equal(rows.A, slopes)
+
+
+@pytest.mark.parametrize("widen", [False, True])
+def test_walls_are_gaps_that_stand(gaps, rng, widen):
+    slopes, room, closing = gaps
+    J, p = rng.uniform(-1.0, 1.0, (6, 3)), rng.uniform(-0.5, 0.5, 3)
+    low, high = np.array([-0.4, -0.3, -0.2]), np.array([0.1, 0.2, 0.3])
+    rows = BRAKES.rows(slopes, room, closing, Walled(J, p, low, high), 0.5, widen)
+    gaps_alone = BRAKES.rows(slopes, room, closing, NO_WALLS, 0.5, widen)
+    as_gaps = np.vstack([J[:3], -J[:3]]), np.r_[p - low, high - p], np.zeros(6)
+    walls_alone = BRAKES.rows(*as_gaps, NO_WALLS, 0.5, widen)
+    np.testing.assert_array_equal(rows.A, np.vstack([gaps_alone.A, walls_alone.A]))
+    np.testing.assert_array_equal(rows.low, np.r_[gaps_alone.low, walls_alone.low])
+
+
+def test_barriers_that_rates_break_are_named_by_place(gaps, rng):
+    rows = BRAKES.rows(*gaps, NO_WALLS, 1.0, widen=False)
+    for dq in rng.uniform(-1.0, 1.0, (50, 3)) * np.linspace(0.0, 1.0, 50)[:, None]:
+        broken, any_broken = rows.broken(dq)
+        np.testing.assert_array_equal(broken, rows.A @ dq < rows.low)
+        assert any_broken == broken.any()
+
+
+def test_an_arm_that_closes_so_fast_stands_before_its_room_is_used_up(gaps):
+    slopes, room, closing = gaps
+    rows = BRAKES.rows(slopes, room, closing, NO_WALLS, 1.0, widen=False)
+    for slope, left, comes, speed in zip(slopes, room, closing, -rows.low, strict=True):
+        if not slope.any() or speed <= 0.0:
+            assert speed <= 1e-12
+            continue
+        # The joint rates with that speed and the least size, braked once the lag is over.
+        dq = speed * np.abs(slope) / float(slope @ slope)
+        braking_s = float((dq / ACCELERATION).max())
+        way = speed * (BRAKES.lag(1.0) + 0.5 * braking_s) + comes * (BRAKES.lag(1.0) + braking_s)
+        assert way < left

@@ -1,0 +1,73 @@
+import numpy as np
+from telerobot.server.control.task.sources.joystick import Joystick, JoystickState
+
+T = 0.01
+A = np.array([2.0] * 3 + [6.0] * 3)
+J = np.array([40.0] * 3 + [120.0] * 3)
+ONE, WORLD = np.ones(6), np.eye(3)
+TURN = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
+def hold(source, twist, seconds, state=None, axes=WORLD, gain=ONE):
+    """Hold the stick; return the twists that came of it, and the last state."""
+    state, rates = state or JoystickState.idle(), []
+    for _ in range(round(seconds / T)):
+        rate, state = source.rate(state, twist, axes, gain)
+        rates.append(rate)
+    return np.array(rates), state
+
+
+def in_bounds(rates):
+    rates = np.vstack([np.zeros((2, 6)), rates])
+    assert (np.abs(np.diff(rates, axis=0)) <= A * T * (1 + 1e-6)).all()
+    assert (np.abs(np.diff(rates, 2, axis=0)) <= J * T**2 * (1 + 1e-6)).all()
+
+
+def test_the_stick_is_followed_inside_acceleration_and_jerk(rng):
+    for _ in range(10):
+        twist = rng.uniform(-1, 1, 6) * [0.3, 0.3, 0.3, 1, 1, 1]
+        rates, _ = hold(Joystick(A, J, T), twist, 1.0)
+        in_bounds(rates)
+        np.testing.assert_allclose(rates[-1], twist, atol=1e-9)
+
+
+def test_a_stick_that_falls_silent_fades_to_exactly_nothing_in_the_same_direction(rng):
+    for _ in range(10):
+        direction = rng.normal(size=6)
+        twist = 0.3 * direction / np.linalg.norm(direction)
+        source = Joystick(A, J, T)
+        held, state = hold(source, twist, 1.0)
+        faded, state = hold(source, None, 1.0, state)
+        in_bounds(np.vstack([held, faded]))
+        assert not faded[-1].any()
+        assert faded[0] @ twist > 0
+        for rate in faded:
+            sideways = rate - (rate @ twist) / (twist @ twist) * twist
+            assert np.linalg.norm(sideways) <= 0.05 * np.linalg.norm(twist)
+        speeds = faded @ twist
+        assert (np.diff(speeds) <= 1e-12).all()
+        assert (speeds >= -1e-12).all()
+
+
+def test_a_stick_thrown_from_side_to_side_breaks_no_bound(rng):
+    source, state, rates = Joystick(A, J, T), JoystickState.idle(), []
+    for _ in range(300):
+        twist = None if rng.random() < 0.1 else rng.choice([-0.5, 0.5], 6)
+        for _ in range(rng.integers(1, 12)):
+            rate, state = source.rate(state, twist, WORLD, ONE)
+            rates.append(rate)
+    in_bounds(np.array(rates))
+
+
+def test_gains_apply_in_the_axes_that_the_stick_names():
+    gain = np.array([1.0, 0.0, 1.0, 0.5, 1.0, 1.0])
+    rates, _ = hold(Joystick(A, J, T), np.full(6, 0.2), 1.0, axes=TURN, gain=gain)
+    # The stick's x is World's y, its y is World's −x and is switched off.
+    np.testing.assert_allclose(rates[-1], [0.0, 0.2, 0.2, -0.2, 0.1, 0.2], atol=1e-9)
+
+
+def test_an_untouched_stick_asks_for_nothing():
+    idle = JoystickState.idle()
+    rate, state = Joystick(A, J, T).rate(idle, None, WORLD, ONE)
+    assert not rate.any()
+    assert state is idle

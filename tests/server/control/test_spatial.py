@@ -1,0 +1,193 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from telerobot.server.control.spatial import (
+    Pose,
+    cross,
+    from_target,
+    moved_near,
+    pose_error,
+    right_jacobian,
+    rotate_twist,
+    rotation_exp,
+    rotation_log,
+    rotation_rpy,
+    sizes,
+    skew,
+    turned,
+    twist_at_wrist,
+    vector_rate,
+    wrench_to,
+)
+
+ANGLES = (0.0, 1e-12, 1e-8, 1e-6, 1e-4, 0.1, 1.0, 2.0, 3.0, 3.1, np.pi - 1e-4, np.pi - 1e-7)
+
+
+def vectors(rng, angle):
+    """Rotation vectors of one length: the axes, and random ones."""
+    directions = np.vstack([np.eye(3), -np.eye(3), rng.normal(size=(20, 3))])
+    return angle * directions / np.linalg.norm(directions, axis=1)[:, None]
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_exponential_agrees_with_pinocchio(angle, rng):
+    for r in vectors(rng, angle):
+        np.testing.assert_allclose(rotation_exp(r), pin.exp3(r), atol=1e-13)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_logarithm_agrees_with_pinocchio_and_undoes_the_exponential(angle, rng):
+    for r in vectors(rng, angle):
+        R = pin.exp3(r)
+        np.testing.assert_allclose(rotation_log(R), pin.log3(R), atol=2e-8)
+        np.testing.assert_allclose(rotation_log(R), r, atol=1e-9)
+
+
+def test_logarithm_of_a_half_turn_is_the_axis_either_way(rng):
+    for r in vectors(rng, np.pi):
+        found = rotation_log(2.0 * np.outer(r, r) / np.pi**2 - np.eye(3))
+        assert np.linalg.norm(found) == pytest.approx(np.pi)
+        np.testing.assert_allclose(np.linalg.norm(np.cross(found, r)), 0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize("angle", [*ANGLES, 4.0, 6.0])
+def test_right_jacobian_agrees_with_pinocchio(angle, rng):
+    for r in vectors(rng, angle):
+        np.testing.assert_allclose(right_jacobian(r), pin.Jexp3(r), atol=1e-9)
+
+
+def test_right_jacobian_turns_rates_of_the_vector_into_body_rates(rng):
+    for r in rng.uniform(-1.5, 1.5, (20, 3)):
+        dr, h = rng.normal(size=3), 1e-6
+        turned = rotation_exp(r - h * dr).T @ rotation_exp(r + h * dr)
+        np.testing.assert_allclose(
+            rotation_log(turned) / (2 * h), right_jacobian(r) @ dr, atol=1e-8
+        )
+
+
+@pytest.mark.parametrize("angle", [*ANGLES, 1e-2, 1.1e-2, 4.0, 6.0])
+def test_the_rate_of_a_vector_is_what_the_right_jacobian_makes_of_a_body_rate(angle, rng):
+    for r in vectors(rng, angle):
+        w = rng.normal(size=3)
+        np.testing.assert_allclose(pin.Jexp3(r) @ vector_rate(r, w), w, atol=1e-8)
+
+
+def test_an_attitude_seen_from_a_target_has_the_rate_of_finite_differences(rng):
+    for _ in range(20):
+        R_target, R = (rotation_exp(r) for r in rng.uniform(-1.0, 1.0, (2, 3)))
+        w, h = rng.normal(size=3), 1e-6
+        r, dr = from_target(R_target, R, w)
+        np.testing.assert_allclose(R_target @ pin.exp3(r), R, atol=1e-13)
+        before, after = (rotation_log(R_target.T @ rotation_exp(s * h * w) @ R) for s in (-1, 1))
+        np.testing.assert_allclose((after - before) / (2 * h), dr, atol=1e-8)
+
+
+def test_roll_pitch_yaw_is_that_of_urdf(rng):
+    for rpy in rng.uniform(-np.pi, np.pi, (50, 3)):
+        np.testing.assert_allclose(rotation_rpy(*rpy), pin.rpy.rpyToMatrix(*rpy), atol=1e-14)
+
+
+def test_a_pose_survives_the_way_through_xyz_rpy(random_pose):
+    for _ in range(50):
+        T = random_pose()
+        numbers = T.to_xyz_rpy()
+        back = Pose.from_xyz_rpy(numbers[:3], numbers[3:])
+        np.testing.assert_allclose(back.R, T.R, atol=1e-12)
+        np.testing.assert_array_equal(back.p, T.p)
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2])
+def test_a_pose_survives_gimbal_lock(pitch, rng):
+    for roll, yaw in rng.uniform(-3, 3, (20, 2)):
+        T = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (roll, pitch, yaw))
+        back = Pose.from_xyz_rpy(T.p, T.to_xyz_rpy()[3:])
+        np.testing.assert_allclose(back.R, T.R, atol=1e-7)
+
+
+def test_poses_compose_and_invert_as_pinocchios_do(random_pose):
+    for _ in range(20):
+        a, b = random_pose(), random_pose()
+        expected = pin.SE3(a.R, a.p) * pin.SE3(b.R, b.p)
+        np.testing.assert_allclose((a @ b).R, expected.rotation, atol=1e-14)
+        np.testing.assert_allclose((a @ b).p, expected.translation, atol=1e-14)
+        np.testing.assert_allclose((a @ a.inverse()).R, np.eye(3), atol=1e-14)
+        np.testing.assert_allclose((a @ a.inverse()).p, 0.0, atol=1e-14)
+
+
+def test_the_quick_cross_product_is_the_cross_product(rng):
+    for a, b in rng.normal(size=(20, 2, 3)):
+        np.testing.assert_allclose(cross(a, b), np.cross(a, b), atol=1e-15)
+        np.testing.assert_allclose(skew(a) @ b, np.cross(a, b), atol=1e-15)
+
+
+def test_eq_1_agrees_with_pinocchio(rng, random_pose):
+    for _ in range(30):
+        T_wrist_mrf, twist = random_pose(), rng.normal(size=6)
+        expected = pin.SE3(T_wrist_mrf.R, T_wrist_mrf.p).act(pin.Motion(twist))
+        found = twist_at_wrist(twist, T_wrist_mrf.R, np.eye(3), T_wrist_mrf.p)
+        np.testing.assert_allclose(found, expected.vector, atol=1e-13)
+
+
+def test_eq_1_means_the_same_motion_in_whatever_axes(rng, random_pose):
+    for _ in range(30):
+        T_wrist_mrf, R_k_wrist, twist = random_pose(), random_pose().R, rng.normal(size=6)
+        in_wrist = twist_at_wrist(twist, T_wrist_mrf.R, np.eye(3), T_wrist_mrf.p)
+        in_k = twist_at_wrist(twist, R_k_wrist @ T_wrist_mrf.R, R_k_wrist, T_wrist_mrf.p)
+        np.testing.assert_allclose(in_k, rotate_twist(R_k_wrist, in_wrist), atol=1e-13)
+
+
+def test_eq_5_agrees_with_pinocchio(rng, random_pose):
+    for _ in range(30):
+        T_mrf_sensor, wrench = random_pose(), rng.normal(size=6)
+        expected = pin.SE3(T_mrf_sensor.R, T_mrf_sensor.p).act(pin.Force(wrench))
+        np.testing.assert_allclose(wrench_to(T_mrf_sensor, wrench), expected.vector, atol=1e-13)
+
+
+def test_eqs_1_and_5_are_dual_in_power(rng, random_pose):
+    for _ in range(100):
+        T_wrist_mrf, twist_mrf, wrench_wrist = random_pose(), rng.normal(size=6), rng.normal(size=6)
+        twist_wrist = twist_at_wrist(twist_mrf, T_wrist_mrf.R, np.eye(3), T_wrist_mrf.p)
+        wrench_mrf = wrench_to(T_wrist_mrf.inverse(), wrench_wrist)
+        assert wrench_mrf @ twist_mrf == pytest.approx(wrench_wrist @ twist_wrist, abs=1e-12)
+
+
+def test_the_pose_error_held_for_a_second_leads_to_the_target(random_pose):
+    for _ in range(30):
+        T, target = random_pose(), random_pose()
+        error = pose_error(target, T)
+        np.testing.assert_allclose(T.p + error[:3], target.p, atol=1e-14)
+        np.testing.assert_allclose(pin.exp3(error[3:]) @ T.R, target.R, atol=1e-9)
+        assert np.linalg.norm(error[3:]) <= np.pi + 1e-9
+
+
+def test_a_turned_attitude_and_its_twist_agree_with_finite_differences(rng):
+    for _ in range(20):
+        R_target, r, rates = (
+            rotation_exp(rng.normal(size=3)),
+            rng.normal(size=3),
+            rng.normal(size=6),
+        )
+        R, twist = turned(R_target, r, rates)
+        np.testing.assert_allclose(R, R_target @ rotation_exp(r), atol=1e-14)
+        step = 1e-6
+        ahead = R_target @ rotation_exp(r + step * rates[3:])
+        np.testing.assert_allclose(twist[3:], rotation_log(ahead @ R.T) / step, atol=1e-5)
+        np.testing.assert_array_equal(twist[:3], rates[:3])
+        np.testing.assert_allclose(
+            sizes(twist), (np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:]))
+        )
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
+def test_a_step_leads_a_pose_on_but_not_far_from_another(rng, size):
+    slack = (0.02, 0.1)
+    for _ in range(20):
+        near = Pose(rotation_exp(rng.normal(size=3)), rng.normal(size=3))
+        T = Pose(pin.exp3(rng.normal(0.0, 0.02, 3)) @ near.R, near.p + rng.normal(0.0, 0.005, 3))
+        step = size * rng.normal(0.0, np.repeat([0.005, 0.02], 3))
+        free = Pose(pin.exp3(step[3:]) @ T.R, T.p + step[:3])
+        away = pose_error(free, near)
+        share = np.minimum(1.0, slack / np.array(sizes(away)))
+        found = moved_near(T, step, near, slack)
+        expected = away * np.repeat(share, 3)
+        np.testing.assert_allclose(pose_error(found, near), expected, atol=1e-9)

@@ -1,0 +1,180 @@
+import pytest
+from telerobot.protocols import topics as t
+from telerobot.protocols.codec import encode
+from telerobot.protocols.messages import messages as m
+from telerobot.protocols.proof import prove
+from telerobot.server.operators.admission import Admission, Now
+from telerobot.server.refusals import Refused, Why
+
+ANNS, BOBS = b"a" * 32, b"b" * 32
+NOW = Now(time_s=100.0, tick=1000, enabled_since=900)
+
+
+@pytest.fixture
+def admission():
+    """Half a second of command age, at 10 ms; ann holds the lease since just now."""
+    admission = Admission("cell", 0.01, 0.5, 0.5)
+    admission.grant("ann", ANNS, NOW)
+    return admission
+
+
+def command(topic=t.JOYSTICK, seen_tick=998, seq=5, epoch=1, secret=ANNS, payload=None):
+    """Return a payload and its proof."""
+    fields = {
+        t.JOYSTICK: {"twist": (0.1, 0, 0, 0, 0, 0)},
+        t.POSITION: {"xyz": (0, 0, 0), "rpy": (0, 0, 0)},
+        t.MODE: {"action": "enable"},
+        t.SPEED: {"factor": 0.5},
+    }.get(topic, {})
+    if payload is None:
+        payload = encode(topic.message(seen_tick=seen_tick, **fields))
+    return payload, prove(secret, topic.full_key("cell"), epoch, seq, payload)
+
+
+def admit(admission, sent, now=NOW, topic=t.JOYSTICK):
+    payload, attached = sent
+    proof = admission.prove(topic, payload, attached, now)
+    return admission.admit(topic, payload, proof, now)
+
+
+def refusal(admission, sent, now=NOW, topic=t.JOYSTICK):
+    before = dict(admission.last_seq), admission.age_ticks
+    with pytest.raises(Refused) as caught:
+        admit(admission, sent, now, topic)
+    assert (admission.last_seq, admission.age_ticks) == before
+    assert caught.value.detail
+    assert ANNS.hex() not in caught.value.detail
+    return caught.value.reason
+
+
+def test_what_the_holder_sends_in_time_is_admitted_and_noted(admission):
+    message = admit(admission, command())
+    assert isinstance(message, m.JoystickTwist)
+    assert message.twist[0] == 0.1
+    assert admission.last_seq == {t.JOYSTICK.key: 5}
+    assert admission.age_ticks == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "now", "reason"),
+    [
+        ({}, Now(100.5, 1000, 900), Why.NO_LEASE),
+        ({"secret": BOBS}, NOW, Why.WRONG_PROOF),
+        ({"epoch": 0}, NOW, Why.OLD_EPOCH),
+        ({"epoch": 2}, NOW, Why.OLD_EPOCH),
+        ({"seen_tick": 949}, NOW, Why.OLD_PICTURE),
+        ({"seen_tick": 1001}, NOW, Why.FUTURE_PICTURE),
+        ({"seen_tick": 998}, Now(100.0, 1000, 999), Why.BEFORE_ENABLE),
+        ({}, Now(100.0, 1000, None), Why.NOT_ENABLED),
+    ],
+)
+def test_each_reason_to_refuse(admission, changes, now, reason):
+    assert refusal(admission, command(**changes), now) == reason
+
+
+def test_at_its_very_limits_a_command_is_still_admitted(admission):
+    admit(admission, command(seq=0, seen_tick=950))
+    assert admission.age_ticks == 50
+    admit(admission, command(seq=1, seen_tick=1000))
+    admit(admission, command(seq=2), Now(100.499, 1000, 998))
+
+
+@pytest.mark.parametrize("seq", [0, 4, 5])
+def test_what_comes_twice_or_out_of_order_is_refused(admission, seq):
+    admit(admission, command())
+    assert refusal(admission, command(seq=seq)) == Why.OUT_OF_ORDER
+
+
+def test_order_is_kept_for_each_topic_on_its_own(admission):
+    admit(admission, command(seq=50))
+    admit(admission, command(t.POSITION, seq=1), topic=t.POSITION)
+    assert admission.last_seq == {t.JOYSTICK.key: 50, t.POSITION.key: 1}
+
+
+@pytest.mark.parametrize("topic", [t.KEEPALIVE, t.MODE, t.SPEED])
+def test_keepalives_and_requests_need_the_lease_but_no_enabled_arm(admission, topic):
+    admit(admission, command(topic), Now(100.0, 1000, None), topic)
+    guess = command(topic, seq=6, secret=BOBS)
+    assert refusal(admission, guess, NOW, topic) == Why.WRONG_PROOF
+
+
+def test_a_link_that_delivers_everything_in_order_and_late_is_noticed(admission):
+    for tick in range(1000, 1100):
+        admission.renew(Now(100.0, tick, 900))
+        payload = command(seq=tick, seen_tick=tick - 60)
+        assert refusal(admission, payload, Now(100.0, tick, 900)) == Why.OLD_PICTURE
+
+
+def test_bytes_that_are_no_message_are_refused_by_the_codecs_name(admission):
+    assert refusal(admission, command(payload=b"\xc1")) == "not_messagepack"
+    assert refusal(admission, command(payload=b"", seq=6)) == "not_messagepack"
+
+
+def test_nothing_is_decoded_that_is_not_proven(admission):
+    """What no decoder could read is refused for its proof, whatever is wrong with that."""
+    payload, proof = command(payload=b"\xc1")
+    for attached in (b"", proof[:-1], proof + b"x", proof[:-1] + bytes([proof[-1] ^ 1])):
+        assert refusal(admission, (payload, attached)) == Why.WRONG_PROOF
+    with pytest.raises(Refused) as caught:
+        admission.admit(t.JOYSTICK, payload, None, NOW)
+    assert caught.value.reason == Why.WRONG_PROOF
+
+
+def test_no_part_of_a_command_can_be_altered_or_moved_to_another_key(admission):
+    payload, proof = command(t.KEEPALIVE, seq=7)
+    for i in range(len(proof)):
+        changed = bytes([*proof[:i], proof[i] ^ 1, *proof[i + 1 :]])
+        assert refusal(admission, (payload, changed), topic=t.KEEPALIVE)
+    for i in range(len(payload)):
+        changed = bytes([*payload[:i], payload[i] ^ 1, *payload[i + 1 :]])
+        assert refusal(admission, (changed, proof), topic=t.KEEPALIVE) == Why.WRONG_PROOF
+    for topic in (*t.COMMANDS, *t.REQUESTS):
+        if topic is not t.KEEPALIVE:
+            assert refusal(admission, (payload, proof), topic=topic) == Why.WRONG_PROOF
+    admit(admission, (payload, proof), topic=t.KEEPALIVE)
+
+
+def test_a_command_that_was_heard_is_of_no_use_even_if_it_was_refused(admission):
+    early = command(seen_tick=999)
+    assert refusal(admission, early, Now(100.0, 1000, None)) == Why.NOT_ENABLED
+    assert refusal(admission, early, Now(100.0, 1000, 999)) == Why.OUT_OF_ORDER
+
+
+def test_no_forged_number_locks_the_holder_out_nor_one_of_its_own(admission):
+    admit(admission, command(seq=5))
+    forged = command(seq=2**63 - 1, secret=BOBS)
+    assert refusal(admission, forged) == Why.OUT_OF_ORDER
+    for leap in (2**63 - 1, 2**64 - 1, 6 + 2**20):
+        assert refusal(admission, command(seq=leap)) == Why.OUT_OF_ORDER
+    admit(admission, command(seq=5 + 2**20))
+    admit(admission, command(seq=6 + 2**20))
+
+
+def test_a_lease_may_begin_with_any_number_but_an_absurd_one(admission):
+    assert refusal(admission, command(seq=2**63 - 1)) == Why.OUT_OF_ORDER
+    admit(admission, command(seq=2**48))
+    # keys have an order of their own, but one measure of a leap
+    admit(admission, command(t.KEEPALIVE, seq=2**48 + 1), topic=t.KEEPALIVE)
+
+
+def test_while_a_lease_lives_nobody_else_gets_one(admission):
+    with pytest.raises(Refused) as caught:
+        admission.grant("bob", BOBS, NOW)
+    assert caught.value.reason == Why.LEASE_TAKEN
+    assert "ann" in caught.value.detail
+    admission.renew(Now(100.4, 1040, 900))
+    with pytest.raises(Refused):
+        admission.grant("bob", BOBS, Now(100.8, 1080, 900))
+
+
+def test_after_it_ran_out_or_was_given_back_the_next_one_gets_a_new_epoch(admission):
+    admit(admission, command(seq=70))
+    lease = admission.grant("bob", BOBS, Now(100.5, 1050, 900))
+    assert (lease.holder, lease.epoch) == ("bob", 2)
+    late = Now(100.5, 1050, 900)
+    assert refusal(admission, command(seq=71, seen_tick=1049), late) == Why.OLD_EPOCH
+    assert refusal(admission, command(seq=71, seen_tick=1049, epoch=2), late) == Why.WRONG_PROOF
+    # Its sequence numbers begin anew.
+    admit(admission, command(seq=0, seen_tick=1049, epoch=2, secret=BOBS), late)
+    admission.end()
+    assert admission.grant("ann", ANNS, late).epoch == 3

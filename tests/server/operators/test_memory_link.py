@@ -1,0 +1,61 @@
+import pytest
+from telerobot.protocols import topics as t
+from telerobot.server.operators.memory_link import MemoryLink
+
+
+def rest(link, topic):
+    """Return what waits on a topic."""
+    taken = []
+    while (parcel := link.source(topic)()) is not None:
+        taken.append(parcel.payload)
+    return taken
+
+
+def test_commands_come_oldest_first_and_only_once():
+    link = MemoryLink()
+    link.put(t.JOYSTICK, b"1", b"proof")
+    link.put(t.JOYSTICK, b"2")
+    assert link.source(t.JOYSTICK)() == (b"1", b"proof", None)
+    assert rest(link, t.JOYSTICK) == [b"2"]
+    assert link.source(t.JOYSTICK)() is None
+
+
+@pytest.mark.parametrize("topic", [t.JOYSTICK, t.FRAME_NEWS, t.OBSTACLE])
+def test_of_a_backlog_only_the_newest_are_kept_and_no_topic_crowds_out_another(topic):
+    link = MemoryLink()
+    link.put(t.KEEPALIVE, b"alive")
+    for i in range(1000):
+        link.put(topic, str(i).encode())
+    assert rest(link, t.KEEPALIVE) == [b"alive"]
+    room = link.room(topic)
+    assert rest(link, topic) == [str(i).encode() for i in range(1000 - room, 1000)]
+
+
+def test_what_is_no_command_is_not_put_and_what_is_no_request_not_asked():
+    with pytest.raises(ValueError, match="no command"):
+        MemoryLink().put(t.LEASE, b"")
+    with pytest.raises(ValueError, match="no request"):
+        MemoryLink().ask(t.CANCEL, b"", print)
+
+
+def test_a_request_brings_its_answer_to_who_asked():
+    link, answers = MemoryLink(), []
+    link.ask(t.LEASE, b"please", answers.append, b"proof")
+    asked = link.source(t.LEASE)()
+    asked.answer(b"yes")
+    assert (asked.payload, asked.attached) == (b"please", b"proof")
+    assert answers == [b"yes"]
+    assert link.source(t.LEASE)() is None
+    link.ask(t.LEASE, b"please", answers.append)
+    link.source(t.LEASE)().answer(None)
+    assert answers == [b"yes"]
+
+
+def test_telemetry_reaches_everybody_who_listens_until_the_link_closes():
+    link, heard = MemoryLink(), []
+    for _ in range(2):
+        link.listen(lambda topic, payload: heard.append((topic, payload)))
+    link.publish(t.STATE, b"s")
+    link.close()
+    link.publish(t.STATE, b"late")
+    assert heard == [(t.STATE, b"s")] * 2

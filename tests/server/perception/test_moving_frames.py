@@ -1,0 +1,92 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.protocols.messages.moving import FrameNews
+from telerobot.server.control.spatial import Pose, pose_error, rotation_exp
+from telerobot.server.perception.moving_frames import FrameWatch
+from telerobot.server.refusals import Refused, Why
+from telerobot.server.runtime.events import Events
+
+T = 0.01
+
+
+@pytest.fixture
+def cell():
+    return load_cell("pa10_platform")
+
+
+@pytest.fixture
+def events():
+    return Events()
+
+
+@pytest.fixture
+def watch(cell, events):
+    return FrameWatch(cell, events)
+
+
+def news(name, tick, pose, **more):
+    x, y, z, *rpy = pose.to_xyz_rpy()
+    return FrameNews(name=name, tick=tick, xyz=(x, y, z), rpy=tuple(rpy), **more)
+
+
+def turning(seconds):
+    way = seconds * np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.1])
+    return Pose(rotation_exp(way[3:]), way[:3])
+
+
+def names(events):
+    return [(e.name, e.values.get("reason")) for e in events.take()]
+
+
+def test_a_carrier_seen_from_a_base_that_moves_is_placed_where_base_was_then(watch):
+    T_base_carrier = Pose(np.eye(3), np.array([0.7, -0.2, 0.3]))
+    for tick in range(1, 200):
+        if tick > 4:
+            then = tick - 4
+            watch.take(news("base", then, turning(then * T)), tick)
+            watch.take(news("carrier", then, T_base_carrier, seen_from="base"), tick)
+        moved = watch.step(tick, moving=False)
+    expected = turning(200 * T) @ T_base_carrier
+    np.testing.assert_allclose(pose_error(moved.carrier.T, expected), 0.0, atol=2e-4)
+    measured = pose_error(moved.T_world_base_measured, turning(199 * T))
+    np.testing.assert_allclose(measured, 0.0, atol=1e-5)
+
+
+def test_news_is_told_of_when_it_is_doubted_lost_and_found_again(watch, events):
+    home = Pose(np.eye(3), np.array([0.6, -0.3, 0.45]))
+    far = Pose(np.eye(3), np.array([1.6, -0.3, 0.45]))
+    watch.take(news("carrier", 1, home), 2)
+    assert names(events) == [("frame_found", None)]
+    for tick in range(3, 6):
+        watch.take(news("carrier", tick, far), tick)
+    assert names(events) == [("frame_rejected", "jump")]
+    for tick in range(6, 40):
+        watch.step(tick, moving=True)
+    assert names(events) == [("frame_lost", "jump")]
+    assert watch.age("carrier", 40) is None
+    watch.take(news("carrier", 40, far), 41)
+    assert names(events) == [("frame_found", None)]
+    before = watch.moved.carrier.T
+    after = watch.step(41, moving=True).carrier
+    assert np.abs(pose_error(after.T, before)).max() < 1e-3
+
+
+def test_news_of_the_future_and_of_what_does_not_move_is_refused_by_name(watch, cell, events):
+    with pytest.raises(Refused) as caught:
+        watch.take(news("base", 11, Pose.identity()), 10)
+    assert caught.value.reason == Why.FUTURE_PICTURE
+    frames = cell.config.frames.model_copy(update={"base": None})
+    fixed = replace(cell, config=cell.config.model_copy(update={"frames": frames}))
+    with pytest.raises(Refused) as caught:
+        FrameWatch(fixed, events).take(news("base", 9, Pose.identity()), 10)
+    assert caught.value.reason == Why.UNKNOWN_FRAME
+    assert "carrier" in caught.value.detail
+
+
+def test_news_that_is_older_than_its_timeout_is_not_believed(watch, events):
+    watch.take(news("base", 10, Pose.identity()), 100)
+    assert names(events) == [("frame_rejected", "late")]
+    assert watch.age("base", 100) is None

@@ -1,0 +1,195 @@
+"""Obstacles by name: news, its age, what holds when it is stale, and what is refused."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from telerobot.config.load import Cell, load_cell
+from telerobot.config.schema.obstacles import Obstacle
+from telerobot.protocols.codec import CodecError, decode_as, encode
+from telerobot.protocols.messages.obstacles import ObstacleNews
+from telerobot.server.perception.obstacle_map import MOST, World
+from telerobot.server.refusals import Refused, Why
+from telerobot.server.runtime.events import Events
+
+TABLE = Obstacle(name="table", shape="box", xyz=(0.5, 0, 0.1), half_size=(0.2, 0.4, 0.1))
+CART = Obstacle(
+    name="cart", shape="sphere", xyz=(2, 0, 0), radius=0.2, max_speed=0.5, timeout_s=0.2
+)
+
+
+@dataclass
+class Knowing:
+    """A world model, the tick, and the events that came of it."""
+
+    obstacles: tuple[Obstacle, ...] = ()
+    tick: int = 1000
+    events: Events = field(default_factory=Events)
+
+    def __post_init__(self) -> None:
+        cell = load_cell("pa10")
+        config = cell.config.model_copy(update={"obstacles": self.obstacles})
+        self.world = World(Cell(cell.path, config, cell.robot), self.events)
+
+    def tell(self, name: str, **news) -> None:
+        self.world.take(ObstacleNews(name=name, **{"tick": self.tick, **news}), self.tick)
+
+    def go(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.tick += 1
+            self.events.at(self.tick, 0.01 * self.tick)
+            self.world.look(self.tick)
+
+    @property
+    def scene(self):
+        return self.world.scene(self.tick)
+
+    @property
+    def told(self) -> list[str]:
+        return [event.name for event in self.events.take()]
+
+
+@pytest.fixture
+def knowing():
+    return Knowing()
+
+
+def test_obstacles_are_set_moved_and_removed(knowing):
+    knowing.tell("ball", shape="sphere", xyz=(1, 2, 3), radius=0.1, max_speed=10.0)
+    knowing.go(100)
+    knowing.tell("ball", xyz=(1, 2, 4))
+    assert knowing.scene.rounds.start.tolist() == [[1, 2, 4]]
+    assert knowing.scene.rounds.radius.tolist() == [0.1]
+    knowing.tell("ball", remove=True)
+    assert knowing.scene.names == ()
+    assert "obstacle_removed" in knowing.told
+
+
+def test_a_moved_capsule_keeps_its_length(knowing):
+    knowing.tell("bar", shape="capsule", xyz=(0, 0, 0), to=(0, 0, 1), radius=0.1, max_speed=10)
+    knowing.go(100)
+    knowing.tell("bar", xyz=(1, 0, 0))
+    assert knowing.scene.rounds.end.tolist() == [[1, 0, 1]]
+
+
+def test_an_obstacle_of_the_cell_that_stands_cannot_be_moved_away():
+    knowing = Knowing((TABLE,))
+    for news in ({"xyz": (5, 5, 5)}, {"remove": True}):
+        with pytest.raises(Refused) as caught:
+            knowing.tell("table", **news)
+        assert caught.value.reason is Why.FIXED_OBSTACLE
+    assert knowing.scene.names == ("table",)
+
+
+def test_what_stands_never_ages(knowing):
+    knowing.tell("post", shape="point", xyz=(1, 1, 1))
+    knowing.go(1000)
+    assert knowing.world.stale == ()
+    assert knowing.scene.reach(10.0).tolist() == [0.0]
+
+
+def test_what_may_move_is_anywhere_within_its_bound_since_it_was_seen():
+    knowing = Knowing((CART,))
+    knowing.tell("cart", xyz=(1, 0, 0), tick=knowing.tick - 5)
+    assert knowing.scene.age.tolist() == pytest.approx([0.05])
+    assert knowing.scene.reach(0.1) == pytest.approx(np.array([0.5 * 0.15]))
+
+
+def test_with_a_bound_on_acceleration_it_is_where_its_velocity_takes_it(knowing):
+    knowing.tell(
+        "ball", shape="sphere", xyz=(1, 0, 0), radius=0.1, velocity=(0.4, 0, 0), max_speed=0.5,
+        max_acceleration=2.0, tick=knowing.tick - 10,
+    )  # fmt: skip
+    scene = knowing.scene
+    assert scene.rounds.start[0] == pytest.approx([1.04, 0, 0])
+    assert scene.velocity[0] == pytest.approx([0.4, 0, 0])
+    assert scene.reach(0.1) == pytest.approx(np.array([0.5 * 2.0 * 0.2**2]))
+    assert scene.reach(10.0) == pytest.approx(np.array([0.9 * 10.1]))
+
+
+@pytest.mark.parametrize("start_speed", [0.0, 0.3, 0.5])
+def test_no_motion_inside_the_bounds_escapes_the_reach(knowing, rng, start_speed):
+    bound, most = 0.5, 2.0
+    v = start_speed * np.array([1.0, 0.0, 0.0])
+    knowing.tell(
+        "ball", shape="point", xyz=(0, 0, 0), velocity=tuple(v), max_speed=bound,
+        max_acceleration=most,
+    )  # fmt: skip
+    scene, p, h = knowing.scene, np.zeros(3), 0.01
+    for i in range(1, 200):
+        push = rng.normal(size=3)
+        after = v + most * h * push / np.linalg.norm(push)
+        after *= min(1.0, bound / np.linalg.norm(after))
+        p, v = p + 0.5 * h * (v + after), after
+        predicted = scene.rounds.start[0] + scene.velocity[0] * i * h
+        assert np.linalg.norm(p - predicted) <= scene.reach(i * h)[0] + 1e-12
+
+
+@pytest.mark.parametrize(("policy", "reach"), [("keep", 0.1), ("grow", 0.5), ("stop", 0.5)])
+def test_what_holds_when_news_is_stale(policy, reach):
+    knowing = Knowing((CART.model_copy(update={"stale": policy}),))
+    knowing.tell("cart", xyz=(1, 0, 0))
+    knowing.go(100)
+    assert knowing.world.stale == ("cart",)
+    assert knowing.scene.reach(0.0)[0] == pytest.approx(reach)
+    assert knowing.scene.stop == ("cart" if policy == "stop" else None)
+    assert knowing.told.count("obstacle_stale") == 1
+    knowing.tell("cart", xyz=(1.2, 0, 0))
+    knowing.go(1)
+    assert knowing.told == ["obstacle_fresh"]
+    assert knowing.scene.stop is None
+
+
+def test_a_jump_beyond_its_own_bound_is_told(knowing):
+    knowing.tell("ball", shape="sphere", xyz=(1, 0, 0), radius=0.1, max_speed=0.5)
+    knowing.go(10)
+    knowing.tell("ball", xyz=(1.05, 0, 0))
+    assert "obstacle_jumped" not in knowing.told
+    knowing.go(10)
+    knowing.tell("ball", xyz=(0.5, 0, 0))
+    assert "obstacle_jumped" in knowing.told
+
+
+@pytest.mark.parametrize(
+    ("news", "why"),
+    [
+        ({"xyz": (1, 0, 0)}, Why.UNKNOWN_OBSTACLE),
+        ({"remove": True}, Why.UNKNOWN_OBSTACLE),
+        ({"shape": "point", "xyz": (1, 0, 0), "tick": 1001}, Why.FUTURE_PICTURE),
+    ],
+)
+def test_news_that_does_not_fit_is_refused_by_name(knowing, news, why):
+    with pytest.raises(Refused) as caught:
+        knowing.tell("ghost", **news)
+    assert caught.value.reason is why
+
+
+def test_old_news_does_not_bring_back_what_was_removed(knowing):
+    knowing.tell("ball", shape="point", xyz=(1, 0, 0))
+    knowing.tell("ball", remove=True)
+    with pytest.raises(Refused) as caught:
+        knowing.tell("ball", shape="point", xyz=(1, 0, 0), tick=knowing.tick - 1)
+    assert caught.value.reason is Why.OUT_OF_ORDER
+
+
+def test_there_is_an_end_to_obstacles(knowing):
+    for i in range(MOST):
+        knowing.tell(f"ball{i}", shape="point", xyz=(1, 0, 0))
+    with pytest.raises(Refused) as caught:
+        knowing.tell("one_more", shape="point", xyz=(1, 0, 0))
+    assert caught.value.reason is Why.TOO_MANY_OBSTACLES
+
+
+def test_rounds_come_first_whatever_the_order_of_news():
+    knowing = Knowing((TABLE, CART))
+    knowing.tell("post", shape="point", xyz=(1, 1, 1))
+    assert knowing.scene.names == ("cart", "post", "table")
+    assert knowing.scene.boxes.centre.tolist() == [[0.5, 0, 0.1]]
+
+
+def test_news_crosses_the_wire_and_half_an_obstacle_does_not():
+    news = ObstacleNews(name="bar", tick=7, shape="capsule", xyz=(0, 0, 0), to=(0, 0, 1), radius=1)
+    assert decode_as(ObstacleNews, encode(news)) == news
+    halved = encode(news.model_copy(update={"to": None}))
+    with pytest.raises(CodecError, match="capsule needs to"):
+        decode_as(ObstacleNews, halved)

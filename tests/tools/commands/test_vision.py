@@ -1,0 +1,72 @@
+"""`telerobot vision`: which tick a picture belongs to, when the next is due, what it refuses."""
+
+import numpy as np
+import pytest
+from telerobot.config.schema.cameras import Camera
+from telerobot.config.schema.section import Pose
+from telerobot.tools.cli import main
+
+pytest.importorskip("cv2")
+
+
+class Blank:
+    """A camera before a white wall."""
+
+    def picture(self):
+        return np.full((480, 640), 255, dtype=np.uint8)
+
+
+class Shut:
+    """A camera that has no picture yet."""
+
+    def picture(self):
+        return None
+
+
+def looker(eye, device=None):
+    from telerobot.tools.commands.vision import Looker
+
+    camera = Camera(
+        name="eye", T_wrist_lens=Pose(), device=device, rate_hz=20.0, latency_s=0.08, tag=7
+    )
+    return Looker(camera, eye, 0.01)
+
+
+def test_a_picture_of_a_white_wall_is_told_as_one_without_a_tag():
+    (sighting, _, sight) = looker(Blank()).look(1000, 5.0)
+    assert (sighting.camera, sighting.poses, sighting.quality) == ("eye", (), 0.0)
+    assert sight.corners is None
+
+
+def test_a_rendered_picture_belongs_to_the_newest_tick_a_real_one_to_an_earlier_by_its_latency():
+    assert looker(Blank()).look(1000, 5.0)[0].tick == 1000
+    assert looker(Blank(), device="0").look(1000, 5.0)[0].tick == 992
+    assert looker(Blank(), device="0").look(3, 5.0)[0].tick == 0
+
+
+def test_pictures_are_due_at_the_cameras_rate_and_lost_time_is_not_made_up():
+    eye = looker(Blank())
+    eye.look(1, 5.0)
+    assert eye.due_s == pytest.approx(5.0)
+    eye.look(2, 5.0)
+    assert eye.due_s == pytest.approx(5.05)
+    eye.look(3, 9.0)
+    assert eye.due_s == pytest.approx(9.0)
+
+
+def test_without_a_picture_nothing_is_told():
+    eye = looker(Shut())
+    assert eye.look(1, 5.0) is None
+    assert (eye.pictures, eye.seen) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["pa10"], "cameras: the cell has no cameras"),
+        (["pa10_vision", "--camera", "ceiling"], "cameras: the cell has no camera 'ceiling'"),
+    ],
+)
+def test_a_cell_that_lacks_the_camera_is_bad_usage(capsys, arguments, words):
+    assert main(["vision", *arguments]) == 2
+    assert words in capsys.readouterr().err

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from telerobot.protocols import topics as t
+from telerobot.protocols.messages import messages as m
+from telerobot.protocols.messages import requests
+from telerobot.protocols.messages.motion import MasterPose
+from telerobot.server.control.spatial import rotation_exp, rotation_rpy
+from telerobot.tools.operator.client.motions import Motions
+from telerobot.tools.scripts.master import MovingMaster
+
+ENVELOPE = {"seen_tick": 1}
+
+
+class Said(Motions):
+    """An operator who only says things; each must be a sound message."""
+
+    def __init__(self):
+        self.heard = []
+
+    def command(self, topic, **fields):
+        self.heard.append((topic, topic.message(**ENVELOPE, **fields)))
+
+    def request(self, topic, **fields):
+        self.command(topic, **fields)
+        return requests.Reply(ok=True)
+
+
+def test_every_word_is_a_sound_message_on_its_topic():
+    said = Said()
+    said.follow([[0.1, 0, 0, 0, 0, 0.2], [0.2] * 6], [0.1, 0.2], 0.02, "mrf", expressed_in="base")
+    said.follow_twists([[0.1, 0, 0, 0, 0, 0]], [2.0], "mrf")
+    said.pause_path()
+    said.resume_path()
+    said.abort_path()
+    said.clutch(True)
+    said.scale(translation=0.1)
+    said.master_pose([0, 0, 0], [0, 0, 0.1], "base")
+    said.redundancy("posture", 0.5, "park")
+    topics = [topic for topic, _ in said.heard]
+    assert topics == [
+        t.PATH, t.PATH, t.PATH_CONTROL, t.PATH_CONTROL, t.PATH_CONTROL, t.CLUTCH, t.CLUTCH,
+        t.MASTER_POSE, t.REDUNDANCY,
+    ]  # fmt: skip
+    words = [message for _, message in said.heard]
+    assert words[0].blend == 0.02
+    assert words[1].expressed_in is m.Frame.MRF
+    assert [w.action for w in words[2:5]] == ["pause", "resume", "abort"]
+    assert (words[5].engaged, words[5].translation) == (True, None)
+    assert (words[6].engaged, words[6].translation, words[6].rotation) == (None, 0.1, None)
+
+
+@pytest.mark.parametrize("twist", [(0.1, 0.2, -0.1, 0, 0, 0), (0, 0, 0.1, 0.5, -0.3, 1.0)])
+def test_a_masters_handle_moves_as_it_is_told(twist):
+    master = MovingMaster()
+    master.move((1.0, 0, 0, 0, 0, 2.0), m.Frame.BASE, 5.0)
+    master.move(twist, m.Frame.BASE, 5.5)
+    pose = MasterPose(**ENVELOPE, **master.fields(7.5))
+    p = np.array([0.5, 0.0, 0.0]) + 2.0 * np.array(twist[:3])
+    R = rotation_exp(2.0 * np.array(twist[3:])) @ rotation_rpy(0, 0, 1.0)
+    np.testing.assert_allclose(pose.xyz, p, atol=1e-12)
+    np.testing.assert_allclose(rotation_rpy(*pose.rpy), R, atol=1e-9)
+    assert pose.expressed_in is m.Frame.BASE

@@ -1,0 +1,177 @@
+import tomllib
+
+import pytest
+from telerobot.protocols import topics as t
+from telerobot.tools.scripts.player import Phase, Player
+from telerobot.tools.scripts.script import Script
+
+
+class Play:
+    """A script played against a daemon of the tests, in virtual time."""
+
+    def __init__(self, daemon, make_state, text):
+        self.daemon, self.make_state = daemon, make_state
+        self.faults = []
+        script = Script.model_validate(tomllib.loads(text))
+        self.player = Player(script, "cell", daemon.put, daemon.ask, self.faults.append)
+        self.ms = 0
+        self.sent = []
+
+    def until(self, end_s):
+        while self.ms < 1000 * end_s and not self.player.over:
+            if self.ms % 10 == 0:
+                state = self.make_state(tick=self.ms // 10, mode=self.daemon.mode)
+                self.player.on_state(state)
+            before = len(self.daemon.heard)
+            self.player.run(self.ms / 1000)
+            self.sent += [(self.ms / 1000, *heard) for heard in self.daemon.heard[before:]]
+            self.ms += 1
+        return self
+
+    def times(self, topic):
+        return [time for time, heard, _ in self.sent if heard is topic]
+
+
+@pytest.fixture
+def play(daemon, make_state):
+    return lambda text: Play(daemon, make_state, text)
+
+
+def test_the_operator_takes_the_lease_and_enables_before_time_starts(play, daemon):
+    run = play("duration_s = 1.0\n[[step]]\nat_s = 0.2\nmode = 'hold'").until(3.0)
+    assert run.player.phase is Phase.OVER
+    assert [message.action for message in daemon.of(t.MODE)] == ["enable", "hold"]
+    assert run.times(t.MODE)[1] == pytest.approx(run.player.start_s + 0.2, abs=2e-3)
+
+
+def test_steps_are_played_in_order_of_time_whatever_their_order_in_the_file(play, daemon):
+    text = "duration_s = 1.0\n[[step]]\nat_s = 0.5\nspeed = 0.5\n[[step]]\nat_s = 0.1\nspeed = 0.1"
+    play(text).until(3.0)
+    assert [message.factor for message in daemon.of(t.SPEED)] == [0.1, 0.5]
+
+
+def test_a_stick_is_streamed_until_the_next_step_of_its_kind(play, daemon):
+    run = play("""
+        duration_s = 1.0
+        [[step]]
+        at_s = 0.0
+        joystick = { twist = [0.1, 0, 0, 0, 0, 0] }
+        [[step]]
+        at_s = 0.5
+        joystick = {}
+    """).until(3.0)
+    times = run.times(t.JOYSTICK)
+    assert len(times) == pytest.approx(50, abs=1)
+    assert times[-1] < run.player.start_s + 0.5
+
+
+def test_what_is_refused_is_kept_with_time_and_reason(play, daemon):
+    daemon.refusals["operator/speed"] = "out_of_range"
+    run = play("duration_s = 1.0\n[[step]]\nat_s = 0.25\nspeed = 0.5").until(3.0)
+    assert run.player.phase is Phase.OVER
+    assert run.player.refused == ["0.25 s: operator/speed: out_of_range: by the test"]
+
+
+@pytest.mark.parametrize("key", ["operator/lease", "operator/mode"])
+def test_a_refused_lease_or_enable_fails_the_script(play, daemon, key):
+    daemon.refusals[key] = "not_today"
+    run = play("duration_s = 1.0").until(3.0)
+    assert run.player.phase is Phase.FAILED
+    assert "not_today: by the test" in run.player.failure
+
+
+def test_a_daemon_in_fault_fails_the_script(play, daemon):
+    daemon.mode = "fault"
+    run = play("duration_s = 1.0").until(3.0)
+    assert run.player.failure == "the daemon is in FAULT: reset it first"
+
+
+def test_without_auto_enable_time_starts_with_the_first_state(play, daemon):
+    run = play("duration_s = 1.0\nauto_enable = false").until(3.0)
+    assert run.player.phase is Phase.OVER
+    assert daemon.heard == []
+
+
+def test_a_second_operator_has_a_lease_and_numbers_of_its_own(play, daemon):
+    play("""
+        duration_s = 1.0
+        [[step]]
+        at_s = 0.1
+        lease = "release"
+        [[step]]
+        at_s = 0.2
+        operator = "second"
+        lease = "acquire"
+        [[step]]
+        at_s = 0.3
+        operator = "second"
+        cancel = true
+    """).until(3.0)
+    assert [message.operator for message in daemon.of(t.LEASE)] == ["operator", "second"]
+    (cancel,) = daemon.of(t.CANCEL)
+    assert [proof.epoch for topic, proof in daemon.proofs if topic is t.CANCEL] == [2]
+    assert cancel.seen_tick > 0
+
+
+def test_a_command_without_the_lease_is_noted_not_raised(play, daemon):
+    run = play("""
+        duration_s = 0.5
+        [[step]]
+        at_s = 0.1
+        operator = "second"
+        cancel = true
+    """).until(3.0)
+    assert run.player.refused == ["0.1 s: second holds no lease"]
+
+
+def test_a_cut_link_carries_nothing_either_way(play, daemon):
+    run = play("duration_s = 2.0\n[[step]]\nat_s = 1.0\nlink = { cut = true }").until(4.0)
+    keepalives = run.times(t.KEEPALIVE)
+    assert len(keepalives) == pytest.approx(10, abs=1)
+    assert max(keepalives) <= run.player.start_s + 1.0
+    assert run.player.pilot.seen_tick <= 100 * (run.player.start_s + 1.0)
+
+
+def test_a_slow_link_delivers_everything_late_and_in_order(play, daemon):
+    run = play("""
+        duration_s = 2.0
+        [[step]]
+        at_s = 0.5
+        link = { delay_s = 0.3 }
+        [[step]]
+        at_s = 1.0
+        cancel = true
+    """).until(4.0)
+    (cancelled,) = run.times(t.CANCEL)
+    assert cancelled == pytest.approx(run.player.start_s + 1.3, abs=2e-3)
+    numbers = daemon.numbers(t.KEEPALIVE)
+    assert numbers == sorted(numbers)
+
+
+def test_a_device_in_a_cell_that_reflects_no_forces_fails_the_script(play):
+    run = play("duration_s = 1.0\n[[step]]\nat_s = 0.2\ndevice = { mode = 'rate' }").until(3.0)
+    assert run.player.phase is Phase.FAILED
+    assert run.player.failure == "0.2 s: device: the cell has no [reflection]"
+
+
+def test_replies_are_late_as_well(play, daemon):
+    run = play("duration_s = 0.1\n[network]\nrtt_s = 0.4").until(3.0)
+    assert run.player.phase is Phase.OVER
+    (enable,) = run.times(t.MODE)
+    # a state comes, the request goes, its reply comes, and the next request goes
+    assert enable == pytest.approx(4 * 0.2, abs=5e-3)
+
+
+def test_faults_go_to_the_rig(play, daemon):
+    run = play("duration_s = 0.5\n[[step]]\nat_s = 0.1\nfault = { silence = 'j4' }").until(3.0)
+    (fault,) = run.faults
+    assert (fault.kind, fault.target, fault.on) == ("silence", "j4", True)
+
+
+def test_raw_bytes_are_sent_as_they_are(play, daemon):
+    raw = []
+    daemon.put = lambda topic, payload, proof: raw.append((topic, payload))
+    play("duration_s = 0.05\n[[step]]\nat_s = 0\nraw = { topic = 'cmd/jog', hex = '00ff' }").until(
+        2
+    )
+    assert (t.JOG, b"\x00\xff") in raw

@@ -1,0 +1,95 @@
+"""telerobot's own control computation: the tick of the daemon, with every limit on."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .....config.load import Cell
+from .....protocols.messages.obstacles import ObstacleNews
+from .....server.control.mechanism.kinematics import Mechanism
+from .....server.control.parameters import Parameters
+from .....server.control.spatial import Array, Pose
+from .....server.control.state import Inputs, Intent
+from .....server.control.task.sources.position import PathGoal
+from .....server.control.tick import Control
+from .....server.daemon import guard_of
+from .....server.perception.obstacle_map import World
+from .....server.runtime.events import Events
+from ...tick import settings_of
+from ..scenes import Scene, Thing
+from .contract import CLEARANCE, SELF_CLEARANCE, NoCommand
+
+FIELD = 1.0
+"""Gain of the self-motion down the potential field [1/s]."""
+
+
+class Telerobot:
+    """The daemon's world model and tick, without drives and bus."""
+
+    def __init__(self, cell: Cell, scene: Scene) -> None:
+        avoidance = cell.config.avoidance.model_copy(
+            update={"enabled": True, "clearance": CLEARANCE, "self_clearance": SELF_CLEARANCE}
+        )
+        redundancy = cell.config.redundancy.model_copy(update={"field": FIELD})
+        config = cell.config.model_copy(
+            update={"avoidance": avoidance, "obstacles": (), "redundancy": redundancy}
+        )
+        cell = replace(cell, config=config)
+        self._period_s = config.timing.period_s
+        self._control = Control(
+            p := Parameters.from_cell(cell), Mechanism.from_cell(cell), guard_of(cell, p)
+        )
+        self._memory = self._control.seed(np.array(scene.start))
+        self._world = World(cell, Events())
+        self._moving = tuple(thing for thing in scene.things if thing.moves)
+        for thing in scene.things:
+            self._world.take(_news(thing, 0, self._period_s), 0)
+        self._settings = settings_of(cell)
+        self._goal: PathGoal | None = None
+
+    def aim(self, target: Pose) -> None:
+        """Go to a target, from where the arm is."""
+        serial = 0 if self._goal is None else self._goal.serial + 1
+        self._goal = PathGoal(target, serial)
+
+    def step(self, q: Array, tick: int, reference: Pose) -> Array:  # noqa: ARG002
+        """Return the next command; the path is the position source's own."""
+        for thing in self._moving:
+            self._world.take(_news(thing, tick, self._period_s), tick)
+        inputs = Inputs(
+            time_s=tick * self._period_s,
+            intent=Intent.MOVE,
+            q_measured=q,
+            settings=self._settings,
+            goal=self._goal,
+            scene=self._world.scene(tick) if self._world.known else None,
+        )
+        memory, output = self._control.tick(self._memory, inputs)
+        if output.refusal is not None:
+            raise NoCommand(output.refusal)
+        self._memory = memory
+        return output.q
+
+    @staticmethod
+    def settings() -> dict[str, object]:
+        """Return how it is set up."""
+        return {"cell": "as shipped", "clearance_m": CLEARANCE, "barriers": "on", "field": FIELD}
+
+
+def _news(thing: Thing, tick: int, period_s: float) -> ObstacleNews:
+    """Return what a sensor tells of a thing that it sees in a tick."""
+    way = thing.at(tick * period_s)
+    along = thing.axis * thing.half_length
+    told: dict[str, object] = {"name": thing.name, "tick": tick, "shape": thing.shape}
+    match thing.shape:
+        case "box":
+            told |= {"xyz": tuple(way.centre), "rpy": thing.rpy, "half_size": thing.half_size}
+        case "sphere":
+            told |= {"xyz": tuple(way.centre), "radius": thing.radius}
+        case "capsule":
+            told |= {"xyz": tuple(way.centre - along), "to": tuple(way.centre + along)}
+            told |= {"radius": thing.radius}
+    if thing.moves:
+        told |= {"velocity": tuple(way.velocity), "max_speed": thing.max_speed}
+        told |= {"max_acceleration": thing.max_acceleration}
+    return ObstacleNews.model_validate(told)

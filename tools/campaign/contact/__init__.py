@@ -1,0 +1,1 @@
+"""Contact: touch, letting go, sliding, pegs, force reflection."""

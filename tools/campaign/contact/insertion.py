@@ -1,0 +1,162 @@
+"""One insertion of a peg into a hole that is not where it is meant to be, judged by the physics.
+
+The verdict knows true poses and true contact forces only. Depth is that of the middle of the peg's
+end below the mouth, along the hole's own axis, as long as it is within the hole; force is the sum
+of all forces between peg and block, looked at in every physics step.
+
+Directions 0 to 11 are those of the offset, every 30 degrees from the hole's x axis, with the hole
+leaning to the left of its offset; in 12 to 23 it leans back against it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ....config.load import Cell, ConfigError, load_cell
+from ....config.schema.rig.peg import RigHole
+from ....config.schema.section import Pose
+from ...oracle.poses import matrix, rotation
+from ...scripts.script import load_script
+from ...simulation.simulation import Simulation
+
+CELL = "pa10_peg"
+SCRIPTS = {False: "peg_insert", True: "peg_insert_stiff"}
+"""By whether force control is off."""
+OFFSET, TILT = 0.003, math.radians(2.0)
+"""How far off the hole is [m], [rad]."""
+AZIMUTHS = 12
+"""Directions of the offset, evenly around the hole's axis [1]."""
+LEANS = (0.5 * math.pi, math.pi)
+"""From the direction of the offset to the one that the hole leans to [rad]."""
+DIRECTIONS = AZIMUTHS * len(LEANS)
+DEEP, WITHIN_S, GENTLE = 0.030, 20.0, 35.0
+"""An insertion succeeds when it is this deep [m] within this time [s], below this force [N]."""
+ROUGH = 100.0
+"""Without force control, this is exceeded where the peg goes in at all [N]."""
+
+
+class Attempt(NamedTuple):
+    """What is tried."""
+
+    direction: int
+    """0 to `DIRECTIONS` - 1."""
+    stiff: bool
+    """Force control is off."""
+    part: int = 1
+    """Divides the cell's physics step [1]."""
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """What one attempt showed; all plain values."""
+
+    direction: int
+    stiff: bool
+    part: int
+    depth_m: float
+    deep_s: float
+    """When it was `DEEP`, since the arm was enabled; inf for never [s]."""
+    peak_n: float
+    limit_violations: int
+    end: str
+    """What ended the attempt before its time, or nothing."""
+
+    @property
+    def name(self) -> str:
+        """Direction, control and step."""
+        return f"peg {self.direction} {'stiff' if self.stiff else 'force'} step 1/{self.part}"
+
+    @property
+    def inserted(self) -> bool:
+        """True when the peg is in, in time and gently."""
+        return self.deep_s < WITHIN_S and self.peak_n < GENTLE and not self.end
+
+    @property
+    def rough(self) -> bool:
+        """True when the peg is not in, or was forced in."""
+        return self.peak_n > ROUGH or math.isinf(self.deep_s) or bool(self.end)
+
+    @property
+    def words(self) -> str:
+        """Depth, time and peak."""
+        when = "   -  " if math.isinf(self.deep_s) else f"{self.deep_s:4.1f} s"
+        return f"{1e3 * self.depth_m:4.1f} mm {when} {self.peak_n:5.0f} N"
+
+    @property
+    def reasons(self) -> list[str]:
+        """What speaks against the attempt; of a stiff one, that it was gentle."""
+        found = [f"{self.limit_violations} limit violations"] if self.limit_violations else []
+        if self.stiff and not self.rough:
+            found.append(f"went in gently without force control: {self.words}")
+        if not self.stiff and not self.inserted:
+            found.append(f"not inserted: {self.words} {self.end}".rstrip())
+        return found
+
+
+def misplaced(direction: int) -> Pose:
+    """Return where the hole really is, measured from where it is meant to be."""
+    around = 2.0 * math.pi * (direction % AZIMUTHS) / AZIMUTHS
+    leaning = around + LEANS[direction // AZIMUTHS]
+    # A lean towards an azimuth is a turn about the horizontal axis a quarter turn ahead of it.
+    R = rotation(TILT * np.array([-math.sin(leaning), math.cos(leaning), 0.0]))
+    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
+    rpy = (math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0]))
+    return Pose(xyz=(OFFSET * math.cos(around), OFFSET * math.sin(around), 0.0), rpy=rpy)
+
+
+def cell_of(what: Attempt) -> tuple[Cell, RigHole]:
+    """Return the cell of an attempt, and its hole. Raises `ConfigError` if there is none."""
+    cell = load_cell(CELL)
+    rig = cell.config.rig
+    if rig is None or not rig.holes:
+        raise ConfigError(f"{cell.path}: rig.holes: missing: there is nothing to insert into")
+    hole = rig.holes[0].model_copy(update={"misplaced": misplaced(what.direction)})
+    step_s = rig.physics_step_s / what.part
+    rig = rig.model_copy(update={"holes": (hole,), "physics_step_s": step_s})
+    return replace(cell, config=cell.config.model_copy(update={"rig": rig})), hole
+
+
+class _Watch:
+    """Looks at the physics in every step."""
+
+    def __init__(self, simulation: Simulation, hole: RigHole) -> None:
+        self.peak = 0.0
+        self.depth = -math.inf
+        self.deep_s = math.inf
+        self._T_hole_world = np.linalg.inv(matrix(hole.T_world_hole) @ matrix(hole.misplaced))
+        self._radius = hole.radius
+        simulation.on_physics = self._on_physics
+        simulation.on_tick = self._on_tick
+
+    def _on_physics(self, simulation: Simulation) -> None:
+        force = simulation.rig.world.contact_force()
+        self.peak = max(self.peak, math.sqrt(float(force @ force)))
+
+    def _on_tick(self, simulation: Simulation) -> None:
+        xyz = simulation.truths[-1].pose_mrf[:3]
+        x, y, z, _ = (self._T_hole_world @ np.array([*xyz, 1.0])).tolist()
+        self.depth = -z if math.hypot(x, y) < self._radius else 0.0
+        if self.depth >= DEEP and math.isinf(self.deep_s):
+            self.deep_s = simulation.clock.time_s - simulation.player.start_s
+
+
+def attempt(what: Attempt) -> Insertion:
+    """Try it in virtual time; a fault ends it."""
+    cell, hole = cell_of(what)
+    simulation = Simulation(cell, load_script(SCRIPTS[what.stiff]))
+    watch = _Watch(simulation, hole)
+    result = simulation.run()
+    errors = [e.detail for e in simulation.events if e.severity == "error"]
+    end = str(result.summary["failure"] or "; ".join(errors[:1]))
+    return Insertion(
+        direction=what.direction,
+        stiff=what.stiff,
+        part=what.part,
+        depth_m=watch.depth,
+        deep_s=watch.deep_s,
+        peak_n=watch.peak,
+        limit_violations=len(simulation.observer.violations),
+        end=end,
+    )

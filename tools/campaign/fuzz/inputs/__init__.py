@@ -1,0 +1,1 @@
+"""What the fuzzer sends: values, messages, news, and a stranger on the network."""

@@ -1,0 +1,1 @@
+"""Random hostile scripts and wild operators, and their verdicts."""

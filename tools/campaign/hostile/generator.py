@@ -1,0 +1,213 @@
+"""From a cell and a seed to a run: scene, hostile script, and a goal to be judged at its end.
+
+A run is a hostile part (`segments.py`), then order is restored and the arm is sent to a posture,
+or from a known posture to a target pose, sometimes with a stick that nudges it on the way.
+Some arms have a gripper, some cells cameras (`equipment.py`); some stand on a platform that sways,
+or work beside a conveyor (`grounds.py`).
+Most scenes are open: nothing but the arm. Some are the cell's own, with its wall and table, which
+the arm mostly hits: this server does not avoid obstacles.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ....config.load import Cell
+from ...oracle.feasible import Judge
+from ...oracle.poses import Array, difference, rotation
+from ...scripts.script import Script, Step
+from ..steps import Draw, step
+from . import equipment, grounds
+from .equipment import OPENING_S, opening, segments, with_gripper
+from .segments import SEGMENTS, disturbance, schedules
+
+HOSTILE_S = (7.0, 8.6)
+"""Length of the hostile part [s]."""
+RESTORE_S = 1.3
+"""Restoring lease, mode, gains and frames takes this long [s]."""
+POSTURE_S = 7.0
+"""A posture is reached within this time from wherever the hostile part ends, also where the tool
+has to go half around the arm at its greatest speed [s]."""
+SETTLE_S = 2.6
+"""After a path, and after a nudge, the error feedback has this long to settle [s]."""
+FURNISHED = 0.12
+"""Part of the scenes with the cell's wall and table [1]."""
+SCHEDULED = 0.25
+"""Part of the cells whose gains follow schedules [1]."""
+GRIPPING = 0.3
+"""Part of the cells that have a gripper, and something to pick up [1]."""
+MOVING = 0.25
+"""Part of the cells whose Base or Carrier moves [1]."""
+SLOWED = 0.4
+"""Part of the segments that begin with a reduced speed, until the next one that does [1]."""
+INFEASIBLE = 0.2
+"""Part of the target poses that are drawn without regard to feasibility [1]."""
+FRUITLESS_S = 3.0
+"""An infeasible target is striven for during this time [s]."""
+TRIES = 30
+"""Draws of a feasible goal before one that is known is taken [1]."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What the arm is judged by at the end of a run."""
+
+    kind: Literal["posture", "target"]
+    q: Array
+    """The posture (n,) [rad]; for a target, the known one that it is approached from."""
+    T_target: Array
+    """The pose (4, 4) of the MRF in World."""
+    infeasible: str
+    """Why it does not count, or nothing."""
+    at_s: float
+    """When it is commanded, in the script's time [s]."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One run of a campaign."""
+
+    cell: Cell
+    seed: int
+    scene: Literal["open", "furnished"]
+    script: Script
+    goal: Goal
+
+
+def generate(cell: Cell, seed: int) -> Plan:
+    """Return the run of a seed; equal seeds give equal runs."""
+    draw = np.random.default_rng([seed, *cell.config.name.encode()])
+    furnished = bool(draw.random() < FURNISHED)
+    if not furnished:
+        cell = _opened(cell)
+    if draw.random() < SCHEDULED:
+        config = cell.config.model_copy(update={"schedules": schedules(draw)})
+        cell = replace(cell, config=config)
+    if draw.random() < GRIPPING:
+        cell = with_gripper(draw, cell)
+    if draw.random() < MOVING:
+        cell = grounds.with_moving(draw, cell)
+    judge = Judge.of(cell)
+    end_s = float(draw.uniform(*HOSTILE_S)) + (OPENING_S if cell.config.cameras else 0.0)
+    steps = _hostile(draw, cell, end_s) + _restored(cell, end_s)
+    go_s = end_s + RESTORE_S
+    posture = _posture(draw, cell, judge)
+    steps.append(step(at_s=go_s, posture=tuple(posture.tolist())))
+    duration_s = go_s + POSTURE_S
+    if draw.random() < 0.4:
+        goal = _target(draw, judge, posture, duration_s)
+        path_s = FRUITLESS_S if goal.infeasible else _path_s(judge, posture, goal.T_target)
+        nudged = not goal.infeasible and bool(draw.random() < 0.5)
+        steps += _approach(draw, goal, nudged)
+        duration_s += path_s + SETTLE_S + (1.0 if nudged else 0.0)
+    else:
+        goal = Goal("posture", posture, judge.arm.tool(posture), judge.posture(posture), go_s)
+    script = Script(description=f"campaign seed {seed}", duration_s=duration_s, step=tuple(steps))
+    return Plan(cell, seed, "furnished" if furnished else "open", script, goal)
+
+
+def _opened(cell: Cell) -> Cell:
+    """Return the cell with nothing around the arm."""
+    rig = cell.config.rig
+    if rig is None:
+        return cell
+    bare = rig.model_copy(update={"wall": None, "boxes": ()})
+    return replace(cell, config=cell.config.model_copy(update={"rig": bare}))
+
+
+def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
+    steps = opening(cell)
+    at_s = OPENING_S if steps else 0.1
+    known = (*SEGMENTS, *segments(cell))
+    while at_s < end_s - 0.4:
+        until_s = min(end_s, at_s + float(draw.uniform(0.5, 1.1)))
+        if draw.random() < SLOWED:
+            steps.append(step(at_s=at_s, speed=float(draw.choice([0.1, 0.25, 0.5, 1.0]))))
+        segment = known[int(draw.integers(len(known)))]
+        steps += segment(draw, cell, at_s, until_s)
+        if draw.random() < 0.35:
+            steps += disturbance(draw, cell, float(draw.uniform(at_s, until_s)))
+        at_s = until_s
+    return [s for s in steps if s.at_s < end_s]
+
+
+def _restored(cell: Cell, at_s: float) -> list[Step]:
+    """Return what brings order back, whatever state the hostile part has left behind."""
+    sources, mrf = cell.config.sources, cell.config.mechanism.T_wrist_mrf
+    besides = grounds.order(cell) + equipment.order(cell)
+    wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 21 + len(besides)).tolist())
+    steps = [
+        step(at_s=at_s, link={}, fault={"silence": "force_torque", "on": False}),
+        step(at_s=at_s + 0.02, joystick={}, jog={}, master={}),
+        step(at_s=next(wait), lease="acquire"),
+        step(at_s=next(wait), protective_stop=False),
+        step(at_s=next(wait), speed=1.0),
+        step(at_s=next(wait), frame={"frame": "mrf", "xyz": mrf.xyz, "rpy": mrf.rpy}),
+    ]
+    for name, gain in (
+        ("joystick", sources.joystick.gain),
+        ("position", sources.position.gain),
+        ("force", sources.force.gain),
+    ):
+        steps.append(step(at_s=next(wait), gain={"source": name, "gain": gain}))
+        steps.append(step(at_s=next(wait), switch={"source": name, "on": True}))
+    for name, pull in cell.config.redundancy.gains.items():
+        steps.append(step(at_s=next(wait), redundancy={"objective": name, "gain": pull}))
+    steps += [step(at_s=next(wait), **what) for what in besides]
+    whole = {"engaged": True, "translation": 1.0, "rotation": 1.0}
+    steps.append(step(at_s=next(wait), clutch=whole))
+    steps += [step(at_s=next(wait), mode="enable") for _ in range(3)]
+    steps.append(step(at_s=next(wait), cancel=True))
+    return steps
+
+
+def _posture(draw: Draw, cell: Cell, judge: Judge) -> Array:
+    """Return a feasible posture near one of the cell's."""
+    known = cell.config.mechanism.postures
+    for _ in range(TRIES):
+        q = np.array(known[str(draw.choice(sorted(known)))])
+        q = q + draw.uniform(-0.15, 0.15, len(q))
+        if not judge.posture(q):
+            return q
+    return np.array(known["ready"])
+
+
+def _target(draw: Draw, judge: Judge, posture: Array, at_s: float) -> Goal:
+    """Return a target pose from a known posture: as it comes, or a feasible one."""
+    as_it_comes = bool(draw.random() < INFEASIBLE)
+    reach, turn = (1.0, 1.2) if as_it_comes else (0.18, 0.45)
+    start = judge.arm.tool(posture)
+    for _ in range(TRIES):
+        T = start.copy()
+        T[:3, 3] += draw.uniform(-reach, reach, 3)
+        T[:3, :3] = rotation(draw.uniform(-turn, turn, 3)) @ T[:3, :3]
+        why = judge.target(posture, T)
+        if as_it_comes or not why:
+            return Goal("target", posture, T, why, at_s)
+    return Goal("target", posture, start, judge.target(posture, start), at_s)
+
+
+def _path_s(judge: Judge, posture: Array, T: Array) -> float:
+    """Return a time that is enough for the path [s]: its speed and its ramps."""
+    way = difference(T, judge.arm.tool(posture))
+    return 0.6 + max(
+        float(np.linalg.norm(part)) / speed
+        for part, speed in zip((way[:3], way[3:]), judge.speed, strict=True)
+    )
+
+
+def _approach(draw: Draw, goal: Goal, nudged: bool) -> list[Step]:
+    at_s = goal.at_s
+    R = goal.T_target[:3, :3]
+    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
+    rpy = (math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0]))
+    position = {"xyz": goal.T_target[:3, 3].tolist(), "rpy": rpy, "relative_to": "world"}
+    steps = [step(at_s=at_s, position=position)]
+    if nudged:
+        twist = [*draw.uniform(-0.05, 0.05, 3).tolist(), *draw.uniform(-0.15, 0.15, 3).tolist()]
+        stick = {"twist": twist, "expressed_in": "world"}
+        steps.append(step(at_s=at_s + 0.3, joystick=stick))
+        steps.append(step(at_s=at_s + 1.3, joystick={"twist": (0.0,) * 6}))
+    return steps

@@ -1,0 +1,121 @@
+"""The part `wild`: wild operators in all kinds of cells, and no fault that no touch explains.
+
+Each run is judged by the bus, the physics and the events: no exception, no bound broken, no refusal
+by the gate, and no fault but one: the arm of a cell that feels no collisions runs into something
+that nobody told of, faster than the leash can stop it, and a joint falls behind. That is a quick
+stop by the table of stops; the report counts it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ....config.load import load_cell
+from ...simulation.simulation import Simulation
+from ..part import Part, Selection
+from .sights import ComputedSights
+from .wild import equipped, wild
+
+CELLS = ("ur5e_scene", "pa10_vision", "pa10_all", "pa10_scene", "ranger", "pa10_platform", "pa10")
+"""Where wild operators are let loose, in turns by the seed."""
+TOUCHING = 5.0
+"""Contact force from which the arm touches something, or itself [N]."""
+SINCE_S = 0.5
+"""A fault so long after a touch is explained by it [s]."""
+EXCUSED = ("following_error",)
+"""Causes of faults that a touch explains: the command and a joint come apart."""
+
+
+@dataclass(frozen=True)
+class Wild:
+    """What one run showed."""
+
+    name: str
+    enabled_s: float
+    touched: bool
+    stopped_by_touch: bool
+    """The fault is explained by what the arm ran into."""
+    reasons: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Wilds:
+    """What all runs showed."""
+
+    runs: Sequence[Wild]
+
+    @property
+    def kept(self) -> bool:
+        """True when nothing speaks against any run."""
+        return not any(run.reasons for run in self.runs)
+
+    def figures(self) -> dict[str, object]:
+        """Return everything as plain values."""
+        return {
+            "runs": len(self.runs),
+            "enabled_s": round(sum(run.enabled_s for run in self.runs), 1),
+            "touched": sum(run.touched for run in self.runs),
+            "stopped_by_touch": [run.name for run in self.runs if run.stopped_by_touch],
+            "failing": {run.name: run.reasons for run in self.runs if run.reasons},
+        }
+
+    def lines(self) -> list[str]:
+        """Return the report."""
+        f = self.figures()
+        stopped = [run.name for run in self.runs if run.stopped_by_touch]
+        return [
+            f"{f['runs']} runs, {f['enabled_s']} s enabled; {f['touched']} ran into something, "
+            f"{len(stopped)} of them to a quick stop",
+            *(f"{run.name}: {reason}" for run in self.runs for reason in run.reasons),
+        ]
+
+
+def play(seed: int) -> Wild:
+    """Simulate the run of a seed, up to a fault, and judge it."""
+    return play_in(CELLS[seed % len(CELLS)], seed)
+
+
+def play_in(name: str, seed: int) -> Wild:
+    """Simulate the run of a seed in a shipped cell, up to a fault, and judge it."""
+    cell = equipped(load_cell(name), seed)
+    simulation = Simulation(cell, wild(cell, seed), cameras=lambda s: ComputedSights(s, seed))
+    touches: list[float] = []
+
+    def look(s: Simulation) -> None:
+        forces = math.hypot(*s.rig.world.contact_force()), s.rig.world.own_contact_force()
+        if max(forces) > TOUCHING:
+            touches.append(s.clock.time_s)
+
+    simulation.on_physics = look
+    title = f"{name} seed {seed}"
+    try:
+        result = simulation.run(lambda: any(e.name == "fault" for e in simulation.events))
+    except Exception as error:  # noqa: BLE001  whatever is raised stops an arm: it is counted
+        return Wild(title, 0.0, bool(touches), False, [f"raised {type(error).__name__}: {error}"])
+    reasons, excused = [], False
+    if result.summary["failure"]:
+        reasons.append(f"not played: {result.summary['failure']}")
+    if simulation.observer.violations:
+        worst = simulation.observer.violations[0]
+        reasons.append(f"{worst.joint} {worst.kind} {worst.value:.6g} over {worst.bound:.6g}")
+    for event in simulation.events:
+        if event.severity != "error":
+            continue
+        recent = any(0.0 <= event.time_s - at_s <= SINCE_S for at_s in touches)
+        if event.name == "fault" and recent and event.values.get("cause") in EXCUSED:
+            excused = True
+        else:
+            reasons.append(f"{event.name} at {event.time_s:.2f} s: {event.detail}")
+    enabled = sum(state.mode == "enabled" for state in result.states)
+    period_s = cell.config.timing.period_s
+    return Wild(title, enabled * period_s, bool(touches), excused, reasons)
+
+
+def jobs(selection: Selection) -> list[int]:
+    """Return every seed: each decides its cell."""
+    for name in CELLS:
+        load_cell(name)  # a mistake in a cell shows here, in one line
+    return list(selection.seeds)
+
+
+WILD = Part(jobs, play, Wilds)

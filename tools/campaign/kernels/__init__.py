@@ -1,0 +1,1 @@
+"""Random inputs for single stages of the tick."""

@@ -1,0 +1,203 @@
+"""Random scenes: an arm among obstacles, some of which move, under hostile sticks, from a seed.
+
+Written beforehand in the label: a scene is *keepable* when the arm starts clear of everything, by
+the physics' own geometry, and nothing moves. There the promised clearance must hold to the
+millimetre. Where the arm starts inside, it must not get deeper (as
+the daemon sees it, with capsules around the links); where something moves (`movers.py`), it is the
+arm's own motion that must not close what is below the promise.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....config.load import Cell
+from ....config.schema.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
+from ....drivers.rig.physics.world import World
+from ....server.control.proximity.capsules import Links
+from ....server.control.proximity.pairs import Around
+from ....server.perception.obstacle_map import World as Known
+from ....server.runtime.events import Events
+from ...oracle.arm import Arm
+from ...scripts.script import Script, Step
+from ..steps import step
+from .movers import Mover, mover
+
+PROMISE = 0.02
+"""Clearance that the daemon promises in these scenes [m]."""
+SAG = 0.001
+"""Joints give way by so much when the drives begin to hold them [m]."""
+COUNT = (4, 16)
+"""Fewest and most obstacles [1]."""
+HOSTILE_S = 3.5
+"""The stick is hostile for so long [s]."""
+WITHIN_S = 30.0
+"""So long it may last then until the retreat is over [s]."""
+KINDS = ("free", "near", "inside", "moving")
+"""What a scene is about, by its seed."""
+MOVERS = (1, 3)
+"""Fewest and most things that move, where any do [1]."""
+UNFOLDED = 0.03
+"""At the start links are so far apart at least [m]."""
+TRIES = 400
+"""Postures that are tried for a start [1]."""
+
+Draw = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """One scene: the cell, its script, and what can be promised there."""
+
+    seed: int
+    kind: str
+    cell: Cell
+    script: Script
+    movers: tuple[Mover, ...]
+    start_m: float
+    """Clearance at the start, of the physics [m]."""
+    modelled_m: float
+    """The same of the daemon's capsules, which are around the arm [m]."""
+
+    @property
+    def keepable(self) -> bool:
+        """True where the promise holds throughout, whatever the stick does."""
+        return self.start_m >= PROMISE + SAG and self.kind != "moving"
+
+
+def crowd(base: Cell, seed: int) -> Crowd:
+    """Return the scene of a seed; all that is random is drawn here."""
+    draw = np.random.default_rng([seed, 2])
+    kind = KINDS[seed % len(KINDS)]
+    lowest, highest = {
+        "free": (0.06, 1.0), "near": (PROMISE, 0.05), "inside": (0.002, PROMISE - 0.002),
+        "moving": (0.05, 1.0),
+    }[kind]  # fmt: skip
+    if kind == "moving" and seed // len(KINDS) % 2:
+        lowest, highest = 0.002, 0.05
+    while True:
+        cell = _furnished(base, draw, kind)
+        found = _start(cell, draw, lowest, highest)
+        if found is not None:
+            cell, start, modelled = found
+            movers = tuple(
+                mover(draw, o, HOSTILE_S) for o in cell.config.obstacles if o.max_speed > 0.0
+            )
+            return Crowd(seed, kind, cell, _script(draw), movers, start, modelled)
+
+
+def _furnished(base: Cell, draw: Draw, kind: str) -> Cell:
+    rig = base.config.rig
+    if rig is None:
+        raise ValueError(f"cell {base.config.name} has no [rig]: nothing to simulate")
+    obstacles = [_obstacle(draw, i) for i in range(int(draw.integers(*COUNT, endpoint=True)))]
+    if kind == "moving":
+        for i in range(min(int(draw.integers(*MOVERS, endpoint=True)), len(obstacles))):
+            obstacles[i] = _mover(draw, i)
+    mrf = base.config.mechanism.T_wrist_mrf.xyz
+    tip = LinkCapsule(
+        link=base.config.mechanism.tip_link, start=mrf, end=mrf, radius=max(rig.tool_radius, 0.005)
+    )
+    avoidance = Avoidance(enabled=True, clearance=PROMISE, capsules=(tip,))
+    bare = rig.model_copy(update={"wall": None, "boxes": (), "tags": ()})
+    changes = {"obstacles": tuple(obstacles), "avoidance": avoidance, "rig": bare, "cameras": ()}
+    return Cell(base.path, base.config.model_copy(update=changes), base.robot)
+
+
+def _place(draw: Draw) -> tuple[float, float, float]:
+    radius, angle = draw.uniform(0.3, 1.0), draw.uniform(-math.pi, math.pi)
+    return (
+        float(radius * math.cos(angle)),
+        float(radius * math.sin(angle)),
+        float(draw.uniform(0.05, 1.3)),
+    )
+
+
+def _obstacle(draw: Draw, i: int) -> Obstacle:
+    name, xyz = f"thing{i}", _place(draw)
+    match int(draw.integers(4)):
+        case 0:
+            return Obstacle(name=name, shape="point", xyz=xyz)
+        case 1:
+            return Obstacle(
+                name=name, shape="sphere", xyz=xyz, radius=float(draw.uniform(0.02, 0.12))
+            )
+        case 2:
+            x, y, z = (np.array(xyz) + draw.uniform(-0.4, 0.4, 3)).tolist()
+            radius = float(draw.uniform(0.01, 0.07))
+            return Obstacle(name=name, shape="capsule", xyz=xyz, to=(x, y, z), radius=radius)
+        case _:
+            a, b, c = draw.uniform(0.02, 0.2, 3).tolist()
+            r, p, y = draw.uniform(-1.5, 1.5, 3).tolist()
+            return Obstacle(name=name, shape="box", xyz=xyz, half_size=(a, b, c), rpy=(r, p, y))
+
+
+def _mover(draw: Draw, i: int) -> Obstacle:
+    """Return one that moves: its velocity may jump, or its acceleration is bounded and told."""
+    bounded = float(draw.uniform(0.5, 5.0)) if draw.random() < 0.5 else None
+    stale: Stale = "stop" if draw.random() < 0.5 else "grow"
+    return Obstacle(
+        name=f"mover{i}", shape="sphere", xyz=_place(draw), radius=float(draw.uniform(0.04, 0.12)),
+        max_speed=float(draw.uniform(0.05, 0.5)), max_acceleration=bounded, stale=stale,
+        timeout_s=0.3,
+    )  # fmt: skip
+
+
+def _start(
+    cell: Cell, draw: Draw, lowest: float, highest: float
+) -> tuple[Cell, float, float] | None:
+    """Return the cell with a start whose clearance is between two bounds, if one is found."""
+    mechanism = cell.config.mechanism
+    margins = {d.joint: d.position_margin for d in mechanism.drives}
+    low = np.array([j.lower + margins[j.name] for j in cell.robot.joints])
+    high = np.array([j.upper - margins[j.name] for j in cell.robot.joints])
+    world, own = World(cell), Arm.of(cell)
+    around = Around(cell, Links(cell))
+    ready = np.array(mechanism.postures["ready"])
+    for _ in range(TRIES):
+        q = np.clip(ready + draw.uniform(-1.2, 1.2, len(ready)), low, high)
+        world.q[:] = q
+        found = world.clearance()
+        if found is not None and lowest <= found <= highest and own.clearance(q)[1] > UNFOLDED:
+            postures = {**mechanism.postures, "start": tuple(q.tolist())}
+            arm = mechanism.model_copy(update={"postures": postures})
+            changed = cell.config.model_copy(update={"mechanism": arm})
+            return Cell(cell.path, changed, cell.robot), found, _modelled(around, cell, q)
+    return None
+
+
+def _modelled(around: Around, cell: Cell, q: NDArray[np.float64]) -> float:
+    scene = Known(cell, Events()).scene(0)
+    near = around.look(
+        around.links.place(q[None]), scene, np.full(len(around.links.capsules), 1.0), 0.0
+    )
+    return float(near.gap[near.obstacle >= 0].min(initial=1.0))
+
+
+def _script(draw: Draw) -> Script:
+    """Return the hostile stick; movers and retreat depend on what happens: the judge plays them."""
+    steps: list[Step] = []
+    style = int(draw.integers(3))
+    at_s = 0.05
+    twist = _twist(draw)
+    while at_s < HOSTILE_S:
+        steps.append(step(at_s=at_s, joystick={"twist": twist, "expressed_in": "world"}))
+        if style == 0:
+            twist, at_s = _twist(draw), at_s + float(draw.uniform(0.8, 1.6))
+        elif style == 1:
+            twist, at_s = [-x for x in twist], at_s + float(draw.uniform(0.1, 0.5))
+            if draw.random() < 0.4:
+                twist = _twist(draw)
+        else:
+            twist, at_s = _twist(draw), at_s + float(draw.uniform(0.03, 0.2))
+    steps.append(step(at_s=HOSTILE_S, joystick={"twist": (0.0,) * 6}))
+    return Script(duration_s=HOSTILE_S + WITHIN_S, step=tuple(steps))
+
+
+def _twist(draw: Draw) -> list[float]:
+    linear, angular = draw.normal(size=3), draw.normal(size=3)
+    linear *= draw.uniform(0.3, 1.5) / np.linalg.norm(linear)
+    angular *= draw.uniform(0.0, 4.0) / np.linalg.norm(angular)
+    return [*linear.tolist(), *angular.tolist()]

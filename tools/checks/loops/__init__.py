@@ -1,0 +1,1 @@
+"""Judges of sampled loops: force, following, torque, reflection."""

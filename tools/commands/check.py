@@ -1,0 +1,61 @@
+"""`telerobot check CELL`: what a schema cannot see, each thing a line with its numbers."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from ...config.load import Cell, load_cell
+from ..checks.bus_load import bus_load
+from ..checks.drives import drives
+from ..checks.enabling import enabling
+from ..checks.findings import Finding, failed, summary, table, to_json
+from ..checks.holding import holding
+from ..checks.loops.following import following
+from ..checks.loops.reflection import reflection
+from ..checks.loops.stability import stability
+from ..checks.loops.torque import torque
+from ..checks.network import network
+from ..checks.postures import postures
+from ..checks.sensors import sensors
+from ..checks.timing import timing
+
+CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
+    timing,
+    network,
+    bus_load,
+    drives,
+    enabling,
+    stability,
+    reflection,
+    postures,
+    holding,
+    torque,
+    following,
+    sensors,
+)
+
+
+def judge(cell: Cell) -> list[Finding]:
+    """Return what every check found about a cell."""
+    return [finding for check in CHECKS for finding in check(cell)]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument(
+        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the findings; return 0, or 1 if one is an error. Raises `ConfigError`."""
+    cell = load_cell(args.cell)
+    findings = judge(cell)
+    bad = failed(findings)
+    if args.json:
+        print(to_json({"cell": cell.config.name, "path": str(cell.path), "ok": not bad}, findings))
+    else:
+        print(table(findings))
+        print(f"{cell.config.name}: {summary(findings)}")
+    return 1 if bad else 0

@@ -1,0 +1,161 @@
+"""`telerobot demo [CELL]`: virtual hardware and daemon on this machine, ready to drive."""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from ...config.load import ConfigError, load_cell
+from ...drivers.network.identity import identity_of
+from ...protocols.messages import messages as m
+from ...protocols.topics import Role
+from ..host.address import duration, moved
+from ..host.local_plant import ChildDied, LocalPlant
+from ..operator.client.operator import Operator, OperatorError
+from ..operator.terminal.console import is_terminal
+from ..scripts.live_run import Performance
+from ..scripts.script import Script, load_script
+from .drive import drive
+
+READY_WITHIN_S = 90.0
+"""A daemon that is not ready by then will not be [s]; the very first start compiles kernels."""
+
+HEADLESS_S = 20.0
+"""How long a headless demo goes on unless told otherwise [s]."""
+
+JITTER = ("lateness_us_p50", "lateness_us_p99", "lateness_us_max")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument(
+        "cell", metavar="CELL", nargs="?", default="pa10", help="which cell (default: pa10)"
+    )
+    parser.add_argument(
+        "--headless", action="store_true", help="play a script over and over instead of keys"
+    )
+    parser.add_argument(
+        "--seconds", type=duration, default=HEADLESS_S, help="how long, headless (default: 20)"
+    )
+    parser.add_argument("--script", metavar="NAME", help="which script; the cell's by default")
+    parser.add_argument(
+        "--identity", metavar="FOLDER", help="certificates that the processes show each other"
+    )
+    parser.add_argument("--json", action="store_true", help="print the headless summary as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show a cell at work. Raises `ConfigError`."""
+    cell = moved(load_cell(args.cell), identity=args.identity)
+    if cell.config.bus.interface != "loopback":
+        raise ConfigError(f"{cell.path}: bus.interface: the demo runs on 'loopback' only")
+    if cell.config.rig is None:
+        raise ConfigError(f"{cell.path}: rig: missing: there is nothing to show")
+    headless = args.headless or args.json
+    script = load_script(args.script or cell.default_script) if headless else None
+    if script is None and not is_terminal():
+        print("telerobot: no terminal: the demo plays a script (--headless)", file=sys.stderr)
+        script = load_script(args.script or cell.default_script)
+    with tempfile.TemporaryDirectory() as folder:
+        statistics = Path(folder) / "statistics.json"
+        with LocalPlant(cell, statistics) as plant:
+            try:
+                show = _Show(plant)
+                show.wait_ready()
+                if script is None:
+                    drive(show.operator, plant.raise_if_dead)
+                else:
+                    show.play(script, args.seconds)
+            except (ChildDied, OperatorError) as error:
+                plant.stop()
+                print(plant.complaints(), end="", file=sys.stderr)
+                print(f"telerobot: {error}", file=sys.stderr)
+                return 1
+            show.close()
+            healthy = plant.stop()
+        if not healthy:
+            print(plant.complaints(), end="", file=sys.stderr)
+        if script is None:
+            return 0 if healthy else 1
+        summary = show.summary(json.loads(statistics.read_text()) if healthy else {})
+        print(json.dumps(summary) if args.json else _table(summary))
+        return 0 if healthy and summary["healthy"] else 1
+
+
+class _Show:
+    """An operator at a plant of our own, and what it saw."""
+
+    def __init__(self, plant: LocalPlant) -> None:
+        self._plant = plant
+        self._errors: list[m.Event] = []
+        self._refused: list[str] = []
+        self._failure = ""
+        self._rounds = 0
+        plant.wait(plant.answers, READY_WITHIN_S, "the daemon does not listen")
+        judge = identity_of(plant.cell, Role.JUDGE, plant.cell.config.name)
+        stem = None if judge is None else judge.folder / judge.certificate.name
+        self.operator = Operator(plant.cell, name="demo", identity=stem)
+
+    def wait_ready(self) -> None:
+        """Wait until the daemon tells its state. Raises `ChildDied`, `OperatorError`."""
+
+        def told() -> bool:
+            self.operator.turn()
+            return self.operator.state is not None
+
+        self._plant.wait(told, READY_WITHIN_S, "the daemon tells nothing")
+
+    def play(self, script: Script, seconds: float) -> None:
+        """Play a script over and over. Raises `ChildDied`."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s and not self._failure:
+            performance = Performance(self.operator, script, _say)
+            performance.play(end_s, self._plant.raise_if_dead)
+            self._rounds += 1
+            self._errors += [event for event in performance.events if event.severity == "error"]
+            self._refused += performance.player.refused
+            self._failure = performance.failure
+
+    def close(self) -> None:
+        """Leave the daemon."""
+        self.operator.close()
+
+    def summary(self, statistics: dict[str, float]) -> dict[str, object]:
+        """Return what the headless demo showed."""
+        state = self.operator.state
+        mode = "unknown" if state is None else state.mode
+        errors = [{"t_s": e.time_s, "name": e.name, "detail": e.detail} for e in self._errors]
+        failure = self._failure or None
+        return {
+            "cell": self._plant.cell.config.name,
+            "rounds": self._rounds,
+            "mode": mode,
+            "failure": failure,
+            "refused": self._refused,
+            "errors": errors,
+            **statistics,
+            "healthy": bool(statistics) and not errors and failure is None and mode != "fault",
+        }
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _table(summary: dict[str, object]) -> str:
+    late = "/".join(f"{summary.get(key, 0):.0f}" for key in JITTER)
+    error = summary.get("worst_following_error_rad", 0.0)
+    rows = {
+        "rounds": summary["rounds"],
+        "ticks": summary.get("ticks", 0),
+        "overruns": summary.get("overruns", 0),
+        "SYNC late p50/p99/max": f"{late} µs",
+        "worst tracking error": f"{1e3 * error:.2f} mrad" if isinstance(error, float) else "",
+        "final mode": summary["mode"],
+        "refused": summary["refused"] or "nothing",
+        "errors": summary["errors"] or "none",
+        "failure": summary["failure"] or "none",
+    }
+    return "\n".join(f"{name:<22} {value}" for name, value in rows.items())

@@ -1,0 +1,177 @@
+"""`telerobot doctor`: is this machine fit to run a daemon, and what would make it better?"""
+
+import argparse
+import os
+import platform
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from typing import Final
+
+from ...config.load import load_cell
+from ..checks.findings import Finding, Status, failed, graded, summary, table, to_json
+from ..checks.network import network
+from ..host import machine
+
+PERIOD_S: Final = 0.002
+DURATION_S: Final = 2.0
+LATE_S: Final = 0.001
+"""Worth a warning: wake-ups later than this at p99 are noticed in a period of 10 ms [s]."""
+TOO_LATE_S: Final = 0.005
+PACKAGES: Final = (
+    "cryptography",
+    "numpy",
+    "pin",
+    "ruckig",
+    "daqp",
+    "python-can",
+    "canopen",
+    "eclipse-zenoh",
+    "msgpack",
+    "pydantic",
+    "mujoco",
+    "mcap",
+)
+
+
+def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
+    """Yield what was found; measures the timer for about `duration_s`."""
+    cores = len(os.sched_getaffinity(0))
+    yield Finding(
+        "cores",
+        Status.OK if cores >= 2 else Status.WARN,
+        f"{cores}" + ("" if cores >= 2 else ": the daemon wants one of its own"),
+        {"cores": cores, "python": platform.python_version(), "kernel": platform.release()},
+    )
+    yield _governor(machine.governor())
+    yield _granted(
+        "memory lock",
+        machine.memory_lock_refusal(),
+        "a page fault can stall a tick; grant memlock in /etc/security/limits.conf",
+    )
+    with machine.realtime() as refusal:
+        yield _granted(
+            "SCHED_FIFO",
+            refusal,
+            "other programs can delay a tick; grant rtprio in /etc/security/limits.conf",
+        )
+        yield _timer(machine.measure_jitter(duration_s, PERIOD_S), fifo=not refusal)
+    refusal = machine.loopback_refusal()
+    yield Finding(
+        "loopback bus",
+        Status.ERROR if refusal else Status.OK,
+        refusal or "CAN frames cross between processes on 127.0.0.1",
+    )
+    yield _kernel_can()
+    threads = os.environ.get("OPENBLAS_NUM_THREADS")
+    yield Finding(
+        "BLAS threads",
+        Status.OK if threads == "1" else Status.WARN,
+        f"OPENBLAS_NUM_THREADS is {threads or 'not set'}"
+        + ("; set it to 1 in scripts of your own too" if threads == "1" else ": set it to 1"),
+        {"openblas_num_threads": threads},
+    )
+    yield _packages()
+    refusal = machine.picture_refusal()
+    yield Finding(
+        "pictures",
+        Status.WARN if refusal else Status.OK,
+        f"{refusal}; everything else works without" if refusal else "can be rendered and looked at",
+    )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument(
+        "cell", metavar="CELL", nargs="?", help="look at this cell's certificates, too"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument(
+        "--seconds",
+        type=_duration,
+        default=DURATION_S,
+        metavar="S",
+        help="how long to measure the timer (default %(default)s)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the findings; return 0 if the machine is fit, else 1. Raises `ConfigError`."""
+    findings = list(examine(args.seconds))
+    findings += [] if args.cell is None else network(load_cell(args.cell))
+    unfit = failed(findings)
+    if args.json:
+        print(to_json({"fit": not unfit}, findings))
+    else:
+        print(table(findings))
+        print(f"{'not fit' if unfit else 'fit'} for a demo: {summary(findings)}")
+    return 1 if unfit else 0
+
+
+def _duration(text: str) -> float:
+    seconds = float(text)
+    if not 0.0 < seconds <= 600.0:
+        raise argparse.ArgumentTypeError(f"{text}: must be above 0 and at most 600 seconds")
+    return seconds
+
+
+def _granted(check: str, refusal: str, otherwise: str) -> Finding:
+    if refusal:
+        return Finding(check, Status.WARN, f"{refusal}: {otherwise}", {"granted": False})
+    return Finding(check, Status.OK, "granted", {"granted": True})
+
+
+def _governor(name: str | None) -> Finding:
+    if name is None:
+        return Finding("CPU governor", Status.OK, "not readable here", {"governor": None})
+    fast = name == "performance"
+    return Finding(
+        "CPU governor",
+        Status.OK if fast else Status.WARN,
+        name if fast else f"{name}: 'performance' wakes up sooner",
+        {"governor": name},
+    )
+
+
+def _timer(jitter: machine.Jitter, fifo: bool) -> Finding:
+    return Finding(
+        "timer",
+        graded(jitter.p99, LATE_S, TOO_LATE_S),
+        f"late by {jitter.p50 * 1e6:.0f} µs p50, {jitter.p99 * 1e6:.0f} µs p99, "
+        f"{jitter.max * 1e6:.0f} µs at most, in {jitter.wakeups} wake-ups, "
+        f"{'with' if fifo else 'without'} SCHED_FIFO",
+        {
+            "p50_s": jitter.p50,
+            "p99_s": jitter.p99,
+            "max_s": jitter.max,
+            "wakeups": jitter.wakeups,
+            "sched_fifo": fifo,
+        },
+    )
+
+
+def _kernel_can() -> Finding:
+    refusal = machine.kernel_can_refusal()
+    interfaces = machine.can_interfaces()
+    vcan = machine.vcan_available()
+    listed = ", ".join(f"{name} {state}" for name, state in interfaces.items())
+    text = f"{listed or 'no interface'}; vcan {'available' if vcan else 'not available'}"
+    if refusal:
+        text = f"none in this kernel ({refusal})"
+    if not interfaces:
+        text += "; only real drives need it"
+    return Finding("kernel CAN", Status.OK, text, {"interfaces": listed, "vcan": vcan})
+
+
+def _packages() -> Finding:
+    found: dict[str, str] = {}
+    missing: list[str] = []
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            missing.append(name)
+    if missing:
+        text = f"missing: {', '.join(missing)}"
+        return Finding("packages", Status.ERROR, text, dict(found))
+    text = ", ".join(f"{name} {number}" for name, number in found.items())
+    return Finding("packages", Status.OK, text, dict(found))

@@ -1,0 +1,84 @@
+"""`telerobot drive CELL [SCRIPT]`: a remote operator in the terminal, or a script's operators."""
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+
+from ...protocols.messages import messages as m
+from ..host.address import add_cell_arguments, cell_from
+from ..operator.client.operator import Operator, OperatorError, ignore
+from ..operator.terminal.cockpit import Cockpit, event_line
+from ..operator.terminal.console import Console, is_terminal
+from ..operator.terminal.keyboard import Decoder
+from ..scripts.live_run import Performance
+from ..scripts.script import load_script
+
+POLL_S = 0.004
+REDRAW_S = 0.1
+
+FIRST_STATE_S = 0.5
+"""The lease is asked for once telemetry comes, or after this long [s]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser, bus=False)
+    parser.add_argument(
+        "script", metavar="SCRIPT", nargs="?", help="play this instead of reading the keyboard"
+    )
+    parser.add_argument(
+        "--name",
+        default=os.environ.get("USER") or "operator",
+        help="the operator's name, as others see it (default: %(default)s)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Drive a cell whose daemon runs. Raises `ConfigError`."""
+    cell = cell_from(args)
+    script = None if args.script is None else load_script(args.script)
+    if script is None and not is_terminal():
+        print("telerobot: drive needs a terminal, or a SCRIPT to play", file=sys.stderr)
+        return 2
+    try:
+        with Operator(cell, name=args.name) as operator:
+            if script is not None:
+                return Performance(operator, script, partial(print, flush=True)).run()
+            drive(operator)
+    except OperatorError as error:
+        print(f"telerobot: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def drive(operator: Operator, watch: Callable[[], None] = lambda: None) -> None:
+    """Let a person at the keyboard drive, until they leave.
+
+    `watch` is called all the while and may raise; the terminal is restored all the same.
+    """
+    with Console() as console:
+        cockpit, decoder = Cockpit(operator, console.say), Decoder()
+        operator.on_event = lambda event: _tell(console, event)
+        cockpit.help()
+        operator.spin(FIRST_STATE_S, lambda: operator.state is not None)
+        cockpit.acquire()
+        redraw_s = 0.0
+        while not (cockpit.quit or console.ended):
+            for key in decoder.keys(console.read(POLL_S)):
+                cockpit.press("q" if key == "ctrl-c" else key, time.monotonic())
+            cockpit.run(time.monotonic())
+            operator.turn()
+            watch()
+            now_s = time.monotonic()
+            if now_s >= redraw_s:
+                redraw_s = now_s + REDRAW_S
+                console.show(*cockpit.lines(now_s))
+        operator.on_event = ignore
+
+
+def _tell(console: Console, event: m.Event) -> None:
+    if event.name != "request_refused":  # the one who asked has the reply
+        console.say(event_line(event))

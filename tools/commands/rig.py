@@ -1,0 +1,112 @@
+"""`telerobot rig CELL`: the virtual hardware of a cell, at the pace of the wall clock."""
+
+import argparse
+import gc
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from types import FrameType
+from typing import TextIO
+
+from ...config.load import ConfigError
+from ...drivers.bus import open_bus
+from ...drivers.device import DeviceError
+from ...drivers.network.identity import identity_of
+from ...drivers.rig.realtime import run_realtime
+from ...drivers.rig.rig import Rig, RigError
+from ...drivers.rig.session import RigSession
+from ...protocols.topics import Role
+from ..host.address import add_cell_arguments, cell_from, duration
+from ..simulation.frame_sensors import FrameSensors
+
+PRIORITY = 50
+"""SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines."""
+
+
+class Refusals:
+    """Prints why faults were refused, once a second at most, and how many more there were."""
+
+    def __init__(self, clock: Callable[[], float], stream: TextIO) -> None:
+        self._clock, self._stream = clock, stream
+        self._next_s = -math.inf
+        self._left_out = 0
+
+    def __call__(self, why: str) -> None:
+        """Tell of one refusal, now or as a part of the next line's count."""
+        now_s = self._clock()
+        if now_s < self._next_s:
+            self._left_out += 1
+            return
+        more = f" (and {self._left_out} more before)" if self._left_out else ""
+        print(f"telerobot: fault refused: {why}{more}", file=self._stream)
+        self._next_s, self._left_out = now_s + 1.0, 0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser)
+    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate the hardware until told to end. Raises `ConfigError`, `DeviceError`."""
+    cell = cell_from(args)
+    asked: list[int] = []
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        asked.append(number)
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, on_signal)
+    bus = open_bus(cell.config.bus)
+    try:
+        try:
+            rig = Rig(cell, bus)
+        except ValueError as error:
+            raise ConfigError(f"{cell.path}: {error}") from None
+        moving = bool(cell.config.frames.moving)
+        name = cell.config.name
+        identity = identity_of(cell, Role.RIG, name)
+        session = RigSession(name, cell.config.zenoh.dialled, identity, frames=moving)
+        try:
+            if moving:
+                FrameSensors(cell, rig, session.newest_tick, session.tell)
+            end_s = math.inf if args.seconds is None else time.monotonic() + args.seconds
+            channel = f"{cell.config.bus.channel}:{cell.config.bus.port}"
+            _prefer()
+            print(f"telerobot: the rig of {name} is ready on {channel}", flush=True)
+            pace = run_realtime(
+                rig,
+                lambda: bool(asked) or time.monotonic() > end_s,
+                session,
+                on_refused=Refusals(time.monotonic, sys.stderr),
+            )
+        finally:
+            session.close()
+    except RigError as error:
+        raise DeviceError(str(error)) from None
+    finally:
+        bus.shutdown()
+    print(f"{pace.steps} steps, {pace.skipped} skipped")
+    return 0
+
+
+def _prefer() -> None:
+    """Ask for real-time scheduling, and keep the garbage collector from long pauses.
+
+    Hardware does not slow down because a machine is busy; a rig that is late looks like drives
+    that have failed.
+    """
+    gc.collect()
+    gc.freeze()
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError as error:
+        print(
+            f"telerobot: no real-time scheduling ({error.strerror}): on a busy machine the "
+            "virtual drives may miss their deadlines",
+            file=sys.stderr,
+        )

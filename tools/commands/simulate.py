@@ -1,0 +1,51 @@
+"""`telerobot simulate CELL [SCRIPT]`: a run in virtual time, and what it showed."""
+
+import argparse
+import json
+from pathlib import Path
+
+from ..simulation.simulation import simulate
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument(
+        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
+    )
+    parser.add_argument(
+        "script",
+        metavar="SCRIPT",
+        nargs="?",
+        help="path of a script, or a shipped script's name; the cell's own by default",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--record", metavar="FILE", type=Path, help="write the run as MCAP")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate; return 0, or 1 if the script failed or a limit was violated."""
+    result = simulate(args.cell, args.script, args.record)
+    if args.json:
+        print(json.dumps(result.summary))
+    else:
+        print(_table(result.summary))
+    return 0 if result.ok else 1
+
+
+def _table(summary: dict[str, object]) -> str:
+    """Return the summary for people, a line each."""
+    lines = []
+    for key, value in summary.items():
+        if key == "events" and isinstance(value, list):
+            lines.append("events")
+            lines += [f"  {e['t_s']:8.2f} s  {e['name']:22} {e['detail']}" for e in value]
+        elif isinstance(value, list):
+            shown = ", ".join(f"{v:.4f}" if isinstance(v, float) else str(v) for v in value)
+            lines.append(f"{key:24} {shown or '-'}")
+        elif isinstance(value, dict):
+            lines.append(f"{key:24} " + ", ".join(f"{k} {v}" for k, v in value.items()))
+        elif isinstance(value, float):
+            lines.append(f"{key:24} {value:.5g}")
+        else:
+            lines.append(f"{key:24} {'-' if value is None else value}")
+    return "\n".join(lines)

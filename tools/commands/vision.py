@@ -1,0 +1,223 @@
+"""`telerobot vision CELL`: looks through the cell's cameras and tells the daemon what they see.
+
+A process of its own, so that no picture ever delays the control loop or the physics. Cameras with
+a `device` are read through OpenCV; the others are rendered from the joint angles that the virtual
+hardware tells. Either way the same code looks at the picture.
+"""
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import Protocol
+
+from ...config.load import Cell, ConfigError
+from ...config.schema.cameras import Camera
+from ...drivers.network.identity import Identity, identity_of
+from ...drivers.vision.detector import Detector, Picture, Sight
+from ...drivers.vision.device import VideoCamera
+from ...drivers.vision.opencv import save
+from ...protocols import topics as t
+from ...protocols.codec import CodecError, MessageT, decode_as, encode
+from ...protocols.messages import messages as m
+from ...protocols.messages.rig import RigTruth
+from ...protocols.topics import Role
+from ..host.address import add_cell_arguments, cell_from, duration
+from ..operator.client.session import Inbox, Session
+from ..simulation.pictures import told
+
+Over = Callable[[], bool]
+"""Returns True once it is time to end."""
+
+RETRY_S = 0.5
+"""While nobody answers, the daemon is dialled again after [s]."""
+
+SAVE_EVERY_S = 1.0
+"""Pictures are saved at most this often [s]."""
+
+
+class _Eye(Protocol):
+    """Where pictures come from."""
+
+    def picture(self) -> Picture | None:
+        """Return a picture, None where there is none yet. Raises `DeviceError`."""
+        ...
+
+
+class _Rendered:
+    """A camera of the virtual world."""
+
+    def __init__(self, world: "_World", camera: Camera) -> None:
+        self._world, self._name = world, camera.name
+
+    def picture(self) -> Picture | None:
+        """Return what the camera would see now."""
+        return self._world.picture(self._name)
+
+
+class _World:
+    """The rig's copy, kept up to date by what the rig tells."""
+
+    def __init__(self, cell: Cell) -> None:
+        from ...drivers.rig.physics.camera import (
+            RigCameras,  # not needed, nor MuJoCo, for real cameras
+        )
+
+        self._cameras = RigCameras(cell)
+        self.truth: RigTruth | None = None
+
+    def picture(self, camera: str) -> Picture | None:
+        """Return what a camera would see, None before the rig has told anything."""
+        if self.truth is None:
+            return None
+        truth = self.truth
+        base = truth.frames.get("base")
+        return self._cameras.picture(camera, truth.q, truth.covered, truth.tags, base)
+
+
+class Looker:
+    """Looks through one camera at its rate, and sends what it sees."""
+
+    def __init__(self, camera: Camera, eye: _Eye, period_s: float) -> None:
+        self.camera = camera
+        self.due_s = 0.0
+        self.pictures = self.seen = 0
+        self._eye = eye
+        self._detector = Detector(camera)
+        # A rendered picture is as old as the joint angles that made it; a real one is older than
+        # the newest telemetry by what the cell says.
+        self._late_ticks = 0 if camera.device is None else round(camera.latency_s / period_s)
+
+    def look(self, newest_tick: int, now_s: float) -> tuple[m.Message, Picture, Sight] | None:
+        """Return the message of one picture, with what it is about; None without a picture."""
+        self.due_s = max(self.due_s + 1.0 / self.camera.rate_hz, now_s)
+        picture = self._eye.picture()
+        if picture is None:
+            return None
+        sight = self._detector.look(picture)
+        self.pictures += 1
+        self.seen += bool(sight.candidates)
+        return told(self.camera, max(0, newest_tick - self._late_ticks), sight), picture, sight
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser)
+    parser.add_argument("--camera", metavar="NAME", help="only this camera; all by default")
+    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
+    parser.add_argument(
+        "--pictures", metavar="FOLDER", type=Path, help="save what is seen there, once a second"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Look until told to end. Raises `ConfigError`, `DeviceError`."""
+    cell = cell_from(args)
+    cameras = [c for c in cell.config.cameras if args.camera in (None, c.name)]
+    if not cameras:
+        wanted = "cameras" if args.camera is None else f"camera {args.camera!r}"
+        raise ConfigError(f"{cell.path}: cameras: the cell has no {wanted}")
+    identity = identity_of(cell, Role.SENSOR, "vision", t.SIGHTING.key)
+    asked: list[int] = []
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        asked.append(number)
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, on_signal)
+    world = _World(cell) if any(c.device is None for c in cameras) else None
+    lookers = [Looker(c, _eye(c, world), cell.config.timing.period_s) for c in cameras]
+    if args.pictures is not None:
+        args.pictures.mkdir(parents=True, exist_ok=True)
+    end_s = None if args.seconds is None else time.monotonic() + args.seconds
+
+    def over() -> bool:
+        return bool(asked) or (end_s is not None and time.monotonic() > end_s)
+
+    session = _dial(cell, identity, over)
+    if session is not None:
+        try:
+            _Work(session, lookers, world, args.pictures).run(over)
+        finally:
+            session.close()
+    for looker in lookers:
+        print(f"{looker.camera.name}: {looker.pictures} pictures, tag in {looker.seen}")
+    return 0
+
+
+class _Work:
+    """The process's loop: hear the daemon and the rig, look, tell."""
+
+    def __init__(
+        self, session: Session, lookers: list[Looker], world: _World | None, folder: Path | None
+    ) -> None:
+        self._session, self._lookers, self._world, self._folder = session, lookers, world, folder
+        self._states = session.subscribe(t.STATE, 1)
+        self._truths = session.subscribe(t.RIG_TRUTH, 1)
+        self._tick: int | None = None
+        self._saved: dict[str, float] = {}
+
+    def run(self, over: Over) -> None:
+        """Look through every camera when it is due. Raises `DeviceError`."""
+        while not over():
+            looker = min(self._lookers, key=lambda each: each.due_s)
+            time.sleep(min(0.1, max(0.0, looker.due_s - time.monotonic())))
+            self._hear()
+            now_s = time.monotonic()
+            if self._tick is None:
+                time.sleep(0.01)
+            elif now_s >= looker.due_s:
+                self._look(looker, self._tick, now_s)
+
+    def _hear(self) -> None:
+        state = _newest(self._states, m.State, t.STATE.max_bytes)
+        if state is not None:
+            self._tick = state.tick
+        truth = _newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)
+        if truth is not None and self._world is not None:
+            self._world.truth = truth
+
+    def _look(self, looker: Looker, tick: int, now_s: float) -> None:
+        looked = looker.look(tick, now_s)
+        if looked is None:
+            return
+        sighting, picture, sight = looked
+        self._session.put(t.SIGHTING, encode(sighting))
+        name = looker.camera.name
+        if self._folder is not None and now_s - self._saved.get(name, -1e9) >= SAVE_EVERY_S:
+            self._saved[name] = now_s
+            save(self._folder / f"{name}.png", picture, sight.corners)
+
+
+def _eye(camera: Camera, world: _World | None) -> _Eye:
+    return VideoCamera(camera) if world is None or camera.device else _Rendered(world, camera)
+
+
+def _dial(cell: Cell, identity: Identity | None, over: Over) -> Session | None:
+    """Return a session with the daemon, however long it takes to appear; None when told to end."""
+    told_so = False
+    while not over():
+        try:
+            session = Session(cell.config.name, cell.config.zenoh.dialled, identity)
+        except ConnectionError as error:
+            if not told_so:
+                told_so = True
+                print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
+            time.sleep(RETRY_S)
+        else:
+            print(f"telerobot: the cameras of {cell.config.name} are looking", flush=True)
+            return session
+    return None
+
+
+def _newest(inbox: Inbox, kind: type[MessageT], max_bytes: int) -> MessageT | None:
+    newest = None
+    for payload in inbox.take():
+        try:
+            newest = decode_as(kind, payload, max_bytes)
+        except CodecError:
+            continue
+    return newest

@@ -1,0 +1,176 @@
+"""A plant of one's own on this machine: rig and daemon as processes, apart from any other."""
+
+import ctypes
+import secrets
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from ...config.load import Cell
+from .address import moved, options
+
+POLL_S = 0.02
+TERMINATE_S = 8.0
+"""A child that was asked to end is killed after [s]."""
+
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_libc = ctypes.CDLL(None)
+
+
+class ChildDied(Exception):
+    """Rig or daemon ended by itself, or did not do its part in time."""
+
+
+class LocalPlant:
+    """Rig and daemon of a cell, on a private multicast group and endpoint; a context manager.
+
+    A cell with cameras has its vision process, too. All are ended on the way out, by their own
+    process ids, and by the kernel should this process vanish. What they wrote to stderr is kept
+    for `complaints`.
+    """
+
+    def __init__(self, cell: Cell, statistics: Path | None = None) -> None:
+        self.cell = private(cell)
+        self.rig_endpoint = self.cell.config.zenoh.endpoint
+        """Where the rig takes faults and tells the truth: the daemon's router by default."""
+        self.rig: subprocess.Popen[bytes] | None = None
+        self.daemon: subprocess.Popen[bytes] | None = None
+        self.vision: subprocess.Popen[bytes] | None = None
+        self._statistics = statistics
+        self._folder = tempfile.TemporaryDirectory()
+        self._errors: list[tuple[str, Path]] = []
+
+    def __enter__(self) -> Self:
+        self.start_rig()
+        self.start_daemon()
+        if self.cell.config.cameras:
+            self.start_vision()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+        self._folder.cleanup()
+
+    def start_rig(self) -> None:
+        """Start the virtual hardware."""
+        self.rig = self._start("rig", moved(self.cell, endpoint=self.rig_endpoint), [])
+
+    def start_daemon(self) -> None:
+        """Start the daemon."""
+        statistics = [] if self._statistics is None else [f"--statistics={self._statistics}"]
+        self.daemon = self._start("serve", self.cell, statistics)
+
+    def start_vision(self) -> None:
+        """Start looking through the cell's cameras. A machine that can't goes on without."""
+        self.vision = self._start("vision", self.cell, [])
+
+    def answers(self) -> bool:
+        """Return whether somebody listens on the daemon's endpoint."""
+        host, port = _host_and_port(self.cell.config.zenoh.endpoint)
+        try:
+            socket.create_connection((host, port), timeout=1.0).close()
+        except OSError:
+            return False
+        return True
+
+    def raise_if_dead(self) -> None:
+        """Raise `ChildDied` when the rig or the daemon has ended."""
+        for name, child in (("rig", self.rig), ("daemon", self.daemon)):
+            code = None if child is None else child.poll()
+            if code is not None:
+                raise ChildDied(f"the {name} ended with code {code}")
+
+    def wait(self, done: Callable[[], bool], within_s: float, otherwise: str) -> None:
+        """Wait until something holds. Raises `ChildDied`, with `otherwise` when time is up."""
+        deadline_s = time.monotonic() + within_s
+        while not done():
+            self.raise_if_dead()
+            if time.monotonic() > deadline_s:
+                raise ChildDied(f"{otherwise} after {within_s:g} s")
+            time.sleep(POLL_S)
+
+    def stop(self) -> bool:
+        """End all, the daemon first so that it stops the arm.
+
+        Return whether rig and daemon ended well; pictures are something to do without.
+        """
+        if self.vision is not None:
+            end(self.vision)
+        codes = [end(child) for child in (self.daemon, self.rig) if child is not None]
+        return all(code == 0 for code in codes)
+
+    def complaints(self) -> str:
+        """Return what the children wrote to stderr, each line with the name of its writer."""
+        lines = []
+        for name, path in self._errors:
+            text = path.read_text(encoding="utf-8", errors="replace")
+            lines += [f"{name}: {line}\n" for line in text.splitlines()]
+        return "".join(lines)
+
+    def _start(self, command: str, cell: Cell, extra: list[str]) -> "subprocess.Popen[bytes]":
+        path = Path(self._folder.name) / f"{len(self._errors)}-{command}"
+        self._errors.append((command, path))
+        with path.open("wb") as errors:
+            return subprocess.Popen(
+                [sys.executable, "-m", f"{__package__}.cli", command, *options(cell), *extra],
+                stdin=subprocess.DEVNULL,
+                stdout=errors,
+                stderr=errors,
+                start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
+                preexec_fn=_end_with_parent,  # noqa: PLW1509  one system call, takes no lock
+            )
+
+
+def private(cell: Cell) -> Cell:
+    """Return a cell on a multicast group, a UDP port and an endpoint that nobody else uses."""
+    zenoh = cell.config.zenoh.model_copy(update={"router": None})
+    cell = replace(cell, config=cell.config.model_copy(update={"zenoh": zenoh}))
+    protocol = "tcp" if zenoh.security.directory is None else "tls"
+    group = f"239.{74 + secrets.randbelow(100)}.{secrets.randbelow(256)}.{secrets.randbelow(256)}"
+    return moved(
+        cell,
+        endpoint=f"{protocol}/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
+        channel=group,
+        port=free_port(socket.SOCK_DGRAM),
+    )
+
+
+def end(child: "subprocess.Popen[bytes]") -> int:
+    """Ask a process to end, kill it if it does not; return its exit code."""
+    if child.poll() is None:
+        child.terminate()
+        try:
+            child.wait(TERMINATE_S)
+        except subprocess.TimeoutExpired:
+            child.kill()
+    return child.wait()
+
+
+def _end_with_parent() -> None:
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    """Return a port of 127.0.0.1 that nobody uses now."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _host_and_port(endpoint: str) -> tuple[str, int]:
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    return host, int(port)

@@ -1,0 +1,1 @@
+"""The operator's side: a client for programs, a terminal for people."""

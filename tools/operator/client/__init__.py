@@ -1,0 +1,1 @@
+"""A client of the daemon: protocol, session and the public `Operator`."""

@@ -1,0 +1,351 @@
+"""A remote operator over Zenoh: `telerobot.Operator`, for a user's own scripts.
+
+with Operator("pa10") as operator:
+    operator.acquire()
+    operator.enable()
+    operator.joystick([0.02, 0, 0, 0, 0, 0], seconds=2.0)
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from ....config.load import Cell, load_cell
+from ....drivers.network.identity import identity_of
+from ....protocols import topics as t
+from ....protocols.codec import CodecError, decode_as, encode
+from ....protocols.messages import messages as m
+from ....protocols.messages import requests
+from ....protocols.messages.moving import RigMotion
+from ....protocols.messages.reflection import Reflection
+from ....protocols.messages.rig import RigFault
+from ....protocols.topics import Role
+from ...host.address import moved
+from .motions import Motions
+from .protocol_client import OnReply, Pilot, PilotError
+from .round_trip import RoundTrip
+from .session import REPLY_TIMEOUT_S, NotCertified, Session
+
+POLL_S = 0.002
+
+
+def ignore(_message: m.Message) -> None:
+    """Take in a message, and do nothing."""
+
+
+class OperatorError(Exception):
+    """The daemon refused, or did not answer: carries the reason by name."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}" if detail else reason)
+        self.reason = reason
+        self.detail = detail
+
+
+class Operator(Motions):
+    """One operator's session with a daemon; a context manager.
+
+    **Nothing runs in the background.** The lease is renewed, streams are sent and telemetry is
+    read inside `spin` and the calls that wait. Call one of them at least every 0.1 s, or the
+    lease runs out (0.5 s in most cells) and the arm stops and holds: that is meant, a script that
+    hangs shall not keep an arm moving. In a large program a garbage collection may take that long:
+    `gc.freeze()` once everything is set up. Not for use from several threads.
+
+    `identity` is the certificate to show, without `.crt`, or the folder in which it lies; the
+    cell's `zenoh.security.directory` unless given.
+
+    Raises `OperatorError` when nobody answers, `ConfigError` for a cell that is wrong.
+    """
+
+    def __init__(
+        self,
+        cell: str | Cell,
+        endpoint: str | None = None,
+        name: str = "operator",
+        identity: str | Path | None = None,
+    ) -> None:
+        loaded = cell if isinstance(cell, Cell) else load_cell(cell)
+        loaded = moved(loaded, endpoint=endpoint, identity=identity)
+        self.cell = loaded.config.name
+        self.endpoint = loaded.config.zenoh.dialled
+        shown = identity_of(loaded, Role.OPERATOR, name)
+        try:
+            self.session = Session(self.cell, self.endpoint, shown)
+        except ConnectionError as error:
+            raise OperatorError("no_daemon", str(error)) from None
+        # Of what is true only now, the newest that can be read; junk between does not push it out.
+        depths = {t.STATE: 64, t.REFLECTION: 64, t.EVENT: 256, t.DESCRIPTION: 8}
+        self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
+        self.pilot = Pilot(name, self.cell, self._put, self.session.ask)
+        self.description: m.Description | None = None
+        """What the daemon says of its cell; comes within a second."""
+        self.round_trip = RoundTrip()
+        self.state_since_s: float | None = None
+        """When the newest state was read, on the monotonic clock [s]."""
+        self.on_state: Callable[[m.State], None] = ignore
+        """Called with every state that is read."""
+        self.on_event: Callable[[m.Event], None] = ignore
+        """Called with every event that is read."""
+        self.on_reflection: Callable[[Reflection], None] = ignore
+        """Called with every force for the handle that is read; none come of most cells."""
+        self.reflection = loaded.config.reflection
+        """What the cell says of force reflection."""
+        self._lease_seen = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def state(self) -> m.State | None:
+        """The newest state that was read."""
+        return self.pilot.state
+
+    @property
+    def events(self) -> list[m.Event]:
+        """All events that were read."""
+        return self.pilot.events
+
+    @property
+    def holds_lease(self) -> bool:
+        """True from the grant of the lease until it is released or telemetry shows it lost."""
+        return self.pilot.secret is not None
+
+    def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
+        """Keep the session alive for a while, or until something holds; return whether it did."""
+        end = time.monotonic() + seconds
+        while True:
+            self.turn()
+            if until is not None and until():
+                return True
+            if time.monotonic() >= end:
+                return until is None
+            time.sleep(POLL_S)
+
+    def turn(self) -> None:
+        """Read what came in and send what is due, once; waits for nothing."""
+        for topic, inbox in self._inboxes.items():
+            payloads = list(inbox.take())
+            if topic.life is not t.Life.STREAM:
+                for payload in payloads:
+                    self._take(topic, payload)
+            elif payloads:
+                any(self._take(topic, payload) for payload in reversed(payloads))
+        self.session.poll()
+        self.pilot.run(time.monotonic())
+
+    def wait_state(self, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
+        """Return the newest state, waiting for the first. Raises `OperatorError` if none comes."""
+        if not self.spin(timeout_s, lambda: self.state is not None) or self.state is None:
+            shown = self.session.shown
+            known = "" if shown is None else f"; does its daemon know {shown}?"
+            raise OperatorError("no_daemon", f"no telemetry of cell {self.cell}{known}")
+        return self.state
+
+    def wait_mode(self, mode: str, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
+        """Return the first state in a mode. Raises `OperatorError` if it is not reached."""
+        self.spin(timeout_s, lambda: self.state is not None and self.state.mode == mode)
+        state = self.wait_state()
+        if state.mode != mode:
+            raise OperatorError("not_now", f"mode is {state.mode}, not {mode}")
+        return state
+
+    def acquire(self) -> None:
+        """Take the lease. Raises `OperatorError` while somebody else holds it."""
+        end = time.monotonic() + REPLY_TIMEOUT_S
+        while not self.holds_lease:
+            try:
+                self._wait(self.pilot.acquire)
+            except OperatorError as error:
+                # A session that is just open does not know yet what the daemon answers.
+                if error.reason != "no_answer" or time.monotonic() > end:
+                    raise
+                self.spin(0.05)
+
+    def release(self) -> None:
+        """Give the lease back; a moving arm stops. Raises `OperatorError` if it was lost."""
+        self._wait(self.pilot.release)
+
+    def enable(self) -> None:
+        """Switch the drives on, or go on after HOLD; returns once the arm may be moved."""
+        self.wait_state()
+        self.request(t.MODE, action="enable")
+        self.wait_mode("enabled")
+
+    def hold(self) -> None:
+        """Stop and stand."""
+        self.request(t.MODE, action="hold")
+
+    def disable(self) -> None:
+        """Stop, and switch the drives off."""
+        self.request(t.MODE, action="disable")
+
+    def reset(self) -> None:
+        """Leave FAULT, once its cause is gone; returns with the drives ready to be enabled."""
+        self.request(t.MODE, action="reset")
+        self.wait_mode("ready")
+
+    def protective_stop(self) -> None:
+        """Stop the arm; works without the lease."""
+        self._wait(self.pilot.protective_stop)
+
+    def clear_protective_stop(self) -> None:
+        """Clear all protective stops with the lease, else the newest of one's own."""
+        self._wait(self.pilot.clear_protective_stop)
+
+    def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
+        """Send any request and return its reply. Raises `OperatorError` when refused."""
+        return self._wait(lambda on_reply: self.pilot.request(topic, on_reply, **fields))
+
+    def joystick(
+        self,
+        twist: Sequence[float],
+        seconds: float = 0.0,
+        expressed_in: str = "crf",
+        relative_to: str = "crf",
+    ) -> None:
+        """Stream a stick twist (6,) [m/s, rad/s] for a while; with `seconds` 0, until told
+        otherwise (and only while `spin` is called).
+
+        Raises `OperatorError` without the lease, or when it is lost meanwhile, `ValueError` for
+        what is no twist.
+        """
+        self._need_lease()
+        self.pilot.stream(
+            t.JOYSTICK,
+            twist=tuple(twist),
+            expressed_in=m.Frame(expressed_in),
+            relative_to=m.Frame(relative_to),
+        )
+        if seconds > 0.0:
+            self.spin(seconds)
+            self.pilot.end_stream(t.JOYSTICK)
+            self._need_lease()
+
+    def move_to(
+        self, xyz: Sequence[float], rpy: Sequence[float], relative_to: str = "crf", **more: Any
+    ) -> None:
+        """Set a target pose of the MRF [m, rad]; returns at once."""
+        self.command(
+            t.POSITION, xyz=tuple(xyz), rpy=tuple(rpy), relative_to=m.Frame(relative_to), **more
+        )
+
+    def posture(self, posture: str | Sequence[float]) -> None:
+        """Move to a joint posture, by name or angles [rad]; returns at once.
+
+        It ends when it is reached, or when the stick is moved; until then stick and target wait.
+        """
+        if isinstance(posture, str):
+            self.command(t.POSTURE, posture=posture)
+        else:
+            self.command(t.POSTURE, q=tuple(posture))
+
+    def store_view(self, camera: str | None = None) -> None:
+        """Make what a camera sees now the view that the vision source keeps.
+
+        Without a name: of the camera whose view is kept. Raises `OperatorError` where it sees
+        nothing. The source moves nothing before it is switched on.
+        """
+        self.request(t.STORE_VIEW, camera=camera)
+
+    def cancel(self) -> None:
+        """Drop target, posture and desired wrench."""
+        self.command(t.CANCEL)
+
+    def wait_goal(self, timeout_s: float) -> bool:
+        """Wait until the goal that was set last is reached; return whether it was."""
+        seq = self.pilot.seq
+
+        def reached() -> bool:
+            s = self.state
+            return s is not None and s.at_goal and max(s.last_seq.values(), default=0) >= seq
+
+        return self.spin(timeout_s, reached)
+
+    def command(self, topic: t.Topic, **fields: Any) -> None:
+        """Send any command. Raises `OperatorError` without the lease, `ValueError` for fields that
+        its message does not take.
+        """
+        self._need_lease()
+        self.pilot.command(topic, **fields)
+
+    def inject(self, fault: RigFault | RigMotion) -> None:
+        """Inject a fault into the virtual hardware, or move what stands there."""
+        topic = t.RIG_MOTION if isinstance(fault, RigMotion) else t.RIG_FAULT
+        try:
+            self.session.put(topic, encode(fault))
+        except NotCertified as error:
+            raise OperatorError("not_certified", str(error)) from None
+
+    def close(self) -> None:
+        """Release the lease, if held, and end the session."""
+        if self.holds_lease and not self.pilot.mute:
+            try:
+                self.release()
+            except OperatorError:
+                self.pilot.secret = None  # it has run out already: there is nothing to release
+        self.session.close()
+
+    def _take(self, topic: t.Topic, payload: bytes) -> bool:
+        """Take in what was told; return False for what cannot be read."""
+        try:
+            message = decode_as(topic.message, payload, topic.max_bytes)
+        except CodecError:
+            return False  # another version's telemetry; commands would be refused by name
+        if isinstance(message, m.State):
+            self._take_state(message, time.monotonic())
+        elif isinstance(message, Reflection):
+            self.on_reflection(message)
+        elif isinstance(message, m.Event):
+            self.pilot.on_event(message)
+            self.on_event(message)
+        elif isinstance(message, m.Description):
+            self.description = message
+        return True
+
+    def _take_state(self, state: m.State, now_s: float) -> None:
+        self.pilot.on_state(state)
+        self.state_since_s = now_s
+        if self.holds_lease:
+            self._watch_lease(state)
+            self.round_trip.echoed(state.last_seq, now_s)
+        self.on_state(state)
+
+    def _watch_lease(self, state: m.State) -> None:
+        """Let go of a lease that telemetry shows to be lost; states from before it don't count."""
+        pilot = self.pilot
+        if state.lease_epoch == pilot.epoch and state.lease_holder == pilot.name:
+            self._lease_seen = True
+        elif self._lease_seen or state.lease_epoch >= pilot.epoch:
+            self._lease_seen = False
+            pilot.drop_lease()
+
+    def _need_lease(self) -> None:
+        if not self.holds_lease:
+            raise OperatorError("no_lease", f"{self.pilot.name} does not hold the lease")
+
+    def _wait(self, send: Callable[[OnReply], None]) -> requests.Reply:
+        replies: list[requests.Reply] = []
+        try:
+            send(replies.append)
+        except PilotError as error:
+            raise OperatorError("no_lease", str(error)) from None
+        self.spin(REPLY_TIMEOUT_S + 1.0, lambda: bool(replies))
+        if not replies:
+            raise OperatorError("no_answer", "the daemon did not answer")
+        if not replies[0].ok:
+            raise OperatorError(replies[0].reason, replies[0].detail)
+        return replies[0]
+
+    def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
+        self.round_trip.sent(topic.key, self.pilot.seq, time.monotonic())
+        self.session.put(topic, payload, proof)

@@ -1,0 +1,207 @@
+"""The operator's side of the protocol, without a network: lease, sequence, freshness, streams.
+
+A `Pilot` is told what comes in (`on_state`, `on_event`) and what time it is (`run`); it sends
+through two functions that it is given. `telerobot.Operator` puts Zenoh behind them, a simulation
+puts the cycle's own link.
+"""
+
+import hashlib
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ....protocols import topics as t
+from ....protocols.agreement import KeyPair, random_key
+from ....protocols.codec import CodecError, decode_as, encode
+from ....protocols.messages import messages as m
+from ....protocols.messages import requests
+from ....protocols.proof import prove
+
+Put = Callable[[t.Topic, bytes, bytes], None]
+"""Sends a command: topic, payload, proof of the lease."""
+Ask = Callable[[t.Topic, bytes, Callable[[bytes], None], bytes], None]
+"""Sends a request: topic, payload, what takes the reply, and a proof of the lease or nothing."""
+Fields = Callable[[float], Mapping[str, Any] | None]
+"""Makes a stream's fields anew for every message, from the time [s]; None: nothing to send."""
+OnReply = Callable[[requests.Reply], None]
+
+UNPROVEN = (t.LEASE, t.PROTECTIVE_STOP)
+"""Requests that anyone may send."""
+
+SEALS = 64
+"""Protective stops of one's own that can still be cleared [1]."""
+
+ANYBODY: Mapping[str, Any] = {"seen_tick": 0}
+"""An envelope to judge fields with."""
+
+KEEPALIVE_S = 0.1
+STREAM_S = 0.01
+
+
+class PilotError(Exception):
+    """The pilot cannot do what it was asked: it holds no lease."""
+
+
+@dataclass
+class Pilot:
+    """One operator: what it holds, what it streams, what it was told."""
+
+    name: str
+    cell: str
+    put: Put
+    ask: Ask
+    new_key: Callable[[], bytes] = random_key
+    """Makes 32 random bytes for each key pair and each seal."""
+    secret: bytes | None = None
+    """Proves the lease; None without one."""
+    epoch: int = 0
+    state: m.State | None = None
+    events: list[m.Event] = field(default_factory=list)
+    mute: bool = False
+    """True cuts the pilot off: nothing is sent any more."""
+    seq: int = 0
+    """Number of the newest message that was sent."""
+    _keepalive_due_s: float = 0.0
+    _stream_due_s: float = 0.0
+    _streams: dict[t.Topic, Mapping[str, Any] | Fields] = field(default_factory=dict)
+    _seals: deque[bytes] = field(default_factory=lambda: deque(maxlen=SEALS))
+    """What opens the protective stops that were asked for."""
+
+    # --- what comes in -----------------------------------------------------------------------
+
+    def on_state(self, state: m.State) -> None:
+        """Take in a state."""
+        self.state = state
+
+    def on_event(self, event: m.Event) -> None:
+        """Take in an event."""
+        self.events.append(event)
+
+    @property
+    def seen_tick(self) -> int:
+        """The newest telemetry tick that was seen."""
+        return 0 if self.state is None else self.state.tick
+
+    # --- what goes out -----------------------------------------------------------------------
+
+    def run(self, now_s: float) -> None:
+        """Send what is due at `now_s`: the keepalive, and streams that are on."""
+        if self.secret is None or self.mute:
+            return
+        if now_s >= self._keepalive_due_s:
+            self._keepalive_due_s = now_s + KEEPALIVE_S - 1e-6
+            self.command(t.KEEPALIVE)
+        if now_s >= self._stream_due_s:
+            self._stream_due_s = now_s + STREAM_S - 1e-6
+            for topic, made in self._streams.items():
+                fields = made(now_s) if callable(made) else made
+                if fields is not None:
+                    self.command(topic, **fields)
+
+    def stream(self, topic: t.Topic, **fields: Any) -> None:
+        """Keep sending a command at 100 Hz, these fields until the next call.
+
+        Raises `ValueError` for fields that its message does not take.
+        """
+        topic.message(**ANYBODY, **fields)  # now, and not in some later `run`
+        self._streams[topic] = fields
+
+    def stream_made(self, topic: t.Topic, fields: Fields) -> None:
+        """Keep sending a command at 100 Hz whose fields are made anew each time."""
+        self._streams[topic] = fields
+
+    def end_stream(self, topic: t.Topic) -> None:
+        """Fall silent on a stream."""
+        self._streams.pop(topic, None)
+
+    def command(self, topic: t.Topic, **fields: Any) -> None:
+        """Send a command now. Raises `PilotError` without a lease."""
+        if self.mute:
+            return
+        self._need_lease()
+        payload = encode(topic.message(**{**fields, "seen_tick": self.seen_tick}))
+        self.put(topic, payload, self.prove(topic, payload))
+
+    def request(self, topic: t.Topic, on_reply: OnReply, **fields: Any) -> None:
+        """Send a request; its reply goes to `on_reply`. Raises `PilotError` without a lease."""
+        if self.mute:
+            return
+        if topic.needs_proof:
+            self._need_lease()
+            fields["seen_tick"] = self.seen_tick
+        payload = encode(topic.message(**fields))
+        proof = b"" if topic in UNPROVEN or self.secret is None else self.prove(topic, payload)
+        self.ask(topic, payload, lambda reply: on_reply(_reply(reply)), proof)
+
+    def prove(self, topic: t.Topic, payload: bytes) -> bytes:
+        """Return the proof that a payload comes from who holds the lease, under a new number.
+
+        Raises `PilotError` without a lease.
+        """
+        secret = self._need_lease()
+        self.seq += 1
+        return prove(secret, topic.full_key(self.cell), self.epoch, self.seq, payload)
+
+    def acquire(self, on_reply: OnReply) -> None:
+        """Ask for the lease; once granted, it is kept alive by `run`."""
+        pair = KeyPair(self.new_key())
+
+        def granted(reply: requests.Reply) -> None:
+            if reply.ok:
+                reply = self._take_lease(pair, reply)
+            on_reply(reply)
+
+        self.request(t.LEASE, granted, operator=self.name, key=pair.public)
+
+    def protective_stop(self, on_reply: OnReply) -> None:
+        """Ask for the protective stop, sealed: this pilot can clear it, or the lease's holder."""
+        self._seals.append(self.new_key())
+        seal = hashlib.sha256(self._seals[-1]).digest()
+        self.request(t.PROTECTIVE_STOP, on_reply, operator=self.name, seal=seal)
+
+    def clear_protective_stop(self, on_reply: OnReply) -> None:
+        """Clear all protective stops with the lease, else the newest one that was asked for."""
+        opens = self._seals[-1] if self.secret is None and self._seals else None
+
+        def cleared(reply: requests.Reply) -> None:
+            if opens is not None and reply.reason != "no_answer" and opens in self._seals:
+                self._seals.remove(opens)  # it is used up, or opens nothing
+            on_reply(reply)
+
+        self.request(t.PROTECTIVE_CLEAR, cleared, operator=self.name, opens=opens)
+
+    def release(self, on_reply: OnReply) -> None:
+        """Give the lease back."""
+        self.request(t.RELEASE, on_reply)
+        self.drop_lease()
+
+    def drop_lease(self) -> None:
+        """Forget the lease, and fall silent."""
+        self.secret = None
+        self._streams.clear()
+
+    def _need_lease(self) -> bytes:
+        if self.secret is None:
+            raise PilotError(f"{self.name} holds no lease")
+        return self.secret
+
+    def _take_lease(self, pair: KeyPair, reply: requests.Reply) -> requests.Reply:
+        """Take the lease that was granted; return the reply, or that its key is of no use."""
+        key, epoch = reply.key, reply.epoch
+        if key is None or epoch is None:
+            return requests.Reply(ok=False, reason="wrong_key", detail="no key with the lease")
+        try:
+            self.secret = pair.agree_with_daemon(key, t.LEASE.full_key(self.cell), epoch)
+        except ValueError:
+            return requests.Reply(ok=False, reason="wrong_key", detail="key is of no use")
+        self.epoch, self._keepalive_due_s = epoch, 0.0
+        return reply
+
+
+def _reply(payload: bytes) -> requests.Reply:
+    """Return a reply; one that cannot be read is a refusal."""
+    try:
+        return decode_as(requests.Reply, payload)
+    except CodecError as error:
+        return requests.Reply(ok=False, reason=error.reason, detail=error.detail[:500])

@@ -1,0 +1,251 @@
+"""What an operator at a keyboard can do, and sees: keys to requests and streams, states to lines.
+
+Nothing here waits. A key sends a request and its answer is said when it comes; held keys set the
+streams, which the operator's session sends at 100 Hz.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ....protocols import topics as t
+from ....protocols.messages import messages as m
+from ....protocols.messages import requests
+from ..client.operator import Operator
+from ..client.protocol_client import OnReply, PilotError
+from .keyboard import HeldKeys
+from .stick import AXES, JOINT_SIGNS, Stick, opposites
+
+HELP = """\
+ w s  a d  r f   move along x, y, z while held        + -   faster, slower
+ u o  i k  j l   turn about x, y, z while held        Tab   axes: crf, mrf, base, world
+ 1 … 9           choose a joint, [ ] or arrows jog it (a move key goes back to the tool)
+ m  enable, or go on after HOLD     h  hold           n     drives off
+ x or space      protective stop    c  clear it       R     reset after a fault
+ p  ready posture    P or 0  park   t  tare           g     force source on, off
+ L  take the lease                  q  quit           ?     this help"""
+
+SILENT_S = 0.3
+"""Telemetry older than this is shown as missing [s]."""
+
+ECHO_SHOWN_S = 1.0
+"""A round trip older than this is not shown [s]."""
+
+
+class Cockpit:
+    """One operator at a keyboard; `say` prints a line."""
+
+    def __init__(self, operator: Operator, say: Callable[[str], None]) -> None:
+        self.stick = Stick()
+        self.held = HeldKeys()
+        self.quit = False
+        self._operator, self._pilot, self._say = operator, operator.pilot, say
+        self._goal = False
+        self._held_lease = False
+        self._moving: set[str] = set()
+        self._keys: dict[str, Callable[[], None]] = {
+            "m": self._enable,
+            "h": lambda: self._mode("hold"),
+            "n": lambda: self._mode("disable"),
+            "R": lambda: self._mode("reset"),
+            "x": self._protective_stop,
+            "space": self._protective_stop,
+            "c": self._protective_clear,
+            "p": lambda: self._posture("ready"),
+            "P": lambda: self._posture("park"),
+            "0": lambda: self._posture("park"),
+            "t": lambda: self._request("tare", t.TARE),
+            "g": self._toggle_force,
+            "L": self.acquire,
+            "+": lambda: self.stick.faster(1),
+            "=": lambda: self.stick.faster(1),
+            "-": lambda: self.stick.faster(-1),
+            "_": lambda: self.stick.faster(-1),
+            "tab": self._next_frame,
+            "q": self._quit,
+            "ctrl-d": self._quit,
+            "?": self.help,
+        }
+
+    # --- keys --------------------------------------------------------------------------------
+
+    def press(self, key: str, now_s: float) -> None:
+        """Do what a key asks for. A refusal is said, never raised."""
+        try:
+            if key in AXES or key in JOINT_SIGNS:
+                self._move(key, now_s)
+            elif key in "123456789":
+                self._choose_joint(int(key) - 1)
+            elif key in self._keys:
+                self.held.release()
+                self._keys[key]()
+        except PilotError:
+            self._say("you do not hold the lease: L asks for it")
+
+    def help(self) -> None:
+        """Say what the keys do."""
+        for line in HELP.splitlines():
+            self._say(line)
+
+    def acquire(self) -> None:
+        """Ask for the lease."""
+        if self._operator.holds_lease:
+            self._say("you hold the lease already")
+            return
+
+        def answered(reply: requests.Reply) -> None:
+            if reply.ok:
+                self._say(f"lease granted to {self._pilot.name}: m enables the arm, ? helps")
+            else:
+                self._say(f"no lease: {reply.detail or reply.reason}; watching, L asks again")
+
+        self._pilot.acquire(answered)
+
+    def run(self, now_s: float) -> None:
+        """Set the streams to what is held now."""
+        state = self._operator.state
+        if self._held_lease and not self._operator.holds_lease:
+            self._say("the lease is lost: L asks for it")
+        self._held_lease = self._operator.holds_lease
+        if state is None or state.mode != "enabled" or not self._operator.holds_lease:
+            self.held.release()
+            self._moving = set()
+            self._goal = False
+            self._pilot.end_stream(t.JOYSTICK)
+            self._pilot.end_stream(t.JOG)
+            return
+        held = self._moving = self.held.held(now_s)
+        if self.stick.joint is None:
+            self._pilot.end_stream(t.JOG)
+            frame, twist = self.stick.frame, self.stick.twist(held)
+            self._pilot.stream(t.JOYSTICK, twist=twist, expressed_in=frame)
+        else:
+            self._pilot.end_stream(t.JOYSTICK)
+            rates = self.stick.rates(held, self._max_velocity(len(state.q)))
+            self._pilot.stream(t.JOG, rates=rates)
+
+    def _max_velocity(self, joints: int) -> Sequence[float]:
+        description = self._operator.description
+        return [0.0] * joints if description is None else description.max_velocity
+
+    def _move(self, key: str, now_s: float) -> None:
+        state = self._operator.state
+        if state is None or state.mode != "enabled":
+            self._say("the arm is not enabled: m enables it")
+            return
+        if key in AXES:
+            self.stick.joint = None
+            if self._goal:
+                # A posture in force does not hear the stick.
+                self._goal = False
+                self._pilot.command(t.CANCEL)
+        elif self.stick.joint is None:
+            self._say("choose a joint first: 1 … 9")
+            return
+        self.held.release(*opposites(key))
+        self.held.press(key, now_s)
+
+    def _choose_joint(self, joint: int) -> None:
+        names = self._operator.description.joints if self._operator.description else ()
+        if joint >= len(names):
+            self._say(f"the arm has {len(names)} joints" if names else "no description yet")
+            return
+        self.held.release()
+        self.stick.joint = joint
+        self._goal = False
+        self._say(f"joint {joint + 1}, {names[joint]}: [ ] or arrows move it")
+
+    def _next_frame(self) -> None:
+        self.stick.joint = None
+        self.stick.next_frame()
+
+    def _posture(self, name: str) -> None:
+        self.stick.joint = None
+        self._pilot.end_stream(t.JOG)
+        self._pilot.command(t.POSTURE, posture=name)
+        self._goal = True
+        self._say(f"moving to {name}: any move key ends that")
+
+    def _quit(self) -> None:
+        self.quit = True
+
+    # --- requests ----------------------------------------------------------------------------
+
+    def _enable(self) -> None:
+        self._mode("enable")
+
+    def _mode(self, action: str) -> None:
+        self._request(action, t.MODE, action=action)
+
+    def _protective_stop(self) -> None:
+        self._pilot.protective_stop(self._answered("protective stop"))
+
+    def _protective_clear(self) -> None:
+        self._pilot.clear_protective_stop(self._answered("clear"))
+
+    def _toggle_force(self) -> None:
+        state = self._operator.state
+        on = state is None or not state.on.get("force", True)
+        self._request(f"force {'on' if on else 'off'}", t.SWITCH, source=m.SourceName.FORCE, on=on)
+
+    def _request(self, what: str, topic: t.Topic, **fields: Any) -> None:
+        self._pilot.request(topic, self._answered(what), **fields)
+
+    def _answered(self, what: str) -> OnReply:
+        def answered(reply: requests.Reply) -> None:
+            if reply.ok:
+                self._say(f"{what}: done")
+            else:
+                self._say(f"{what}: refused: {reply.reason}: {reply.detail}")
+
+        return answered
+
+    # --- what is seen ------------------------------------------------------------------------
+
+    def lines(self, now_s: float) -> tuple[str, str]:
+        """Return the status: what the arm does, and what the operator does."""
+        operator, state = self._operator, self._operator.state
+        since = operator.state_since_s
+        if state is None or since is None:
+            return f"no telemetry of {operator.cell} yet from {operator.endpoint}", self._stick()
+        if now_s - since > SILENT_S:
+            return f"no telemetry for {now_s - since:.1f} s", self._stick()
+        x, y, z, roll, pitch, yaw = state.pose_mrf
+        arm = [
+            state.mode.upper(),
+            f"xyz {x:+.3f} {y:+.3f} {z:+.3f} m",
+            f"rpy {roll:+.2f} {pitch:+.2f} {yaw:+.2f}",
+        ]
+        if state.wrench_mrf is not None:
+            arm.append(f"|f| {math.hypot(*state.wrench_mrf[:3]):5.1f} N")
+        if state.protective_stop:
+            arm.append("PROTECTIVE STOP")
+        if state.limits:
+            arm.append("limit " + " ".join(state.limits))
+        mine = " (you)" if operator.holds_lease else ""
+        link = [f"lease {state.lease_holder or 'free'}{mine}"]
+        trip = operator.round_trip
+        if trip.seconds is not None and trip.heard_s is not None:
+            fresh = now_s - trip.heard_s < ECHO_SHOWN_S
+            link.append(f"round trip {1e3 * trip.seconds:3.0f} ms" if fresh else "no echo")
+        link.append(f"overruns {state.overruns}")
+        if operator.description is not None and operator.description.network == "insecure":
+            link.append("INSECURE: anybody may command")
+        if state.speed_factor < 1.0:
+            link.append(f"speed limit {state.speed_factor:.0%}")
+        return " | ".join(arm), " | ".join([self._stick(), *link])
+
+    def _stick(self) -> str:
+        stick, held = self.stick, " ".join(sorted(self._moving))
+        if stick.joint is not None:
+            return f"joint {stick.joint + 1} {stick.turn:.2f} rad/s {held}"
+        return f"{stick.frame} {stick.speed:g} m/s {held}"
+
+
+def event_line(event: m.Event) -> str:
+    """Return an event as one line."""
+    shown = {key: value for key, value in event.values.items() if str(value) not in event.detail}
+    values = "".join(f" {key}={value}" for key, value in shown.items())
+    mark = {"info": " ", "warning": "!", "error": "#"}[event.severity]
+    said = f": {event.detail}" if event.detail else ""
+    return f"{mark} {event.time_s:9.2f} s {event.name}{said}{values}"

@@ -1,0 +1,77 @@
+"""The stick that held keys make: a twist of the tool, or rates of one joint. Pure."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from ....protocols.messages.messages import Frame
+
+AXES = {
+    "w": (0, 1.0), "s": (0, -1.0), "a": (1, 1.0), "d": (1, -1.0), "r": (2, 1.0), "f": (2, -1.0),
+    "u": (3, 1.0), "o": (3, -1.0), "i": (4, 1.0), "k": (4, -1.0), "j": (5, 1.0), "l": (5, -1.0),
+}  # fmt: skip
+"""Key: axis of the twist (0 to 5), and its sign."""
+
+JOINT_SIGNS = {"[": -1.0, "]": 1.0, "left": -1.0, "right": 1.0, "down": -1.0, "up": 1.0}
+"""Key: direction in which the chosen joint moves."""
+
+SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
+"""Stick speeds to choose from [m/s]."""
+
+TURN_PER_METRE = 4.0
+"""Angular stick speed for each linear one [rad/m]."""
+
+FRAMES = (Frame.CRF, Frame.MRF, Frame.BASE, Frame.WORLD)
+
+
+def opposites(key: str) -> tuple[str, ...]:
+    """Return the keys that move the other way along the same axis."""
+    if key in AXES:
+        axis, sign = AXES[key]
+        return tuple(k for k, other in AXES.items() if other == (axis, -sign))
+    return tuple(k for k, sign in JOINT_SIGNS.items() if sign == -JOINT_SIGNS.get(key, 0.0))
+
+
+@dataclass
+class Stick:
+    """What the operator has chosen: speed, frame, and one joint or the tool."""
+
+    level: int = 3
+    frame: Frame = Frame.CRF
+    joint: int | None = None
+    """Number of the joint that is jogged, counted from 0; None moves the tool."""
+
+    @property
+    def speed(self) -> float:
+        """Linear speed of the tool [m/s]."""
+        return SPEEDS[self.level]
+
+    @property
+    def turn(self) -> float:
+        """Angular speed of the tool, or of the jogged joint [rad/s]."""
+        return TURN_PER_METRE * self.speed
+
+    def faster(self, steps: int) -> None:
+        """Choose a higher speed, or a lower one with negative steps."""
+        self.level = min(max(self.level + steps, 0), len(SPEEDS) - 1)
+
+    def next_frame(self) -> None:
+        """Use the axes of the next frame."""
+        self.frame = FRAMES[(FRAMES.index(self.frame) + 1) % len(FRAMES)]
+
+    def twist(self, held: Collection[str]) -> tuple[float, ...]:
+        """Return the twist (6,) [m/s, rad/s] of the keys that are held."""
+        twist = [0.0] * 6
+        for key in held:
+            if key in AXES:
+                axis, sign = AXES[key]
+                twist[axis] += sign * (self.speed if axis < 3 else self.turn)
+        return tuple(twist)
+
+    def rates(self, held: Collection[str], max_velocity: Sequence[float]) -> tuple[float, ...]:
+        """Return joint rates (n,) [rad/s] of the keys that are held, within (n,) bounds."""
+        rates = [0.0] * len(max_velocity)
+        signs = {JOINT_SIGNS[key] for key in held if key in JOINT_SIGNS}
+        if self.joint is not None and self.joint < len(rates):
+            bound = max_velocity[self.joint]
+            rates[self.joint] = sum(signs) * min(self.turn, bound)
+        return tuple(rates)

@@ -1,0 +1,1 @@
+"""Scripts: what operators do over time, and how that is played."""

@@ -1,0 +1,121 @@
+"""A script played on a running daemon, at wall time: what happened, and where the arm ended."""
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from ...protocols.messages import messages as m
+from ...protocols.messages import requests
+from ...server.control.spatial import Pose, rotation_log
+from ..operator.client.operator import POLL_S, Operator, ignore
+from ..operator.client.session import NotCertified
+from ..operator.terminal.cockpit import event_line
+from .player import Phase, Player
+from .script import Script
+
+ENABLE_WITHIN_S = 15.0
+"""A script whose arm is not enabled by then has failed [s]."""
+
+SILENCE_S = 2.0
+"""Without telemetry for this long, the daemon is taken for gone [s]."""
+
+
+class Performance:
+    """Plays a script over an operator's session; `say` prints a line.
+
+    The script's operators hold leases of their own; the session only carries them.
+    """
+
+    def __init__(self, operator: Operator, script: Script, say: Callable[[str], None]) -> None:
+        self.player = Player(
+            script,
+            operator.cell,
+            operator.session.put,
+            operator.session.ask,
+            operator.inject,
+            operator.reflection,
+        )
+        self.failure = ""
+        """Why the script could not be played to its end."""
+        self.events: list[m.Event] = []
+        self._operator, self._say = operator, say
+
+    def run(self) -> int:
+        """Play; print events and where the arm ended. Return 0 if it was played without FAULT."""
+        self.play()
+        state = self._operator.state
+        for line in self.player.refused:
+            self._say(f"refused: {line}")
+        if state is not None:
+            self._say(ending(state))
+        if self.failure:
+            self._say(f"not played: {self.failure}")
+        return 0 if not self.failure and state is not None and state.mode != "fault" else 1
+
+    def play(self, end_s: float = math.inf, watch: Callable[[], None] = lambda: None) -> None:
+        """Play the script to its end, or until `end_s`, and give back the lease.
+
+        `watch` is called all the while and may raise.
+        """
+        operator, player = self._operator, self.player
+        operator.on_state, operator.on_event = player.on_state, self._on_event
+        operator.on_reflection = player.on_reflection
+        start_s = time.monotonic()
+        try:
+            while not player.over and not self.failure:
+                operator.turn()
+                now_s = time.monotonic()
+                player.run(now_s)
+                self.failure = player.failure or self._trouble(now_s, start_s)
+                watch()
+                if now_s > end_s:
+                    break
+                time.sleep(POLL_S)
+        except NotCertified as error:
+            self.failure = str(error)
+        finally:
+            operator.on_state = operator.on_event = operator.on_reflection = ignore
+            self._release()
+
+    def _trouble(self, now_s: float, start_s: float) -> str:
+        silent_s = now_s - (self._operator.state_since_s or start_s)
+        if silent_s > SILENCE_S:
+            return f"no telemetry for {silent_s:.1f} s"
+        if self.player.phase is not Phase.PLAYING and now_s - start_s > ENABLE_WITHIN_S:
+            state = self._operator.state
+            return f"the arm was not enabled; mode is {state.mode if state else 'unknown'}"
+        return ""
+
+    def _release(self) -> None:
+        answered: list[requests.Reply] = []
+        if self.player.pilot.secret is not None:
+            self.player.pilot.mute = False
+            self.player.pilot.release(answered.append)
+            self.player.run(time.monotonic())
+            deadline_s = time.monotonic() + SILENCE_S
+            while not answered and time.monotonic() < deadline_s:
+                self._operator.session.poll()
+                time.sleep(POLL_S)
+
+    def _on_event(self, event: m.Event) -> None:
+        self.events.append(event)
+        self._say(event_line(event))
+
+
+def ending(state: m.State) -> str:
+    """Return the final mode and, with a target, how far the tool is from it."""
+    parts = [f"mode {state.mode}", f"at_goal {str(state.at_goal).lower()}"]
+    if state.target_mrf is not None:
+        for name, pose in (("commanded", state.pose_mrf), ("measured", state.pose_mrf_measured)):
+            distance, angle = _apart(pose, state.target_mrf)
+            parts.append(f"tool error {name} {1e3 * distance:.3f} mm {1e3 * angle:.3f} mrad")
+    return ", ".join(parts)
+
+
+def _apart(a: m.Vector6, b: m.Vector6) -> tuple[float, float]:
+    """Return distance [m] and angle [rad] between two poses."""
+    first, second = (Pose.from_xyz_rpy(p[:3], p[3:]) for p in (a, b))
+    turn = np.asarray(rotation_log(second.R.T @ first.R))
+    return math.dist(a[:3], b[:3]), float(np.linalg.norm(turn))

@@ -1,0 +1,1 @@
+"""Daemon and virtual hardware in one process, in virtual time."""

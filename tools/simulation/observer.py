@@ -1,0 +1,222 @@
+"""A judge on the bus: counts sent setpoints beyond any bound, from raw frames and SYNC stamps.
+
+It shares no code with the server's control: it decodes frames by itself, knows the bounds from the
+cell file, and forms finite differences of the setpoints that were in force at each SYNC. The
+tolerance is what quantised targets add: `STEPS` encoder steps, over T for speed, T² for
+acceleration and T³ for jerk.
+
+A joint that stood outside its limits when its drive was enabled may be anywhere from there inwards,
+and never further out than it has come since.
+
+Drives in CSV and CST are sent speeds and torques, which are judged by their own bounds (torque and
+its rate in CST); the motion is then judged by what the joints did, as TPDOs tell.
+"""
+
+import itertools
+import struct
+from dataclasses import dataclass, field
+
+from ...config.load import Cell
+
+STEPS = (1.0, 2.0, 4.0)
+"""Encoder steps of tolerance on first, second and third differences [1]."""
+
+RELATIVE = 1e-6
+"""Relative tolerance on every bound, for rounding [1]."""
+
+GATE = 1e-3
+"""Relative tolerance of the torque's rate: the gate's own [1]."""
+
+TRACKING = 0.05
+"""A joint that catches up with its command may be faster than its bound by this part [1]."""
+
+SAG = 0.005
+"""A joint that is enabled at its limit, or outside, may sag by so much [rad]."""
+
+_SYNC = 0x080
+_RPDO1 = 0x200
+_TPDO1 = 0x180
+_ENABLED_MASK, _ENABLED = 0x6F, 0x27
+_COMMAND_MASK, _COMMAND = 0x0F, 0x0F
+
+
+@dataclass
+class _Joint:
+    """Bounds of one joint, and the setpoints that were in force at the last SYNCs."""
+
+    name: str
+    scale: float
+    zero: float
+    lower: float
+    upper: float
+    bounds: tuple[float, float, float]
+    step: float
+    torque_bounds: tuple[float, float]
+    """Torque [N·m] and its rate [N·m/s]."""
+    torque_step: float
+    """One step of 6071h, signed [N·m]."""
+    fastest: float
+    """Greatest speed that may be sent in CSV [rad/s]."""
+    low: float
+    """Least angle that counts as inside [rad]: the limit, or how far outside the joint still is."""
+    high: float
+    measured: float | None = None
+    before: float | None = None
+    """What it was at the SYNC before the last [rad]."""
+    pending: float | None = None
+    enabled: bool = False
+    history: list[tuple[float, float]] = field(default_factory=list)
+
+    def stands(self, q: float) -> None:
+        """Take in where the joint stands while its drive is off."""
+        self.low, self.high = min(self.lower, q - SAG), max(self.upper, q + SAG)
+
+    def left(self, q: float, sag: float = 0.0) -> float | None:
+        """Return the bound that an angle is beyond, if any; one further in is a new bound."""
+        if q < self.low - self.step:
+            return self.lower
+        if q > self.high + self.step:
+            return self.upper
+        self.low = min(self.lower, max(self.low, q - sag))
+        self.high = max(self.upper, min(self.high, q + sag))
+        return None
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One setpoint beyond one bound."""
+
+    time_s: float
+    joint: str
+    kind: str
+    value: float
+    bound: float
+
+
+class Observer:
+    """Watches setpoints of every drive of a cell; told every frame on the bus, in order."""
+
+    def __init__(self, cell: Cell) -> None:
+        limits = {j.name: j for j in cell.robot.joints}
+        self._period = cell.config.timing.period_s
+        self._mode = cell.config.mechanism.operation_mode
+        self._length = 4 if self._mode == "cst" else 6
+        self._joints: dict[int, _Joint] = {}
+        for drive in cell.config.mechanism.drives:
+            joint = limits[drive.joint]
+            self._joints[drive.node] = _Joint(
+                name=drive.joint,
+                scale=drive.direction / drive.counts_per_radian,
+                zero=drive.zero_rad,
+                lower=joint.lower,
+                upper=joint.upper,
+                bounds=(drive.max_velocity, drive.max_acceleration, drive.max_jerk),
+                step=1.0 / drive.counts_per_radian,
+                torque_bounds=(drive.max_torque, drive.max_torque_rate or float("inf")),
+                torque_step=drive.direction * drive.rated_torque * 1e-3,
+                fastest=drive.max_velocity + cell.config.torque.speed_gain * drive.following_window,
+                low=joint.lower,
+                high=joint.upper,
+            )
+        self.violations: list[Violation] = []
+        self.max_speed_ratio = 0.0
+        self.max_acceleration_ratio = 0.0
+        self.syncs = 0
+
+    def frame(self, time_s: float, can_id: int, data: bytes) -> None:
+        """Take in one frame, stamped in seconds."""
+        if can_id == _SYNC:
+            self.syncs += 1
+            for joint in self._joints.values():
+                self._at_sync(joint, time_s)
+        elif _RPDO1 < can_id <= _RPDO1 + 127 and len(data) == self._length:
+            watched = self._joints.get(can_id - _RPDO1)
+            if watched is not None:
+                controlword, raw = struct.unpack("<Hh" if self._length == 4 else "<Hi", data)
+                commanded = controlword & _COMMAND_MASK == _COMMAND
+                on = commanded and watched.enabled
+                watched.pending = self._setpoint(watched, raw) if on else None
+        elif _TPDO1 < can_id <= _TPDO1 + 127 and len(data) == 8:
+            watched = self._joints.get(can_id - _TPDO1)
+            if watched is not None:
+                statusword, counts = struct.unpack_from("<Hi", data)
+                watched.enabled = statusword & _ENABLED_MASK == _ENABLED
+                if not watched.enabled:
+                    watched.stands(watched.zero + watched.scale * counts)
+                if self._mode != "csp":
+                    self._moved(time_s, watched, watched.zero + watched.scale * counts)
+
+    def _setpoint(self, joint: _Joint, raw: int) -> float:
+        """Return a raw setpoint in the joint's unit: rad, rad/s or N·m."""
+        if self._mode == "cst":
+            return joint.torque_step * raw
+        return joint.scale * raw + (joint.zero if self._mode == "csp" else 0.0)
+
+    def _moved(self, time_s: float, joint: _Joint, q: float) -> None:
+        """Judge where an enabled joint has come to."""
+        joint.before, joint.measured = joint.measured if joint.enabled else None, q
+        if not joint.enabled:
+            return
+        bound = joint.left(q, SAG)
+        if bound is not None:
+            self._found(time_s, joint, "measured_position", q, bound)
+        if joint.before is not None:
+            speed, most = (q - joint.before) / self._period, joint.bounds[0]
+            self.max_speed_ratio = max(self.max_speed_ratio, abs(speed) / most)
+            if abs(speed) > most * (1 + TRACKING) + joint.step / self._period:
+                self._found(time_s, joint, "measured_velocity", speed, most)
+
+    def _found(self, time_s: float, joint: _Joint, kind: str, value: float, bound: float) -> None:
+        self.violations.append(Violation(time_s, joint.name, kind, value, bound))
+
+    def _at_sync(self, joint: _Joint, time_s: float) -> None:
+        """Judge the setpoint that this SYNC puts in force."""
+        if joint.pending is None:
+            joint.history.clear()
+            return
+        if self._mode == "cst":
+            self._judge_torque(joint, time_s, joint.pending)
+        elif self._mode == "csv":
+            if abs(joint.pending) > joint.fastest * (1 + TRACKING) + joint.step:
+                self._found(time_s, joint, "velocity", joint.pending, joint.fastest)
+        else:
+            self._judge_position(joint, time_s, joint.pending)
+
+    def _judge_torque(self, joint: _Joint, time_s: float, torque: float) -> None:
+        most, fastest = joint.torque_bounds
+        step = abs(joint.torque_step)
+        if abs(torque) > most * (1 + RELATIVE) + 0.5 * step:
+            self._found(time_s, joint, "torque", torque, most)
+        if joint.history:
+            rate = (torque - joint.history[-1][1]) / self._period
+            if abs(rate) > fastest * (1 + GATE) + step / self._period:
+                self._found(time_s, joint, "torque_rate", rate, fastest)
+        joint.history = [(time_s, torque)]
+
+    def _judge_position(self, joint: _Joint, time_s: float, q: float) -> None:
+        beyond = joint.left(q)
+        if beyond is not None:
+            self._found(time_s, joint, "position", q, beyond)
+        joint.history = [*joint.history[-3:], (time_s, q)]
+        angles = [q for _, q in joint.history]
+        for order, kind in enumerate(("velocity", "acceleration", "jerk")):
+            if len(angles) < order + 2:
+                return
+            value = _difference(angles, order + 1) / self._period ** (order + 1)
+            bound = joint.bounds[order]
+            tolerance = STEPS[order] * joint.step / self._period ** (order + 1)
+            if order == 0:
+                self.max_speed_ratio = max(self.max_speed_ratio, abs(value) / bound)
+            elif order == 1:
+                ratio = abs(value) / bound
+                self.max_acceleration_ratio = max(self.max_acceleration_ratio, ratio)
+            if abs(value) > bound * (1 + RELATIVE) + tolerance:
+                self._found(time_s, joint, kind, value, bound)
+
+
+def _difference(values: list[float], order: int) -> float:
+    """Return the backward difference of an order, at the newest value."""
+    while order:
+        values = [b - a for a, b in itertools.pairwise(values)]
+        order -= 1
+    return values[-1]

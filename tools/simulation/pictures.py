@@ -1,0 +1,78 @@
+"""The cameras of a simulation: pictures in virtual time, at each camera's rate and latency.
+
+What a picture shows is found by the same code that looks at real ones. The pictures themselves
+are rendered, so that this needs OpenCV and something to render with.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...config.load import Cell
+from ...config.schema.cameras import Camera
+from ...drivers.rig.physics.camera import RigCameras
+from ...drivers.rig.rig import Rig
+from ...drivers.vision.detector import Detector, Sight
+from ...protocols.codec import encode
+from ...protocols.messages.sightings import PoseVector, Sighting
+from ...protocols.topics import SIGHTING, Topic
+from ...server.control.spatial import Pose
+
+Put = Callable[[Topic, bytes], None]
+
+
+def told(camera: Camera, tick: int, sight: Sight) -> Sighting:
+    """Return the message of what a picture showed."""
+    poses: list[PoseVector] = [Pose(c.R, c.p).to_xyz_rpy() for c in sight.candidates]
+    return Sighting(
+        camera=camera.name,
+        tick=tick,
+        poses=tuple(poses),
+        errors_px=tuple(min(c.error_px, 1e4) for c in sight.candidates),
+        quality=sight.quality,
+    )
+
+
+@dataclass
+class _Eye:
+    """One camera at work."""
+
+    camera: Camera
+    detector: Detector
+    due_s: float = 0.0
+    underway: deque[tuple[float, bytes]] = field(default_factory=deque)
+    """When each sighting arrives, and its bytes."""
+
+
+class SimulatedCameras:
+    """All rendered cameras of a simulated cell. Raises `DeviceError` where none can be rendered."""
+
+    def __init__(self, cell: Cell, rig: Rig, put: Put) -> None:
+        self._rig, self._put = rig, put
+        self._pictures = RigCameras(cell)
+        self._eyes = [_Eye(c, Detector(c)) for c in cell.config.cameras if c.device is None]
+
+    def run(self, now_s: float, tick: int) -> None:
+        """Hand over what has arrived by `now_s`, and take the pictures due at SYNC `tick`."""
+        rig = self._rig
+        for eye in self._eyes:
+            while eye.underway and eye.underway[0][0] <= now_s + 1e-9:
+                self._put(SIGHTING, eye.underway.popleft()[1])
+            if now_s < eye.due_s - 1e-9:
+                continue
+            eye.due_s = now_s + 1.0 / eye.camera.rate_hz
+            picture = self._pictures.picture(
+                eye.camera.name,
+                np.array(rig.world.q),
+                rig.tags.covered,
+                rig.tags.poses,
+                rig.frames.get("base"),
+            )
+            sighting = told(eye.camera, tick, eye.detector.look(picture))
+            eye.underway.append((now_s + eye.camera.latency_s, encode(sighting)))
+
+    def close(self) -> None:
+        """Let go of the renderer."""
+        self._pictures.close()

@@ -1,0 +1,324 @@
+"""Daemon logic and rig in one process, in virtual time: deterministic, faster than real time.
+
+The same CAN frames go over an in-process bus, and the script's operator goes through the same
+codec, lease and mailboxes as a real one; only the network and the wall clock are missing.
+"""
+
+import hashlib
+import math
+import struct
+import sys
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from ...config.load import Cell, ConfigError, load_cell
+from ...drivers.bus import CanMessage, Hub, InProcessBus
+from ...drivers.device import DeviceError
+from ...drivers.fieldbus import Fieldbus
+from ...drivers.rig.rig import Rig
+from ...protocols import topics as t
+from ...protocols.codec import decode_as, encode
+from ...protocols.messages import messages as m
+from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.rig import RigTruth
+from ...server.control.spatial import Pose, rotation_log
+from ...server.daemon import build
+from ...server.operators.memory_link import MemoryLink
+from ...server.runtime.clock import VirtualClock
+from ..recording.recorder import Recorder
+from ..scripts.player import Phase, Player
+from ..scripts.script import Script, load_script
+from .frame_sensors import SimulatedFrameSensors
+from .observer import Observer
+from .seeded_keys import seeded_keys
+from .view_judge import ViewJudge
+
+JUDGED_S = 0.5
+"""The tool's error is the largest over this long before the end [s]."""
+
+CONTACT_S = 1.0
+"""The contact force is the mean over this long before the end [s]."""
+
+PUMP_STEPS = 500
+"""A device that is silent for this many physics steps does not answer [1]."""
+
+ENABLE_WITHIN_S = 10.0
+"""A script whose arm is not enabled by then has failed [s]."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a simulation showed; the fields of its JSON, and the state of every tick."""
+
+    summary: dict[str, object]
+    states: tuple[m.State, ...]
+    truths: tuple[RigTruth, ...]
+    """The physics' truth after every tick."""
+
+    @property
+    def ok(self) -> bool:
+        """True when the script could be played and no limit was violated."""
+        return self.summary["failure"] is None and self.summary["limit_violations"] == 0
+
+
+class Cameras(Protocol):
+    """What the cell's cameras see."""
+
+    def run(self, now_s: float, tick: int) -> None:
+        """Hand over what has arrived by `now_s`, and take the pictures due at SYNC `tick`."""
+
+    def close(self) -> None:
+        """Let go of what makes the pictures."""
+
+
+class Simulation:
+    """One run of a cell under a script; `cameras` takes the place of the rendered ones."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        script: Script,
+        record: Path | None = None,
+        cameras: "Callable[[Simulation], Cameras] | None" = None,
+    ) -> None:
+        if cell.config.rig is None:
+            raise ConfigError(f"{cell.path}: rig: missing: there is nothing to simulate")
+        self._recorder = None if record is None else Recorder(record)
+        if self._recorder is not None:
+            self._recorder.about(cell=str(cell.path.resolve()), script=script.description)
+        self.cell = cell
+        self.hub = Hub()
+        self.clock = VirtualClock()
+        bus = InProcessBus(self.hub)
+        self.rig = Rig(cell, InProcessBus(self.hub))
+        self.hub.pump = self._pump
+        InProcessBus(self.hub, self._on_frame)
+        self.link = MemoryLink()
+        self.cycle = build(
+            cell, Fieldbus(bus, self.clock.now), self.link, self.clock, seeded_keys("daemon")
+        )
+        self.player = Player(
+            script,
+            cell.config.name,
+            self.link.put,
+            self.link.ask,
+            self.rig.inject,
+            cell.config.reflection,
+            seeded_keys("operators"),
+        )
+        self.observer = Observer(cell)
+        self.view = ViewJudge(cell)
+        mrf = cell.config.mechanism.T_wrist_mrf
+        self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
+        self.blind: str | None = None
+        """Why the cell's cameras give no pictures here, None where they do or there are none."""
+        self._cameras = self._open_cameras() if cameras is None else cameras(self)
+        self.frame_sensors = SimulatedFrameSensors(
+            cell, self.rig, lambda news: self.link.put(t.FRAME_NEWS, encode(news))
+        )
+        self.events: list[m.Event] = []
+        self.states: list[m.State] = []
+        self.truths: list[RigTruth] = []
+        self.on_tick: Callable[[Simulation], None] | None = None
+        """Called after every tick, for a judge that looks deeper."""
+        self.on_physics: Callable[[Simulation], None] | None = None
+        """Called after every physics step, for one that must not miss a spike."""
+        self._hash = hashlib.sha256()
+        self._bus = bus
+        self._errors: deque[tuple[float, float] | None] = deque(
+            maxlen=round(JUDGED_S / cell.config.timing.period_s)
+        )
+        self._compute: list[float] = []
+        self.cycle.plant.fieldbus.taps.append(self._on_sent)
+        self.link.listen(self._on_telemetry)
+
+    def run(self, until: Callable[[], bool] | None = None) -> Result:
+        """Play the script to its end, or until that is so; return what it showed."""
+        try:
+            self.cycle.boot()
+            while not self.player.over:
+                self.step()
+                waiting = self.player.phase is not Phase.PLAYING
+                if waiting and self.clock.time_s > ENABLE_WITHIN_S:
+                    break
+                if until is not None and until():
+                    break
+            return self._result()
+        finally:
+            self.cycle.close()
+            self.hub.close()
+            if self._cameras is not None:
+                self._cameras.close()
+            if self._recorder is not None:
+                self._recorder.close()
+
+    def step(self) -> None:
+        """Advance one period."""
+        period = self.cell.config.timing.period_s
+        self.clock.time_s = self.hub.time_s = self.rig.time_s
+        self.player.run(self.clock.time_s)
+        if self._cameras is not None:
+            self._cameras.run(self.clock.time_s, self.cycle.tick + 1)
+        self.frame_sensors.run(self.clock.time_s, self.cycle.tick + 1)
+        self.cycle.begin()
+        self.rig.poll()
+        self.cycle.finish()
+        self._compute.append(self.cycle.compute_s)
+        for _ in range(round(period / self.rig.dt)):
+            self.hub.time_s = self.rig.time_s + self.rig.dt  # nodes send at the end of a step
+            self.rig.step()
+            if self.on_physics is not None:
+                self.on_physics(self)
+        self._judge()
+        if self.on_tick is not None:
+            self.on_tick(self)
+
+    def _open_cameras(self) -> "Cameras | None":
+        """Return the cell's rendered cameras; none where it has none, or they cannot be had."""
+        if not any(c.device is None for c in self.cell.config.cameras):
+            return None
+        try:
+            from .pictures import SimulatedCameras
+
+            return SimulatedCameras(self.cell, self.rig, self.link.put)
+        except DeviceError as error:
+            self.blind = str(error)
+            print(f"telerobot: no pictures: {error}", file=sys.stderr)
+            return None
+
+    def _pump(self) -> None:
+        """Let virtual time pass while the daemon waits, as it may in BOOT, until it hears."""
+        for _ in range(PUMP_STEPS):
+            if self._bus.waiting:
+                return
+            self.rig.poll()
+            if not self._bus.waiting:
+                self.rig.step()
+            self.clock.time_s = self.hub.time_s = self.rig.time_s
+
+    # --- listening ---------------------------------------------------------------------------
+
+    def _on_frame(self, message: CanMessage) -> None:
+        """Every frame on the bus, whoever sent it."""
+        data = bytes(message.data)
+        self.observer.frame(self.hub.time_s, message.arbitration_id, data)
+        if self._recorder is not None:
+            self._recorder.frame(self.hub.time_s, message.arbitration_id, data, sent=False)
+
+    def _on_sent(self, can_id: int, data: bytes) -> None:
+        self._hash.update(struct.pack("<HB", can_id, len(data)) + data)
+
+    def _on_telemetry(self, topic: t.Topic, payload: bytes) -> None:
+        if topic is t.STATE:
+            state = decode_as(m.State, payload, topic.max_bytes)
+            self.states.append(state)
+            self.player.on_state(state)
+            self._write("state", state)
+        elif topic is t.REFLECTION:
+            news = decode_as(Reflection, payload, topic.max_bytes)
+            self.player.on_reflection(news)
+            self._write("reflection", news)
+        elif topic is t.EVENT:
+            event = decode_as(m.Event, payload, topic.max_bytes)
+            self.events.append(event)
+            if event.name == "view_stored":
+                self.view.on_event(event, self.rig.truth())
+            self._write("event", event)
+
+    def _write(self, topic: str, message: m.Message) -> None:
+        if self._recorder is not None:
+            self._recorder.message(topic, self.clock.time_s, message)
+
+    # --- judging -----------------------------------------------------------------------------
+
+    def _judge(self) -> None:
+        truth = self.rig.truth()
+        self.truths.append(truth)
+        self._write("truth", truth)
+        placed = self.cycle.placed_target
+        if placed is None:
+            self._errors.append(None)
+            return
+        ground, target = placed
+        if ground in truth.frames:  # judged by where the ground truly is
+            pose = truth.frames[ground]
+            target = Pose.from_xyz_rpy(pose[:3], pose[3:]) @ target
+        true = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
+        true = true @ self._T_mrf_wrist @ self.cycle.T_wrist_mrf
+        turn = rotation_log(target.R.T @ true.R)
+        self._errors.append((float(np.linalg.norm(true.p - target.p)), float(np.linalg.norm(turn))))
+
+    def _result(self) -> Result:
+        period = self.cell.config.timing.period_s
+        ticks_of_contact = round(CONTACT_S / period)
+        contact = [truth.contact_force for truth in self.truths[-ticks_of_contact:]]
+        clear = [truth.clearance_m for truth in self.truths if truth.clearance_m is not None]
+        sight = [d for truth in self.truths for of in truth.sight.values() for d in of.values()]
+        view = self.view.error(self.truths[-1]) if self.truths else None
+        judged = [e for e in self._errors if e is not None]
+        settled = len(judged) == self._errors.maxlen
+        micros = np.array(self._compute) * 1e6 if self._compute else np.zeros(1)
+        failure = self.player.failure or (
+            None if self.player.phase in (Phase.OVER, Phase.PLAYING) else "the arm was not enabled"
+        )
+        summary: dict[str, object] = {
+            "cell": self.cell.config.name,
+            "failure": failure,
+            "ticks": self.cycle.tick,
+            "duration_s": round(self.clock.time_s + period, 9),
+            "mode": str(self.cycle.mode),
+            "events": [
+                {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}
+                | ({"values": e.values} if e.values else {})
+                for e in self.events
+            ],
+            "refused": self.player.refused,
+            "limit_violations": len(self.observer.violations),
+            "violations": [v.__dict__ for v in self.observer.violations[:20]],
+            "limited_ticks": sum(bool(s.limits) for s in self.states),
+            "min_clearance_m": min(clear) if clear else None,
+            "min_sight_m": min(sight) if sight else None,
+            "max_speed_ratio": self.observer.max_speed_ratio,
+            "max_acceleration_ratio": self.observer.max_acceleration_ratio,
+            "tool_error_m": max(e[0] for e in judged) if settled else None,
+            "tool_error_rad": max(e[1] for e in judged) if settled else None,
+            "view_error_m": None if view is None else view[0],
+            "view_error_rad": None if view is None else view[1],
+            "contact_force_n": _mean_norm(contact),
+            "q_final": list(self.truths[-1].q) if self.truths else [],
+            "tick_us": {
+                "p50": round(float(np.percentile(micros, 50)), 1),
+                "p99": round(float(np.percentile(micros, 99)), 1),
+                "max": round(float(micros.max()), 1),
+            },
+            "command_hash": self._hash.hexdigest(),
+        }
+        return Result(summary, tuple(self.states), tuple(self.truths))
+
+
+def _mean_norm(forces: list[tuple[float, float, float]]) -> float:
+    if not forces:
+        return 0.0
+    return math.fsum(math.sqrt(x * x + y * y + z * z) for x, y, z in forces) / len(forces)
+
+
+def simulate(
+    cell: Cell | str | Path, script: Script | str | Path | None = None, record: Path | None = None
+) -> Result:
+    """Simulate a cell under a script (the cell's own by default).
+
+    Raises `ConfigError` for a cell or script that is wrong, `OSError` for a recording that cannot
+    be written.
+    """
+    if not isinstance(cell, Cell):
+        cell = load_cell(cell)
+    if script is None:
+        script = cell.default_script
+    if not isinstance(script, Script):
+        script = load_script(script)
+    return Simulation(cell, script, record).run()

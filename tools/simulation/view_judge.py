@@ -1,0 +1,69 @@
+"""How far the true view is from the one that was stored: the physics' truth, never the pictures."""
+
+import math
+
+from ...config.load import Cell
+from ...config.schema.cameras import Camera, RigTag
+from ...protocols.messages import messages as m
+from ...protocols.messages.rig import RigTruth
+from ...server.control.spatial import Pose, rotation_log
+
+
+class ViewJudge:
+    """Remembers the true view when one is stored, and compares."""
+
+    def __init__(self, cell: Cell) -> None:
+        mrf, base = cell.config.mechanism.T_wrist_mrf, cell.config.mechanism.T_world_base
+        self._base = (*base.xyz, *base.rpy)
+        self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
+        self._cameras = {c.name: c for c in cell.config.cameras}
+        tags = () if cell.config.rig is None else cell.config.rig.tags
+        self._tags = {tag.tag: tag for tag in tags}
+        self._camera = cell.config.sources.vision.camera or next(iter(self._cameras), "")
+        self._stored: Pose | None = None
+
+    def view(self, truth: RigTruth, camera: str | None = None) -> Pose | None:
+        """Return the true pose of a camera's tag in its Lens, None where there is no such tag."""
+        seen_by = self._cameras.get(camera or self._camera)
+        tag = None if seen_by is None else self._tags.get(seen_by.tag)
+        if seen_by is None or tag is None:
+            return None
+        T_world_mrf = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
+        T_world_wrist = T_world_mrf @ self._T_mrf_wrist
+        base = truth.frames.get("base", self._base)
+        T_world_base = Pose.from_xyz_rpy(base[:3], base[3:])
+        return _lens(seen_by, T_world_wrist, T_world_base).inverse() @ _tag(
+            tag, T_world_wrist, truth
+        )
+
+    def on_event(self, event: m.Event, truth: RigTruth) -> None:
+        """Take in an event, with the truth at its time."""
+        if event.name == "view_stored":
+            self._camera = event.detail or self._camera
+            self._stored = self.view(truth)
+
+    def error(self, truth: RigTruth) -> tuple[float, float] | None:
+        """Return how far the Lens is from the stored view [m, rad], None before one is stored.
+
+        Of a camera beside the arm: how far the target is.
+        """
+        now = self.view(truth)
+        if self._stored is None or now is None:
+            return None
+        carried = self._cameras[self._camera].on == "wrist"
+        a, b = (self._stored.inverse(), now.inverse()) if carried else (self._stored, now)
+        turn = rotation_log(a.R.T @ b.R)
+        way = b.p - a.p
+        return math.sqrt(float(way @ way)), math.sqrt(float(turn @ turn))
+
+
+def _lens(camera: Camera, T_world_wrist: Pose, T_world_base: Pose) -> Pose:
+    stands = {"wrist": T_world_wrist, "base": T_world_base, "world": Pose.identity()}
+    return stands[camera.on] @ Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)
+
+
+def _tag(tag: RigTag, T_world_wrist: Pose, truth: RigTruth) -> Pose:
+    if tag.T_wrist_tag is not None:
+        return T_world_wrist @ Pose.from_xyz_rpy(tag.T_wrist_tag.xyz, tag.T_wrist_tag.rpy)
+    pose = truth.tags[tag.name]
+    return Pose.from_xyz_rpy(pose[:3], pose[3:])
