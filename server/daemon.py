@@ -83,7 +83,11 @@ def guard_of(cell: Cell, p: Parameters) -> Guard | None:
 
     Raises `ConfigError` where a link's shape is not known.
     """
-    return Guard(cell, p.acceleration, p.jerk, p.links) if cell.config.keeps_clear else None
+    return (
+        Guard(cell, p.joints.acceleration, p.joints.jerk, p.links)
+        if cell.config.keeps_clear
+        else None
+    )
 
 
 class Ending:

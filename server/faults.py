@@ -16,8 +16,8 @@ class Faults:
 
     def __init__(self, cell: Cell, p: Parameters) -> None:
         nodes = {d.joint: d.node for d in cell.config.mechanism.drives}
-        self._joints, self._window = p.joints, p.following_window
-        self._nodes = tuple(nodes[j] for j in p.joints)
+        self._joints, self._window = p.joints.names, p.joints.following_window
+        self._nodes = tuple(nodes[j] for j in p.joints.names)
 
     def find(self, mode: Mode, reading: PlantReading, output: Output | None) -> Trouble | None:
         """Return what is wrong now, or None; `output` is the last tick's."""

@@ -9,6 +9,7 @@ from ...config.schema.cell import CellConfig, Limits, Redundancy, Resolve, Sched
 from ...config.schema.following import Following
 from ...config.schema.null_space.potential import PotentialField
 from ...config.schema.torque import Torque
+from .joints import Joints
 from .mechanism.null_space.priority import Priority
 from .mechanism.payload import Payload
 from .proximity.capsules import Links
@@ -42,15 +43,7 @@ class Parameters:
     """Constants of one cell's control; joint arrays are (n,), Cartesian ones (6,)."""
 
     period_s: float
-    joints: tuple[str, ...]
-    lower: Array
-    """Least joint angle that a command may ask for: the URDF's, plus the margin [rad]."""
-    upper: Array
-    velocity: Array
-    acceleration: Array
-    jerk: Array
-    leash: Array
-    following_window: Array
+    joints: Joints
     limits: Limits
     resolve: Resolve
     redundancy: Redundancy
@@ -98,7 +91,7 @@ class Parameters:
     @property
     def n(self) -> int:
         """Number of joints."""
-        return len(self.joints)
+        return self.joints.n
 
     @classmethod
     def from_cell(cls, cell: Cell) -> "Parameters":
@@ -119,14 +112,16 @@ class Parameters:
         mrf = c.mechanism.T_wrist_mrf
         return cls(
             period_s=c.timing.period_s,
-            joints=tuple(j.name for j in cell.robot.joints),
-            lower=np.array([j.lower for j in cell.robot.joints]) + margin,
-            upper=np.array([j.upper for j in cell.robot.joints]) - margin,
-            velocity=np.array([d.max_velocity for d in ordered]),
-            acceleration=np.array([d.max_acceleration for d in ordered]),
-            jerk=np.array([d.max_jerk for d in ordered]),
-            leash=np.array([d.leash for d in ordered]),
-            following_window=np.array([d.following_window for d in ordered]),
+            joints=Joints(
+                names=tuple(j.name for j in cell.robot.joints),
+                lower=np.array([j.lower for j in cell.robot.joints]) + margin,
+                upper=np.array([j.upper for j in cell.robot.joints]) - margin,
+                velocity=np.array([d.max_velocity for d in ordered]),
+                acceleration=np.array([d.max_acceleration for d in ordered]),
+                jerk=np.array([d.max_jerk for d in ordered]),
+                leash=np.array([d.leash for d in ordered]),
+                following_window=np.array([d.following_window for d in ordered]),
+            ),
             limits=c.limits,
             resolve=c.resolve,
             redundancy=c.redundancy,

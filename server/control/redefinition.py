@@ -12,11 +12,11 @@ import numpy as np
 
 from .evolve import evolve
 from .mechanism.kinematics import Kinematics
+from .rigid_body import motion_at, slowed_at, twist_at
 from .spatial import Array, Pose, moved_near, rotate_twist
 from .state import Inputs, Intent, Memory
 from .stop.trajectory import Motion
 from .task.paths.free import Free
-from .task.rigid_body import motion_at, slowed_at, twist_at
 from .task.sources.following import SLACK
 from .task.sources.position import Position, PositionState
 

@@ -14,10 +14,10 @@ from .mechanism.kinematics import Kinematics
 from .mechanism.payload import Payload
 from .parameters import Parameters
 from .redefinition import carried, differ, goal_point, led
+from .rigid_body import twist_at
 from .spatial import GRAVITY, Array, Pose, rotate_twist, wrench_to
 from .state import Inputs, Intent, Memory, Settings
 from .task.gains import GAIN_TIME_S
-from .task.rigid_body import twist_at
 from .task.sources.feedforward import About, Frames, FramesState
 from .task.sources.following import Following, FollowingState
 from .task.sources.force import Force, load_of

@@ -9,36 +9,37 @@ A pure function of its inputs: no I/O, no clock, no thread, no logging.
 
 import math
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from .actuation.actuation import Now, actuation
-from .barriers.barriers import Allow, Allowed, ordered
+from .actuation.actuation import Now
+from .barriers.barriers import Allowed, State
 from .barriers.collision import Guard, Watch
 from .evolve import evolve
-from .gate import Gate
-from .hold.retreat import Retreat
-from .mechanism.joint_motion import JointMotion, at_posture
+from .mechanism.joint_motion import at_posture
+from .mechanism.joint_rates import Around, Wish
 from .mechanism.kinematics import Kinematics, Mechanism
-from .mechanism.null_space.potential_field import Felt, Field, further, on_path, shifted
-from .mechanism.null_space.redundancy import Redundancy, SelfMotion
-from .mechanism.resolution import resolve
-from .mechanism.singularity import Travel
+from .mechanism.null_space.potential_field import Felt, further, on_path
+from .mechanism.null_space.redundancy import SelfMotion
 from .parameters import Parameters
 from .proximity.capsules import Placed
 from .spatial import Array, Pose, sizes
+from .stages import Stages
 from .state import Inputs, Intent, Memory, Output
-from .stop.limiter import Limited, Limiter
+from .stop.limiter import Limited
 from .stop.trajectory import Motion, Stop
-from .summing import Summing
-from .task.gains import Gains, Quantities
-from .task.rigid_body import jacobian_at, twist_at
+from .task.gains import Quantities
 from .task.sources.following import FollowingState
 from .task.sources.force import ForceState
 from .task.sources.joystick import JoystickState
 from .task.sources.position import PositionState
 from .task.sources.vision import VisionState
+
+ORDERED: Final = 1e-3
+"""A source that asks for more than this means it; below, it makes up for noise [m/s, rad/s]."""
+
+_ACCOMMODATION: Final = "force"
 
 SLID = 0.99
 """A tool that does less than this part of what its path does has been turned off it [1]."""
@@ -74,35 +75,23 @@ class Control:
         """Build it; `guard` keeps clearances, None in a cell that has none to keep."""
         self.p = p
         self.mechanism = mechanism
-        T = p.period_s
-        self.summing = Summing(p)
-        self.gains = Gains(p.schedules, T)
-        self.redundancy = Redundancy(p, mechanism)
-        self.field = Field(p, mechanism.rank)
-        self.allow = Allow(p, guard)
-        # Where links are is found once for all that the cell describes by the same ones.
-        self._links = None if guard is None or guard.links is not p.links else guard.links
-        self.joint_motion = JointMotion(p, self.allow.room)
-        self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
-        self.limiter = Limiter(p.lower, p.upper, p.acceleration, p.jerk, T)
-        self.actuate = actuation(p, mechanism)
-        self.gate = Gate(p.joints, p.lower, p.upper, p.velocity, p.acceleration, p.jerk, T)
+        self.stages = Stages(p, mechanism, guard)
 
     def seed(self, q: Array) -> Memory:
         """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
         rest = Motion.at_rest(q)
         return Memory(
             motion=rest,
-            stop=self.limiter.verified_stop(rest),
+            stop=self.stages.limiter.verified_stop(rest),
             sent=(q, q, q),
             gains={},
-            pulls=self.redundancy.pulls,
+            pulls=self.stages.redundancy.pulls,
             joystick=JoystickState.idle(),
             position=PositionState(),
             vision=VisionState.idle(),
             force=ForceState(),
             following=FollowingState(),
-            retreat=None if self.retreat is None else self.retreat.start,
+            retreat=None if self.stages.retreat is None else self.stages.retreat.start,
         )
 
     def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
@@ -115,7 +104,7 @@ class Control:
         T_world_wrist_measured = self.mechanism.pose_wrist(
             inputs.q_measured, None if moved is None else moved.T_world_base_measured
         )
-        memory = self.summing.measure(memory, inputs, T_world_wrist_measured)
+        memory = self.stages.summing.measure(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
             if inputs.energised is not None:
@@ -130,30 +119,39 @@ class Control:
         )
         memory = self._tune(memory, inputs, kinematics)
         placed = None
-        if self._links is not None and inputs.settings.avoid:
-            placed = self._links.place(
+        if self.stages.links is not None and inputs.settings.avoid:
+            placed = self.stages.links.place(
                 memory.motion.q[None], None if moved is None else moved.base.T
             )
         memory, asked = self._ask(memory, inputs, kinematics, placed)
         memory, dq = self._give_way(memory, inputs, kinematics, asked.dq)
         error = memory.sent[1] - inputs.q_measured
-        allowed = self.allow.nearest(
-            memory,
-            kinematics,
+        allowed = self.stages.allow.nearest(
             dq,
-            error,
-            inputs.settings,
-            inputs.scene,
-            None if moved is None else moved.base,
-            placed,
-            asked.by_joint,
-            self.allow.guard is None or ordered(asked.twists, inputs),
+            kinematics,
+            State(
+                motion=memory.motion,
+                error=error,
+                way=memory.sent[1] - memory.sent[2],
+                levels=memory.levels,
+                resistance=memory.resistance,
+                # An arm that may not move gives way at most, and is not held up.
+                may_move=memory.moving_since_s is not None,
+                speed_factor=inputs.settings.speed_factor,
+                T_wrist_mrf=inputs.settings.T_wrist_mrf,
+                keep_clear=inputs.settings.avoid,
+                scene=inputs.scene,
+                base=None if moved is None else moved.base,
+                placed=placed,
+                by_joint=asked.by_joint,
+                ordered=self.stages.allow.guard is None or _ordered(asked.twists, inputs),
+            ),
         )
         limited = self._limit(memory, inputs, allowed)
-        refusal = self.gate.refusal(limited.motion.q, memory.sent)
-        wrench = self.summing.wrench_mrf(memory, inputs.settings.T_wrist_mrf)
-        hand = self.summing.hand_mrf(memory, inputs.settings.T_wrist_mrf)
-        actuated = self.actuate(
+        refusal = self.stages.gate.refusal(limited.motion.q, memory.sent)
+        wrench = self.stages.summing.wrench_mrf(memory, inputs.settings.T_wrist_mrf)
+        hand = self.stages.summing.hand_mrf(memory, inputs.settings.T_wrist_mrf)
+        actuated = self.stages.actuate(
             memory.torque,
             Now(
                 inputs.q_measured,
@@ -214,14 +212,14 @@ class Control:
     def _tune(self, memory: Memory, inputs: Inputs, k: Kinematics) -> Memory:
         """Return the memory with the gains in effect: scheduled, and ramped while moving."""
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
-        pulls = settings.pulls or self.redundancy.pulls
+        pulls = settings.pulls or self.stages.redundancy.pulls
         since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
-        gains = self.gains.scheduled(
+        gains = self.stages.gains.scheduled(
             settings.gains, lambda: _quantities(memory, inputs, k, inputs.time_s - since_s)
         )
         if moving and memory.gains.keys() == gains.keys():
-            gains = self.gains.ramped(memory.gains, gains)
-            pulls = self.redundancy.ramped(memory.pulls, pulls, self.gains.part)
+            gains = self.stages.gains.ramped(memory.gains, gains)
+            pulls = self.stages.redundancy.ramped(memory.pulls, pulls, self.stages.gains.part)
         return evolve(memory, gains=gains, pulls=pulls, moving_since_s=since_s if moving else None)
 
     # --- what is asked for -------------------------------------------------------------------
@@ -234,63 +232,59 @@ class Control:
         if self.p.priority is not None:
             near = self.p.priority.look(memory.motion.q, inputs.scene, memory.near, base)
             memory = evolve(memory, near=near)
-        memory, twists = self.summing.twists(memory, inputs, k)
+        memory, twists = self.stages.summing.twists(memory, inputs, k)
         twist = np.zeros(6)
         for part in twists.values():
             twist = twist + part
-        joint_rates = self.joint_motion.rates(memory.motion.q, inputs)
+        joint_rates = None
+        if inputs.intent is Intent.MOVE:
+            joint_rates = self.stages.joint_motion.rates(
+                memory.motion.q, inputs.jog, inputs.posture, inputs.settings.speed_factor
+            )
         if joint_rates is not None:
             twists = {name: np.zeros(6) for name in twists}
             twist = k.J @ joint_rates
         s_tool = self._tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
-        self_motion = self.redundancy.none()
+        self_motion = self.stages.redundancy.none()
         if joint_rates is not None:
             dq = s_tool * joint_rates
             return memory, _Asked(
                 dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True
             )
-        q = memory.motion.q
-        factor, felt = inputs.settings.speed_factor, None
-        spare = inputs.intent is Intent.MOVE and not inputs.at_posture
-        # A new MRF brings no singularity nearer: they are judged at the same point of the tool.
-        lever = k.T_world_wrist.R @ (self.p.T_wrist_tool.p - inputs.settings.T_wrist_mrf.p)
-        elsewhere = np.count_nonzero(lever) > 0
-        if elsewhere:
-            there = Pose(k.T_world_mrf.R, k.T_world_mrf.p + lever)
-            k = Kinematics(k.T_world_wrist, there, jacobian_at(k.J, lever))
-        seen = self.field.look(q, k, inputs.scene, memory.pulls, base, placed) if spare else None
-        give_way = self.field.give_way(seen, memory.off_path, inputs.goal, factor)
-        asked = shifted(s_tool * twist, give_way)
-        task = resolve(
-            k.J,
-            twist_at(asked, lever) if elsewhere else asked,
-            self.p.resolve,
-            Travel(q - self.p.lower, self.p.upper - q),
-            self.mechanism.rank,
+        wish = Wish(
+            s_tool * twist,
+            inputs.settings.T_wrist_mrf,
+            memory.pulls,
+            inputs.settings.speed_factor,
+            inputs.intent is Intent.MOVE and not inputs.at_posture,
+            memory.off_path,
+            inputs.goal is not None,
         )
-        dq = task.dq
-        if spare:
-            downhill, felt = self.field.self_motion(seen, task.null)
-            outside = {} if downhill is None else {"field": downhill}
-            if self.p.priority is not None and memory.near is not None:
-                outside["spheres"] = self.p.priority.rates(memory.near, task.null)
-            self_motion = self.redundancy.rate(q, k.J, dq, task.null, memory.pulls, factor, outside)
-            dq = dq + self_motion.dq
-        if task.singular:
+        around = Around(inputs.scene, memory.near, base, placed)
+        found = self.stages.resolver.rates(memory.motion.q, k, wish, around)
+        if found.singular:
             limits += ("singularity",)
         return memory, _Asked(
-            dq, twists, twist, s_tool, limits, task.sigma_min, self_motion, felt, give_way
+            found.dq,
+            twists,
+            twist,
+            s_tool,
+            limits,
+            found.sigma_min,
+            found.self_motion,
+            found.field,
+            found.give_way,
         )
 
     def _give_way(
         self, memory: Memory, inputs: Inputs, k: Kinematics, dq: Array
     ) -> tuple[Memory, Array]:
         """Add what gives way after a touch to joint rates dq (n,)."""
-        if self.retreat is None or memory.retreat is None:
+        if self.stages.retreat is None or memory.retreat is None:
             return memory, dq
         held = inputs.intent is Intent.HOLD
-        state, dq = self.retreat.step(
+        state, dq = self.stages.retreat.step(
             memory.retreat, memory.motion.q, dq, k.J, inputs.pushed, inputs.time_s, held
         )
         return memory if state is memory.retreat else evolve(memory, retreat=state), dq
@@ -308,15 +302,15 @@ class Control:
     def _limit(self, memory: Memory, inputs: Inputs, allowed: Allowed) -> Limited:
         """Bound acceleration and jerk, and keep a verified stop at hand."""
         if inputs.intent is Intent.STOP:
-            return self.limiter.go_on(memory.stop)
+            return self.stages.limiter.go_on(memory.stop)
         if inputs.intent is Intent.SEED:
             return Limited(memory.motion, memory.stop, False)
-        guard, watch = self.allow.guard, allowed.watch
+        guard, watch = self.stages.allow.guard, allowed.watch
         judge = None
         if guard is not None and watch is not None:
             judge = partial(_shortfall, guard, watch)
         factor = inputs.settings.speed_factor
-        return self.limiter.step(memory.motion, memory.stop, allowed.dq, factor, judge)
+        return self.stages.limiter.step(memory.motion, memory.stop, allowed.dq, factor, judge)
 
     # --- what is remembered ------------------------------------------------------------------
 
@@ -337,10 +331,10 @@ class Control:
             "stop": limited.stop,
             "quickness": max(sizes(k.J @ limited.motion.ddq)[0], LATELY * memory.quickness),
             "sent": (limited.motion.q, memory.sent[0], memory.sent[1]),
-            "position": self.summing.position.advance(
+            "position": self.stages.summing.position.advance(
                 memory.position, 0.0 if limited.stopped else pace, slid=scale < SLID * pace
             ),
-            "following": self.summing.following.advance(
+            "following": self.stages.summing.following.advance(
                 memory.following, asked.twist, granted, k.T_world_mrf
             ),
             "hold": memory.hold if inputs.intent is Intent.HOLD else None,
@@ -382,6 +376,19 @@ def _path_of_mrf(inputs: Inputs, T: Pose | None) -> Pose | None:
     if T is None or led is None:
         return T
     return T @ (led.inverse() @ inputs.settings.T_wrist_mrf)
+
+
+def _ordered(twists: dict[str, Array], inputs: Inputs) -> bool:
+    """Return whether anything but accommodation tells the arm to move.
+
+    Noise of the force/torque sensor always asks for a little. News of obstacles needs no lease: an
+    arm that nobody tells to move shall not be led away by it.
+    """
+    if inputs.jog is not None or inputs.posture is not None or inputs.wrench_desired.any():
+        return True
+    return any(
+        max(sizes(twist)) > ORDERED for source, twist in twists.items() if source != _ACCOMMODATION
+    )
 
 
 def _shortfall(guard: Guard, watch: Watch, stop: Stop) -> float:

@@ -36,7 +36,7 @@ class GivingWay:
     """Judges what a touch means in each mode."""
 
     def __init__(self, p: Parameters, events: Events) -> None:
-        self._joints, self._T, self._events = p.joints, p.period_s, events
+        self._joints, self._T, self._events = p.joints.names, p.period_s, events
         self._leash = p.retreat_leash
         self.touched = False
         """True while something pushes that the arm has stopped for."""

@@ -45,7 +45,7 @@ class Watches:
             weight, twists = None, {}
             if output is not None:
                 twists = output.twists
-                weight = self._control.summing.weight(
+                weight = self._control.stages.summing.weight(
                     output.T_world_mrf_measured, orders.settings()
                 )
             self.sensor.look(reading, weight, twists)

@@ -29,7 +29,9 @@ class Arm:
         return np.array(self.cell.config.mechanism.postures[name])
 
     def random_posture(self, rng: np.random.Generator) -> Array:
-        return rng.uniform(np.maximum(self.p.lower, -np.pi), np.minimum(self.p.upper, np.pi))
+        return rng.uniform(
+            np.maximum(self.p.joints.lower, -np.pi), np.minimum(self.p.joints.upper, np.pi)
+        )
 
     def gains(self, **of: float | Array) -> dict[str, Array]:
         """Return the cell's gains, with those of some sources replaced."""
@@ -78,11 +80,13 @@ class Run:
 
     def observe(self) -> None:
         """Judge the whole run from the postures sent alone, as an observer on the bus would."""
-        q, p, T = np.array(self.sent), self.arm.p, self.arm.p.period_s
+        q, joints, T = np.array(self.sent), self.arm.p.joints, self.arm.p.period_s
         assert np.isfinite(q).all()
-        assert (q >= np.minimum(p.lower, self.q) - 1e-9).all()
-        assert (q <= np.maximum(p.upper, self.q) + 1e-9).all()
-        for order, bound in enumerate((p.velocity, p.acceleration, p.jerk), start=1):
+        assert (q >= np.minimum(joints.lower, self.q) - 1e-9).all()
+        assert (q <= np.maximum(joints.upper, self.q) + 1e-9).all()
+        for order, bound in enumerate(
+            (joints.velocity, joints.acceleration, joints.jerk), start=1
+        ):
             worst = (np.abs(np.diff(q, order, axis=0)) / (bound * T**order)).max()
             assert worst <= 1.0 + 1e-5, f"derivative {order}: {worst} of its bound"
         assert [o.refusal for o in self.outputs if o.refusal is not None] == []

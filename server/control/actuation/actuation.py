@@ -8,11 +8,10 @@ a posture.
 from typing import NamedTuple, Protocol
 
 from ..compiled import VECTOR, compiled
-from ..gate import TOLERANCE
-from ..mechanism.dynamics import Dynamics
-from ..mechanism.kinematics import Kinematics, Mechanism
-from ..parameters import Parameters
+from ..joints import Joints
+from ..mechanism.kinematics import Kinematics
 from ..spatial import Array, Pose
+from ..stop.gate import TOLERANCE
 from ..stop.trajectory import Motion
 from .torque import TorqueLaw, Torques, TorqueState
 
@@ -57,15 +56,6 @@ class Actuation(Protocol):
         ...
 
 
-def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
-    """Return the actuation of a cell's operation mode."""
-    if p.operation_mode == "csv":
-        return BySpeed(p)
-    if p.operation_mode == "cst":
-        return ByTorque(p, mechanism)
-    return by_position
-
-
 def by_position(_state: TorqueState | None, now: Now) -> Actuated:
     """CSP: the commanded posture."""
     return Actuated(now.after.q, None)
@@ -74,9 +64,10 @@ def by_position(_state: TorqueState | None, now: Now) -> Actuated:
 class BySpeed:
     """CSV: the commanded rates, and what brings the joints to the command."""
 
-    def __init__(self, p: Parameters) -> None:
-        self._joints, self._gain = p.joints, p.torque.speed_gain
-        self._most = (1.0 + TOLERANCE) * p.velocity + self._gain * p.following_window
+    def __init__(self, joints: Joints, gain: float) -> None:
+        """Build it; `gain` [1/s] leads joints to the command."""
+        self._joints, self._gain = joints.names, gain
+        self._most = (1.0 + TOLERANCE) * joints.velocity + gain * joints.following_window
 
     def __call__(self, _state: TorqueState | None, now: Now) -> Actuated:
         """Return the speeds (n,) [rad/s]."""
@@ -87,22 +78,24 @@ class BySpeed:
 class ByTorque:
     """CST: the torques of the law, inside the bounds of torque and of its rate."""
 
-    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
-        dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
-        self._law = TorqueLaw(
-            dynamics,
-            p.torque,
-            p.friction,
-            p.max_torque,
-            p.resolve.characteristic_length,
-            p.period_s,
-            p.max_torque_rate,
-        )
-        self._weighs = p.T_wrist_sensor is not None
+    def __init__(
+        self,
+        joints: tuple[str, ...],
+        law: TorqueLaw,
+        *,
+        weighs: bool,
+        most: Array,
+        most_step: Array,
+    ) -> None:
+        """Build it: torques are within `most` (n,) [N·m], and change by `most_step` (n,) a period.
+
+        `weighs` tells whether a sensor carries a payload, which the law's dynamics then have.
+        """
+        self._law, self._weighs = law, weighs
         # Scratch: what the law's dynamics carry.
         self._carried: bytes | None = None
-        self._joints, self._most = p.joints, p.max_torque
-        self._step = (1.0 + TOLERANCE) * p.max_torque_rate * p.period_s
+        self._joints, self._most = joints, most
+        self._step = (1.0 + TOLERANCE) * most_step
 
     def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
         """Return the torques (n,) [N·m]."""

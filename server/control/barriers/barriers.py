@@ -5,40 +5,51 @@ keep every barrier: self-motion is spent first, then speed along the path, and o
 along which the tool would stop: it slides on along the barrier.
 """
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..frame_tree import Body
+from ..joints import Joints
 from ..mechanism.kinematics import Kinematics
-from ..parameters import Parameters
 from ..proximity.capsules import Placed
 from ..scene import Scene
-from ..spatial import Array, sizes
-from ..state import Inputs, Memory, Settings
+from ..spatial import Array, Pose
+from ..stop.trajectory import Motion
 from .clearance import Levels, Shown
 from .collision import Guard, Situation, Watch
 from .joint_limits import JointRoom
 from .programme import nearest
 from .resisted import Resistance
 
-ORDERED: Final = 1e-3
-"""A source that asks for more than this means it; below, it makes up for noise [m/s, rad/s]."""
 
-_ACCOMMODATION: Final = "force"
+class State(NamedTuple):
+    """What barriers have to know of one tick."""
 
-
-def ordered(twists: dict[str, Array], inputs: Inputs) -> bool:
-    """Return whether anything but accommodation tells the arm to move.
-
-    Noise of the force/torque sensor always asks for a little. News of obstacles needs no lease: an
-    arm that nobody tells to move shall not be led away by it.
-    """
-    if inputs.jog is not None or inputs.posture is not None or inputs.wrench_desired.any():
-        return True
-    return any(
-        max(sizes(twist)) > ORDERED for source, twist in twists.items() if source != _ACCOMMODATION
-    )
+    motion: Motion
+    """The commanded joints."""
+    error: Array
+    """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
+    way: Array
+    """Way of the command (n,) [rad] in the tick whose effect is measured now."""
+    levels: Levels
+    """Best gap so far of pairs that are below their bounds."""
+    resistance: Resistance | None
+    """What holds the arm up; None before the first tick."""
+    may_move: bool
+    speed_factor: float
+    T_wrist_mrf: Pose
+    keep_clear: bool = False
+    """Clearances are kept."""
+    scene: Scene | None = None
+    base: Body | None = None
+    """A Base that moves."""
+    placed: Placed | None = None
+    """Where links are, where that is known already."""
+    by_joint: bool = False
+    """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
+    ordered: bool = True
+    """Somebody tells the arm to move."""
 
 
 class Allowed(NamedTuple):
@@ -68,50 +79,53 @@ class Allowed(NamedTuple):
 class Allow:
     """The barriers of one cell, composed."""
 
-    def __init__(self, p: Parameters, guard: Guard | None = None) -> None:
-        self._p = p
+    def __init__(
+        self, joints: Joints, period_s: float, length: float, guard: Guard | None = None
+    ) -> None:
+        """Build it; rotations weigh `length` [m/rad], `guard` keeps clearances."""
+        self._joints, self._length = joints, length
         self.guard = guard
-        T = p.period_s
         self.room = JointRoom(
-            p.lower, p.upper, p.acceleration, p.jerk, p.velocity, p.leash, T, p.following_window
+            joints.lower,
+            joints.upper,
+            joints.acceleration,
+            joints.jerk,
+            joints.velocity,
+            joints.leash,
+            period_s,
+            joints.following_window,
         )
 
-    def nearest(
-        self,
-        memory: Memory,
-        k: Kinematics,
-        dq: Array,
-        error: Array,
-        settings: Settings,
-        scene: Scene | None = None,
-        base: Body | None = None,
-        placed: Placed | None = None,
-        by_joint: bool = False,
-        ordered: bool = True,
-    ) -> Allowed:
+    def nearest(self, dq: Array, k: Kinematics, state: State) -> Allowed:
         """Return the rates nearest to dq (n,) [rad/s] that all bounds allow.
 
-        `error` (n,) [rad] is the command's lead over the joints, which the leash bounds; `base` a
-        Base that moves; `placed` where links are, where that is known. `by_joint`: the joints are
-        commanded themselves, so that one at its bound is held there, and no other makes up for it.
-        `ordered` tells whether somebody tells the arm to move.
+        `k` are the kinematics of the commanded posture.
         """
-        q, V = memory.motion.q, settings.speed_factor * self._p.velocity
+        motion, error = state.motion, state.error
+        q, V = motion.q, state.speed_factor * self._joints.velocity
         dq, share, low, high, beyond = self.room.within(dq, V, q, error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
         leash = self.room.leash(error) if beyond else None
         if leash is not None:
             limits += self._reasons(self.room.limits(q).left_by(dq), "joint_limit")
             limits += self._reasons(leash.left_by(dq), "leash")
-        if by_joint and beyond:
+        if state.by_joint and beyond:
             dq, beyond = np.clip(dq, low, high), False
         watch = None
-        if self.guard is not None and settings.avoid:
-            p, T = k.T_world_mrf.p, settings.T_wrist_mrf
+        if self.guard is not None and state.keep_clear:
             at = Situation(
-                q, memory.motion.dq, error, p, k.J, T, scene, settings.speed_factor, base, placed
+                q,
+                motion.dq,
+                error,
+                k.T_world_mrf.p,
+                k.J,
+                state.T_wrist_mrf,
+                state.scene,
+                state.speed_factor,
+                state.base,
+                state.placed,
             )
-            watch = self.guard.watch(at, dq, memory.levels, ordered)
+            watch = self.guard.watch(at, dq, state.levels, state.ordered)
             slow = self.guard.tool_share(watch)
             if slow < 1.0:
                 dq, share, limits = slow * dq, slow * share, (*limits, "near_speed")
@@ -126,22 +140,21 @@ class Allow:
         if beyond:
             # Rates that all bounds of joints allow are inside the leash, and slower ones too.
             held = leash is not None and bool(leash.left_by(dq))
-            found = nearest(dq, k.J, low, high, V, self._p.resolve.characteristic_length, rows)
+            found = nearest(dq, k.J, low, high, V, self._length, rows)
             dq, share = found.dq, share * found.share
             if found.fallback:
                 limits += (found.fallback,)
             pace = share if held else pace * found.pace
-        way = memory.sent[1] - memory.sent[2]
-        held_up = self.room.resisted(dq, memory.motion.dq, way, error, memory.resistance)
+        held_up = self.room.resisted(dq, motion.dq, state.way, error, state.resistance)
         # An arm that may not move gives way at most, and is not held up.
-        if held_up.share < 1.0 and memory.moving_since_s is not None:
+        if held_up.share < 1.0 and state.may_move:
             left = held_up.share
             dq, share, pace = left * dq, left * share, left * pace
-            limits += (f"leash:{self._p.joints[held_up.joint]}",)
+            limits += (f"leash:{self._joints.names[held_up.joint]}",)
         if watch is None or broken is None or self.guard is None:
             return Allowed(dq, share, limits, pace, held_up.memory)
         shown = self.guard.shown(watch, broken)
         return Allowed(dq, share, limits, pace, held_up.memory, watch, shown)
 
     def _reasons(self, which: list[int], name: str) -> tuple[str, ...]:
-        return tuple(f"{name}:{self._p.joints[i]}" for i in which)
+        return tuple(f"{name}:{self._joints.names[i]}" for i in which)

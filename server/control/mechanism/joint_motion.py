@@ -1,11 +1,10 @@
 """Joints that are commanded directly: jogged one by one, or led to a posture."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from ..barriers.joint_limits import JointRoom
-from ..parameters import Parameters
 from ..spatial import Array
-from ..state import Inputs, Intent
 
 GAIN = 4.0
 """Approach to a posture close to it [1/s]."""
@@ -15,27 +14,29 @@ REACHED = 2e-4
 
 
 class JointMotion:
-    """What is asked of the joints of one cell, in place of a tool motion."""
+    """Rates of joints that are commanded themselves, in place of a tool motion."""
 
-    def __init__(self, p: Parameters, room: JointRoom) -> None:
-        self._velocity, self._room = p.velocity, room
+    def __init__(self, velocity: Array, approach: Callable[[Array], Array]) -> None:
+        """Build it for joints with bounds of speed (n,) [rad/s].
 
-    def rates(self, q: Array, inputs: Inputs) -> Array | None:
+        `approach` gives the rates (n,) at which joints can still stop within ways (n,) [rad].
+        """
+        self._velocity, self._approach = velocity, approach
+
+    def rates(
+        self, q: Array, jog: Array | None, posture: Array | None, speed_factor: float
+    ) -> Array | None:
         """Return joint rates (n,) at q (n,): the jog's, else a posture's; None for neither.
 
         Towards a posture all joints go in a straight line, as fast as each can still stop at it.
         """
-        if inputs.intent is not Intent.MOVE:
+        if jog is not None:
+            return jog
+        if posture is None:
             return None
-        if inputs.jog is not None:
-            return inputs.jog
-        if inputs.posture is None:
-            return None
-        error = inputs.posture - q
+        error = posture - q
         size = np.maximum(np.abs(error), 1e-9)
-        fastest = np.minimum(
-            self._room.approach(size), inputs.settings.speed_factor * self._velocity
-        )
+        fastest = np.minimum(self._approach(size), speed_factor * self._velocity)
         return np.asarray(error * min(GAIN, float((fastest / size).min())))
 
 

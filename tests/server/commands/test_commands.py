@@ -342,7 +342,7 @@ def test_as_many_numbers_as_joints_or_none(orders, kind, field, count):
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_jog_faster_than_a_joint_is_refused_with_joint_value_and_bound(orders, pa10, sign):
     rates = np.zeros(7)
-    rates[3] = sign * pa10.p.velocity[3]
+    rates[3] = sign * pa10.p.joints.velocity[3]
     take(orders, m.JointJog, rates=tuple(rates))
     refused = refusal(orders, m.JointJog, rates=tuple(1.001 * rates))
     assert refused.reason == Why.OUT_OF_RANGE
@@ -353,7 +353,7 @@ def test_a_jog_faster_than_a_joint_is_refused_with_joint_value_and_bound(orders,
 
 @pytest.mark.parametrize("bound", ["lower", "upper"])
 def test_a_posture_beyond_a_limit_is_refused_and_the_goal_before_it_stays(orders, pa10, bound):
-    limit = getattr(pa10.p, bound)
+    limit = getattr(pa10.p.joints, bound)
     q = np.zeros(7)
     q[1] = limit[1]
     take(orders, m.PostureMove, q=tuple(q))

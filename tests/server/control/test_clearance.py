@@ -35,7 +35,7 @@ class Kept:
         given = Avoidance(enabled=True, clearance=PROMISE, **avoidance)
         config = arm.cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
         cell = Cell(arm.cell.path, config, arm.cell.robot)
-        self.guard = Guard(cell, arm.p.acceleration, arm.p.jerk)
+        self.guard = Guard(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
         self.world = World(cell, Events())
         control = Control(arm.p, arm.mechanism, self.guard)
         arm = replace(arm, control=control, settings=replace(arm.settings, avoid=True))

@@ -25,7 +25,7 @@ class Hostility:
         if self.rng.random() < 0.06:
             self.change()
         if self.rng.random() < 0.1:
-            self.lag = self.rng.normal(size=len(self.lag)) * self.run.arm.p.leash * 0.3
+            self.lag = self.rng.normal(size=len(self.lag)) * self.run.arm.p.joints.leash * 0.3
         return self.run.tick(**self.inputs, q_measured=self.run.memory.sent[1] - self.lag)
 
     def change(self):
@@ -45,11 +45,13 @@ class Hostility:
             case 5:
                 inputs["goal"] = None
             case 6:
-                jog = rng.uniform(-p.velocity, p.velocity)
+                jog = rng.uniform(-p.joints.velocity, p.joints.velocity)
                 inputs["jog"] = None if inputs.get("jog") is not None else jog
             case 7:
                 posture = (
-                    None if inputs.get("posture") is not None else rng.uniform(p.lower, p.upper)
+                    None
+                    if inputs.get("posture") is not None
+                    else rng.uniform(p.joints.lower, p.joints.upper)
                 )
                 inputs["posture"] = posture
             case 8:
@@ -95,7 +97,7 @@ class Hostility:
             case 15:
                 gains = {name: float(rng.choice([0.0, 1.0])) * 10.0 for name in OBJECTIVES}
                 gains["least_energy"] *= 0.1
-                run.set(pulls=Pulls(gains, rng.uniform(p.lower, p.upper)))
+                run.set(pulls=Pulls(gains, rng.uniform(p.joints.lower, p.joints.upper)))
             case 11:
                 # HOLD follows rest only, as in the daemon's modes.
                 rest = run.outputs[-1].at_rest if run.outputs else False
@@ -114,7 +116,7 @@ def test_no_input_takes_a_command_beyond_any_bound(arm, start, stick, seed):
     run.observe()
     # It was no idle run.
     speeds = np.abs(np.diff(run.sent, axis=0)) / arm.p.period_s
-    assert (speeds.max(axis=0) > 0.3 * arm.p.velocity).any()
+    assert (speeds.max(axis=0) > 0.3 * arm.p.joints.velocity).any()
 
 
 @pytest.mark.parametrize("seed", range(3))

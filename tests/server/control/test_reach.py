@@ -25,7 +25,7 @@ def test_pushed_beyond_its_reach_the_arm_comes_to_rest_and_says_why(run, stick):
     assert {"singularity"} & set(output.limits) or any("joint_limit" in x for x in output.limits)
     J = run.arm.mechanism.kinematics(output.q, run.settings.T_wrist_mrf).J
     assert abs(J[:3] @ output.dq @ direction) < 0.02
-    assert (np.abs(output.dq) < 0.2 * run.arm.p.velocity).all()
+    assert (np.abs(output.dq) < 0.2 * run.arm.p.joints.velocity).all()
     run.observe()
 
 

@@ -112,7 +112,7 @@ def test_what_is_only_beside_the_path_slows_the_tool_and_does_not_turn_it(pa10):
 
 def test_an_arm_at_a_joint_limit_beside_something_leaves_it(pa10):
     """The elbow is as bent as it may be, and the way out would bend it more: the rest goes on."""
-    q = np.array([-0.229, 0.23, 1.048, pa10.p.upper[3] - 2e-6, 0.203, 0.017, 0.495])
+    q = np.array([-0.229, 0.23, 1.048, pa10.p.joints.upper[3] - 2e-6, 0.203, 0.017, 0.495])
     kept = Kept(pa10, (replace_at(BALL, Kept(pa10, (), q), 0.14),), q)
     start, gap = kept.run.pose.p, kept.gap()
     way = np.array([-0.345, -0.798, -0.495])
@@ -170,7 +170,7 @@ def test_a_tool_that_slides_is_led_home_to_the_path_behind_what_stood_on_it(pa10
 
 def test_beside_a_singularity_and_at_a_joint_limit_no_joint_swings_to_and_fro(pa10):
     """Stretched, the shoulder at its limit: self-motion would buy a little way at great speed."""
-    q = np.array([2.188, pa10.p.upper[1] - 1e-6, 0.009, 0.258, -0.537, 2.846, 3.46])
+    q = np.array([2.188, pa10.p.joints.upper[1] - 1e-6, 0.009, 0.258, -0.537, 2.846, 3.46])
     kept = Kept(pa10, (), q)
     kept.go(4.0, (-0.12, 0.06, -0.065, 0, 0, 0))
     assert "joint_limit:s2" in {name for o in kept.run.outputs for name in o.limits}

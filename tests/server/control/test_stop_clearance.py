@@ -26,7 +26,7 @@ def gaps_along(kept: Kept, stop) -> np.ndarray:
 
 
 def test_a_stop_that_is_said_to_be_clear_is_clear_at_every_millisecond(pa10, kept, rng):
-    planner = VelocityPlanner(pa10.p.acceleration, pa10.p.jerk)
+    planner = VelocityPlanner(pa10.p.joints.acceleration, pa10.p.joints.jerk)
     scene, none = kept.world.scene(0), np.zeros(7)
     said: list[tuple[bool, float]] = []
     while len(said) < 150:
@@ -34,7 +34,7 @@ def test_a_stop_that_is_said_to_be_clear_is_clear_at_every_millisecond(pa10, kep
         kept.run.memory.motion.q[:] = q
         if not 0.0 < kept.gap() < 0.08 or kept.gap(own=True) < 0.0:
             continue
-        dq = rng.uniform(-1, 1, 7) * pa10.p.velocity * rng.uniform(0, 1)
+        dq = rng.uniform(-1, 1, 7) * pa10.p.joints.velocity * rng.uniform(0, 1)
         stop = planner.stop(Motion(q, dq, none))
         at = Situation(q, dq, none, none[:3], np.zeros((6, 7)), Pose.identity(), scene, 1.0)
         watch = kept.guard.watch(at, dq, {})

@@ -148,7 +148,7 @@ def test_the_speed_factor_slows_joints_and_tool_alike(run, stick, factor):
     for _ in range(100):
         output = run.tick(stick=fast)
         J = run.arm.mechanism.kinematics(output.q, run.settings.T_wrist_mrf).J
-        assert (np.abs(output.dq) <= factor * run.arm.p.velocity * 1.0001).all()
+        assert (np.abs(output.dq) <= factor * run.arm.p.joints.velocity * 1.0001).all()
         assert np.linalg.norm((J @ output.dq)[:3]) <= factor * run.arm.p.limits.speed * 1.02
     assert np.linalg.norm((J @ output.dq)[:3]) > 0.5 * factor * run.arm.p.limits.speed
     run.observe()
@@ -157,11 +157,15 @@ def test_the_speed_factor_slows_joints_and_tool_alike(run, stick, factor):
 @pytest.mark.parametrize("factor", [0.1, 0.5])
 def test_the_speed_factor_softens_acceleration_too(run, factor):
     run.set(speed_factor=factor)
-    for rates in (run.arm.p.velocity, -run.arm.p.velocity, 0 * run.arm.p.velocity):
+    for rates in (
+        run.arm.p.joints.velocity,
+        -run.arm.p.joints.velocity,
+        0 * run.arm.p.joints.velocity,
+    ):
         run.go(0.4, jog=rates)
     accelerations = np.abs(np.diff(run.sent, 2, axis=0)) / run.arm.p.period_s**2
-    assert (accelerations <= factor * run.arm.p.acceleration * (1 + 1e-6) + 1e-6).all()
-    assert (accelerations.max(axis=0) > 0.5 * factor * run.arm.p.acceleration).any()
+    assert (accelerations <= factor * run.arm.p.joints.acceleration * (1 + 1e-6) + 1e-6).all()
+    assert (accelerations.max(axis=0) > 0.5 * factor * run.arm.p.joints.acceleration).any()
 
 
 def test_the_tool_keeps_its_speed_bounds_whatever_is_asked(run, stick):
@@ -256,7 +260,7 @@ def test_a_posture_is_approached_along_a_straight_line_of_joints(arm, start):
 
 def test_a_posture_is_the_way_out_of_full_stretch(arm, start):
     """Every joint at zero is singular in either arm."""
-    run = start(arm, np.clip(np.zeros(arm.p.n), arm.p.lower, arm.p.upper))
+    run = start(arm, np.clip(np.zeros(arm.p.n), arm.p.joints.lower, arm.p.joints.upper))
     output = run.go(8.0, posture=arm.posture("ready"))
     assert output.at_goal
     run.observe()
@@ -278,7 +282,7 @@ def test_a_joint_at_full_speed_is_not_said_to_be_at_its_leash(arm, start, rng):
     limits = arm.p.limits.model_copy(update={"speed": 100.0, "angular_speed": 100.0})
     run = start(replace(arm, control=Control(replace(arm.p, limits=limits), arm.mechanism)))
     for _ in range(200):
-        output = run.tick(jog=rng.uniform(-3, 3, run.arm.p.n) * run.arm.p.velocity)
+        output = run.tick(jog=rng.uniform(-3, 3, run.arm.p.n) * run.arm.p.joints.velocity)
         assert [name for name in output.limits if name.startswith("leash")] == []
 
 
@@ -286,11 +290,11 @@ def test_a_jog_stops_at_the_joints_limit(arm, start):
     run = start(arm)
     for joint in (2, 3):
         rates = np.zeros(arm.p.n)
-        rates[joint] = 0.9 * arm.p.velocity[joint]
+        rates[joint] = 0.9 * arm.p.joints.velocity[joint]
         output = run.go(8.0, jog=rates)
-        if arm.p.upper[joint] < 3.0:
-            assert output.q[joint] == pytest.approx(arm.p.upper[joint], abs=2e-3)
-            assert f"joint_limit:{arm.p.joints[joint]}" in output.limits
+        if arm.p.joints.upper[joint] < 3.0:
+            assert output.q[joint] == pytest.approx(arm.p.joints.upper[joint], abs=2e-3)
+            assert f"joint_limit:{arm.p.joints.names[joint]}" in output.limits
     run.observe()
 
 
@@ -308,12 +312,12 @@ def behind(run, joint, error):
 def test_at_the_end_of_its_leash_a_command_goes_no_further_and_may_come_back(run, joint):
     rates = np.zeros(run.arm.p.n)
     rates[joint] = 0.2
-    leash = run.arm.p.leash[joint]
+    leash = run.arm.p.joints.leash[joint]
     run.go(0.4, jog=rates)
     for _ in range(40):
         output = run.tick(jog=rates, q_measured=behind(run, joint, leash))
     assert abs(output.dq[joint]) < 1e-9
-    assert f"leash:{run.arm.p.joints[joint]}" in output.limits
+    assert f"leash:{run.arm.p.joints.names[joint]}" in output.limits
     for _ in range(40):
         output = run.tick(jog=-rates, q_measured=behind(run, joint, leash))
     assert output.dq[joint] == pytest.approx(-0.2, rel=1e-6)
@@ -323,7 +327,7 @@ def test_at_the_end_of_its_leash_a_command_goes_no_further_and_may_come_back(run
 
 def test_near_its_leash_a_command_slows(run):
     rates = np.zeros(run.arm.p.n)
-    rates[0] = 0.9 * run.arm.p.velocity[0]
+    rates[0] = 0.9 * run.arm.p.joints.velocity[0]
     for _ in range(100):
-        output = run.tick(jog=rates, q_measured=behind(run, 0, 0.75 * run.arm.p.leash[0]))
-    assert output.dq[0] == pytest.approx(0.5 * run.arm.p.velocity[0], rel=1e-3)
+        output = run.tick(jog=rates, q_measured=behind(run, 0, 0.75 * run.arm.p.joints.leash[0]))
+    assert output.dq[0] == pytest.approx(0.5 * run.arm.p.joints.velocity[0], rel=1e-3)

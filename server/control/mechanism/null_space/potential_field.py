@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...parameters import Parameters
-from ...proximity.capsules import Placed
+from .....config.schema.null_space.potential import PotentialField as Config
+from ...joints import Joints
+from ...proximity.capsules import Links, Placed
 from ...scene import Scene
 from ...spatial import Array, Pose
-from ...task.paths.goals import Goal
 from ..kinematics import Kinematics
 from .potentials.flow import Flow, Seen
 from .potentials.geometry import shape
@@ -45,15 +45,17 @@ class Felt(NamedTuple):
 class Field:
     """The field of one cell."""
 
-    def __init__(self, p: Parameters, rank: int = 6) -> None:
-        """Build it; `rank` is how many axes the arm reaches anywhere."""
-        c, links = p.potential, p.links
-        self._p = p
+    def __init__(self, joints: Joints, c: Config, links: Links | None, rank: int = 6) -> None:
+        """Build it from the cell's section; `rank` is how many axes the arm reaches anywhere.
+
+        `links` are the arm's capsules, None where nothing asks for them.
+        """
+        self._link = c.virtual_link
         self._links = links
         body = np.zeros(0, dtype=np.int64) if links is None else links.body
         k = Strengths(c.obstacles, c.lines, c.joint_limits, c.manipulability)
         smooth = c.line_model == "smooth"
-        potential = Potential(p.lower, p.upper, body, k, c.least_distance, smooth, rank)
+        potential = Potential(joints.lower, joints.upper, body, k, c.least_distance, smooth, rank)
         self.flow = Flow(potential, body, max(FLATTEST * max(k), 1e-9))
         link = c.virtual_link
         self._repels = links is not None and (k.obstacles > 0.0 or k.lines > 0.0)
@@ -78,7 +80,7 @@ class Field:
         `T_world_base` is where a Base that moves is now, `placed` where links are at q, where that
         is known already.
         """
-        if pulls.gains["field"] <= 0.0 and self._p.potential.virtual_link is None:
+        if pulls.gains["field"] <= 0.0 and self._link is None:
             return None
         among, ends = self._among(k, scene), _NO_LINKS
         if among is None and not self._always:
@@ -98,15 +100,15 @@ class Field:
         return rates, Felt(seen.value.parts, slope)
 
     def give_way(
-        self, seen: Seen | None, off_path: Array | None, goal: Goal | None, factor: float
+        self, seen: Seen | None, off_path: Array | None, on_way: bool, factor: float
     ) -> Array | None:
         """Return the velocity (3,) [m/s] at which the tool leaves its path, or comes back.
 
-        `off_path` (3,) is where it is off its path now [m], `factor` the reduced-speed setting.
-        None where there is no path to leave.
+        `off_path` (3,) is where it is off its path now [m], `on_way` tells whether it is led along
+        one, `factor` is the reduced-speed setting. None where there is no path to leave.
         """
-        link = self._p.potential.virtual_link
-        if link is None or seen is None or goal is None:
+        link = self._link
+        if link is None or seen is None or not on_way:
             return None
         d = 0.0 if off_path is None else float(off_path @ self._direction)
         speed = GIVE_WAY_GAIN * self.flow.along(seen, self._direction, d, link.stiffness)

@@ -11,8 +11,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from .....config.schema.cell import Redundancy as Config
 from ...compiled import MATRIX, NUMBER, VECTOR, compiled
-from ...parameters import Parameters
+from ...joints import Joints
 from ...spatial import Array
 from ..kinematics import Mechanism
 from .objectives import least_energy, manipulability, posture
@@ -45,13 +46,16 @@ class SelfMotion(NamedTuple):
 class Redundancy:
     """Composes the objectives of one mechanism."""
 
-    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+    def __init__(
+        self, joints: Joints, mechanism: Mechanism, section: Config, pull_posture: Array
+    ) -> None:
+        """Build it from the cell's section; the posture objective pulls to `pull_posture` (n,)."""
         self._mechanism = mechanism
-        self._mid_range = MidRange(p.lower, p.upper)
-        self._spare = p.n > mechanism.rank
-        self._velocity = p.velocity
-        self._bound = p.redundancy.max_rate * p.velocity
-        self.pulls = Pulls(p.redundancy.gains, p.pull_posture)
+        self._mid_range = MidRange(joints.lower, joints.upper)
+        self._spare = joints.n > mechanism.rank
+        self._velocity = joints.velocity
+        self._bound = section.max_rate * joints.velocity
+        self.pulls = Pulls(section.gains, pull_posture)
         """Those of the cell file."""
         # Scratch: of the pulls seen last, which objectives act, and their gains.
         self._acting: tuple[Pulls | None, list[str], Array] = (None, [], np.zeros(0))

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...rigid_body import twist_at, within
 from ...spatial import Array, Pose
 from ...stop.trajectory import Motion, VelocityPlanner
-from ..rigid_body import twist_at, within
 
 
 class About(NamedTuple):

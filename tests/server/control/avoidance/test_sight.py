@@ -34,7 +34,7 @@ def clear(pa10):
     given = Avoidance(enabled=True)
     config = pa10.cell.config.model_copy(update={"obstacles": THINGS, "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
-    clearance = Clearance(cell, pa10.p.acceleration, pa10.p.jerk, Links(cell))
+    clearance = Clearance(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk, Links(cell))
     return clearance, World(cell, Events()).scene(0)
 
 

@@ -20,7 +20,7 @@ def watched(pa10):
     given = Avoidance(enabled=True, near_speed=0.05, clearance=0.02)
     config = pa10.cell.config.model_copy(update={"obstacles": (TABLE, POST), "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
-    guard = Guard(cell, pa10.p.acceleration, pa10.p.jerk)
+    guard = Guard(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk)
     scene, q = World(cell, Events()).scene(0), pa10.posture("ready")
     k = pa10.mechanism.kinematics(q, Pose.identity())
 

@@ -47,7 +47,7 @@ def test_joints_that_are_led_back_are_led_back_whatever_the_barriers():
 def test_between_opposed_barriers_the_rest_of_the_motion_goes_on(pa10, rng):
     """All that is left is in their common plane, and it is not given up."""
     J = pa10.mechanism.kinematics(pa10.posture("ready"), pa10.settings.T_wrist_mrf).J
-    V, up = pa10.p.velocity, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) @ J
+    V, up = pa10.p.joints.velocity, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) @ J
     asked = np.linalg.pinv(J) @ np.array([0.1, 0.0, 0.1, 0.0, 0.0, 0.0])
     for _ in range(50):
         A = np.outer(np.tile([1.0, -1.0], 10) * rng.uniform(0.1, 3.0, 20), up)
@@ -76,7 +76,7 @@ def test_the_least_distance_is_the_least(rng):
 
 @pytest.mark.parametrize("name", ["dq", "J", "slopes", "least"])
 def test_what_is_not_a_number_is_not_taken_for_an_order_to_stand(pa10, name):
-    V = pa10.p.velocity
+    V = pa10.p.joints.velocity
     given = {
         "dq": 0.1 * V,
         "J": pa10.mechanism.kinematics(pa10.posture("ready"), pa10.settings.T_wrist_mrf).J,

@@ -22,7 +22,7 @@ def turned(J, found, asked):
 
 
 def test_rates_inside_all_bounds_stay_what_they_are(arm, rng):
-    V = arm.p.velocity
+    V = arm.p.joints.velocity
     for _ in range(50):
         dq = rng.uniform(-V, V)
         found = nearest(dq, jacobian(arm, arm.random_posture(rng)), -V, V, V, L)
@@ -31,7 +31,7 @@ def test_rates_inside_all_bounds_stay_what_they_are(arm, rng):
 
 
 def test_every_answer_is_inside_the_box(arm, rng):
-    V = arm.p.velocity
+    V = arm.p.joints.velocity
     for _ in range(200):
         low = -V * rng.uniform(-0.1, 1.0, arm.p.n)
         high = np.maximum(low, V * rng.uniform(-0.1, 1.0, arm.p.n))
@@ -44,12 +44,12 @@ def test_every_answer_is_inside_the_box(arm, rng):
 def test_nothing_but_zero_is_left_where_nothing_is_allowed(arm, rng):
     none = np.zeros(arm.p.n)
     J = jacobian(arm, arm.posture("ready"))
-    assert not nearest(rng.normal(size=arm.p.n), J, none, none, arm.p.velocity, L).dq.any()
+    assert not nearest(rng.normal(size=arm.p.n), J, none, none, arm.p.joints.velocity, L).dq.any()
 
 
 def test_seven_joints_keep_the_tool_on_its_way_when_one_of_them_is_blocked(pa10, rng):
     """Self-motion is spent first, where the other six can do it: here all but s2, e1, e2, w1."""
-    V, J = pa10.p.velocity, jacobian(pa10, pa10.posture("ready") + 0.2)
+    V, J = pa10.p.joints.velocity, jacobian(pa10, pa10.posture("ready") + 0.2)
     for _ in range(20):
         twist = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.1, 0.1, 0.1]
         dq = rates_for(J, twist)
@@ -64,7 +64,7 @@ def test_seven_joints_keep_the_tool_on_its_way_when_one_of_them_is_blocked(pa10,
 
 def test_six_joints_slow_down_before_they_leave_the_way(ur5e, rng):
     """One joint may do only half of what is asked: slower, and still in the same direction."""
-    V = ur5e.p.velocity
+    V = ur5e.p.joints.velocity
     for _ in range(50):
         q = ur5e.posture("ready") + rng.uniform(-0.2, 0.2, 6)
         J = jacobian(ur5e, q)
@@ -79,7 +79,7 @@ def test_six_joints_slow_down_before_they_leave_the_way(ur5e, rng):
 
 def test_a_joint_that_leads_away_from_its_bound_is_not_held(arm, rng):
     """Another joint's bound may slow the way, it never turns a joint round."""
-    V, J = arm.p.velocity, jacobian(arm, arm.posture("ready"))
+    V, J = arm.p.joints.velocity, jacobian(arm, arm.posture("ready"))
     for _ in range(50):
         dq = rng.uniform(-0.5, 0.5, arm.p.n) * V
         # Every joint is at the bound that it leads away from.
@@ -89,7 +89,7 @@ def test_a_joint_that_leads_away_from_its_bound_is_not_held(arm, rng):
 
 def test_where_slowing_is_not_enough_only_what_approaches_is_given_up(ur5e, rng):
     """Six joints have no self-motion: the slowed tool motion, projected on the barrier."""
-    V, M = 10.0 * ur5e.p.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
+    V, M = 10.0 * ur5e.p.joints.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
     for _ in range(50):
         J = jacobian(ur5e, ur5e.posture("ready") + rng.uniform(-0.2, 0.2, 6))
         x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
@@ -108,7 +108,7 @@ def test_where_slowing_is_not_enough_only_what_approaches_is_given_up(ur5e, rng)
 
 
 def test_a_motion_straight_at_a_barrier_is_all_given_up(ur5e, rng):
-    V, M = 10.0 * ur5e.p.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
+    V, M = 10.0 * ur5e.p.joints.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
     J = jacobian(ur5e, ur5e.posture("ready"))
     x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
     found = nearest(rates_for(J, x), J, -V, V, V, L, (-(M @ x)[None] @ J, np.zeros(1)))
@@ -117,7 +117,7 @@ def test_a_motion_straight_at_a_barrier_is_all_given_up(ur5e, rng):
 
 
 def test_the_answer_does_not_jump_where_sliding_begins(ur5e, rng):
-    V, J = 10.0 * ur5e.p.velocity, jacobian(ur5e, ur5e.posture("ready"))
+    V, J = 10.0 * ur5e.p.joints.velocity, jacobian(ur5e, ur5e.posture("ready"))
     x = rng.normal(size=6) * [0.05, 0.05, 0.05, 0.15, 0.15, 0.15]
     dq, n = rates_for(J, x), rng.normal(size=6)
     n *= -np.sign(n @ x)
@@ -128,7 +128,7 @@ def test_the_answer_does_not_jump_where_sliding_begins(ur5e, rng):
 
 
 def test_a_gap_is_widened_as_told_where_that_closes_no_other(pa10, rng):
-    V, J = pa10.p.velocity, jacobian(pa10, pa10.posture("ready"))
+    V, J = pa10.p.joints.velocity, jacobian(pa10, pa10.posture("ready"))
     for _ in range(20):
         slopes = rng.normal(size=(2, 7)) * 0.3
         found = nearest(rates_for(J, rng.normal(size=6) * 0.02), J, -V, V, V, L,

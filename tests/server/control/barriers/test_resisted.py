@@ -17,7 +17,7 @@ class Held:
         follows = self.delayed[-2] - self.away
         output = self.run.tick(stick=stick or self.stick, q_measured=follows, **inputs)
         self.delayed.append(output.q)
-        window = self.run.arm.p.following_window
+        window = self.run.arm.p.joints.following_window
         self.worst = max(self.worst, float((np.abs(output.following_error) / window).max()))
         return output
 
@@ -49,7 +49,7 @@ def test_a_joint_that_is_arrested_stays_in_its_window(run, stick, joint, speed):
         output = held.tick(jog=rates)
     assert abs(output.dq[joint]) < 0.01
     assert 0.3 < held.worst < 1.0
-    assert f"leash:{run.arm.p.joints[joint]}" in output.limits
+    assert f"leash:{run.arm.p.joints.names[joint]}" in output.limits
 
 
 @pytest.mark.parametrize("joint", [4, 5])
@@ -57,13 +57,13 @@ def test_a_joint_that_the_others_push_back_stops_them(run, stick, joint):
     """A wrist at the end of its torque: what the first joint presses it into, it gives way to."""
     held = Held(run, stick, (0.0,) * 6)
     rates = np.zeros(run.arm.p.n)
-    rates[0] = 0.8 * run.arm.p.velocity[0]
+    rates[0] = 0.8 * run.arm.p.joints.velocity[0]
     start = run.q[0]
 
     def press(jog):
         # Felt 20 ms late, as by drives that give their torque late.
         pressed = held.delayed[max(0, len(held.delayed) - 4)][0] - start
-        held.away[joint] = run.arm.p.leash[joint] * 1.2 + 0.5 * max(0.0, pressed)
+        held.away[joint] = run.arm.p.joints.leash[joint] * 1.2 + 0.5 * max(0.0, pressed)
         return held.tick(jog=jog)
 
     for _ in range(100):

@@ -112,7 +112,7 @@ def test_a_schedule_by_force_softens_the_stick_in_contact(scheduled, stick):
     run = scheduled(schedule(at=(0.0, 20.0), factor=(1.0, 0.25)))
     run.set(gains=run.arm.gains(force=0.0))
     given = {"stick": stick(0, 0, 0.02, 0, 0, 0)}
-    weight = run.arm.control.summing.weight(run.pose, run.settings)
+    weight = run.arm.control.stages.summing.weight(run.pose, run.settings)
     free = run.go(1.5, **given, wrench_sensor=weight)
     assert free.gains["joystick"] == pytest.approx(np.ones(6), abs=1e-2)
     pressing = weight + np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])

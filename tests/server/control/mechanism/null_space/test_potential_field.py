@@ -50,10 +50,14 @@ def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
     return Arm(cell, p, mechanism, Control(p, mechanism), settings), scene
 
 
+def field_of(p):
+    return Field(p.joints, p.potential, p.links)
+
+
 def look(arm, scene, q, field=None):
     k = arm.mechanism.kinematics(q, arm.settings.T_wrist_mrf)
     pulls = Pulls({"field": 1.0}, q)
-    return (field or Field(arm.p)).look(q, k, scene, pulls)
+    return (field or field_of(arm.p)).look(q, k, scene, pulls)
 
 
 def felt(arm, scene, q, field):
@@ -65,7 +69,7 @@ def felt(arm, scene, q, field):
 def test_joint_torques_are_the_slope_of_the_potential(kind):
     obstacles = tuple(o for o in EVERY_KIND if kind in (o.name, "all"))
     arm, scene = arm_among("pa10", obstacles)
-    field, h = Field(arm.p), 1e-6
+    field, h = field_of(arm.p), 1e-6
     rng = np.random.default_rng(21)
     for _ in range(5):
         q = rng.uniform(-1.2, 1.2, 7)
@@ -131,7 +135,7 @@ def test_an_obstacle_that_leaps_at_the_arm_asks_for_no_more_than_the_bound(start
     leap = dataclasses.replace(scene, rounds=rounds)
     for _ in range(50):
         output = run.tick(scene=leap)
-        share = np.abs(output.self_motion.dq) / arm.p.velocity
+        share = np.abs(output.self_motion.dq) / arm.p.joints.velocity
         assert share.max() <= arm.p.redundancy.max_rate + 1e-12
     run.observe()
 

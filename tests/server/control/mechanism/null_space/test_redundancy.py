@@ -21,6 +21,10 @@ def swung(pa10, start):
     return run
 
 
+def redundancy_of(p, mechanism):
+    return Redundancy(p.joints, mechanism, p.redundancy, p.pull_posture)
+
+
 def pulls(run, to="ready", **gains):
     return Pulls(OFF | gains, run.arm.posture(to))
 
@@ -90,7 +94,7 @@ def test_least_energy_moves_the_tool_alike_with_less_of_it(pa10, start, stick):
 
 def test_the_sum_of_all_keeps_its_own_speed_bound(swung):
     swung.set(pulls=pulls(swung, "park", mid_range=10.0, manipulability=10.0, posture=10.0))
-    bound = swung.arm.p.redundancy.max_rate * swung.arm.p.velocity
+    bound = swung.arm.p.redundancy.max_rate * swung.arm.p.joints.velocity
     output = swung.go(0.5)
     assert (np.abs(output.self_motion.dq) <= bound * (1 + 1e-9)).all()
     assert np.abs(output.self_motion.dq / bound).max() == pytest.approx(1.0)
@@ -102,8 +106,8 @@ def test_the_sum_of_all_keeps_its_own_speed_bound(swung):
 def test_self_motion_is_the_projected_sum_as_far_as_its_bound_and_the_task_leave_room(
     pa10, rng, factor, task
 ):
-    redundancy, p, q = Redundancy(pa10.p, pa10.mechanism), pa10.p, pa10.posture("ready") + SWUNG
-    V = factor * p.velocity
+    redundancy, p, q = redundancy_of(pa10.p, pa10.mechanism), pa10.p, pa10.posture("ready") + SWUNG
+    V = factor * p.joints.velocity
     for size in (1e-3, 1.0, 100.0):
         J = rng.normal(size=(6, 7))
         null, dq_task = np.linalg.svd(J)[2][6:], task * V * rng.uniform(-1.0, 1.0, 7)
@@ -154,7 +158,7 @@ def test_a_cell_says_what_the_null_space_is_for(pa10, start):
     )
     config = pa10.cell.config.model_copy(update={"redundancy": redundancy})
     p = Parameters.from_cell(replace(pa10.cell, config=config))
-    found = Redundancy(p, pa10.mechanism).pulls
+    found = redundancy_of(p, pa10.mechanism).pulls
     assert found.gains == OFF | {"posture": 2.0}
     np.testing.assert_array_equal(found.posture, pa10.posture("park"))
     assert Control(p, pa10.mechanism).seed(pa10.posture("ready")).pulls is not None

@@ -22,8 +22,8 @@ def test_self_motion_goes_to_mid_range_and_leaves_the_tool_where_it_is(pa10, sta
     """The elbow swings down from the side; the tool does not notice."""
     swung = pa10.posture("ready") + np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0])
     run = start(pa10, swung)
-    middle = 0.5 * (pa10.p.lower + pa10.p.upper)
-    pull = MidRange(pa10.p.lower, pa10.p.upper)
+    middle = 0.5 * (pa10.p.joints.lower + pa10.p.joints.upper)
+    pull = MidRange(pa10.p.joints.lower, pa10.p.joints.upper)
 
     def strain():
         """What the pull is the downward slope of."""
@@ -40,7 +40,7 @@ def test_self_motion_goes_to_mid_range_and_leaves_the_tool_where_it_is(pa10, sta
     assert np.linalg.norm(run.pose.p - at.p) < 2e-3
     np.testing.assert_allclose(run.pose.R, at.R, atol=5e-3)
     speeds = np.abs(np.diff(run.sent, axis=0)) / pa10.p.period_s
-    bound = pa10.p.redundancy.max_rate * pa10.p.velocity
+    bound = pa10.p.redundancy.max_rate * pa10.p.joints.velocity
     assert (speeds <= 1.01 * bound).all()
     run.observe()
 

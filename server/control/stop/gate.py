@@ -5,8 +5,8 @@ It never clamps: a refused command means the quick stop, with the reason.
 
 import numpy as np
 
-from .compiled import MATRIX, VECTOR, compiled
-from .spatial import Array
+from ..compiled import MATRIX, VECTOR, compiled
+from ..spatial import Array
 
 TOLERANCE = 1e-3
 """Relative tolerance of the finite differences [1]."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..spatial import Array, cross, sizes, skew
-from ..stop.trajectory import Motion
+from .spatial import Array, cross, sizes, skew
+from .stop.trajectory import Motion
 
 
 def twist_at(twist: Array, lever: Array) -> Array:

@@ -1,0 +1,73 @@
+"""The stages of one cell's tick, each built from the sections and arrays that it needs."""
+
+from .actuation.actuation import Actuation, BySpeed, ByTorque, by_position
+from .actuation.torque import TorqueLaw
+from .barriers.barriers import Allow
+from .barriers.collision import Guard
+from .hold.retreat import Retreat
+from .mechanism.dynamics import Dynamics
+from .mechanism.joint_motion import JointMotion
+from .mechanism.joint_rates import Resolver
+from .mechanism.kinematics import Mechanism
+from .mechanism.null_space.potential_field import Field
+from .mechanism.null_space.redundancy import Redundancy
+from .parameters import Parameters
+from .stop.gate import Gate
+from .stop.limiter import Limiter
+from .summing import Summing
+from .task.gains import Gains
+
+
+class Stages:
+    """What a tick goes through. Holds constants and scratch memory only."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism, guard: Guard | None) -> None:
+        """Build it; `guard` keeps clearances, None in a cell that has none to keep."""
+        T, joints = p.period_s, p.joints
+        self.summing = Summing(p)
+        self.gains = Gains(p.schedules, T)
+        self.redundancy = Redundancy(joints, mechanism, p.redundancy, p.pull_posture)
+        field = Field(joints, p.potential, p.links, mechanism.rank)
+        self.resolver = Resolver(
+            joints, p.resolve, p.T_wrist_tool, mechanism.rank, self.redundancy, field, p.priority
+        )
+        self.allow = Allow(joints, T, p.resolve.characteristic_length, guard)
+        self.joint_motion = JointMotion(joints.velocity, self.allow.room.approach)
+        self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
+        self.limiter = Limiter(joints.lower, joints.upper, joints.acceleration, joints.jerk, T)
+        self.actuate = actuation(p, mechanism)
+        self.gate = Gate(
+            joints.names,
+            joints.lower,
+            joints.upper,
+            joints.velocity,
+            joints.acceleration,
+            joints.jerk,
+            T,
+        )
+        # Where links are is found once for all that the cell describes by the same ones.
+        self.links = None if guard is None or guard.links is not p.links else guard.links
+
+
+def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
+    """Return the actuation of a cell's operation mode."""
+    if p.operation_mode == "csv":
+        return BySpeed(p.joints, p.torque.speed_gain)
+    if p.operation_mode != "cst":
+        return by_position
+    law = TorqueLaw(
+        Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor),
+        p.torque,
+        p.friction,
+        p.max_torque,
+        p.resolve.characteristic_length,
+        p.period_s,
+        p.max_torque_rate,
+    )
+    return ByTorque(
+        p.joints.names,
+        law,
+        weighs=p.T_wrist_sensor is not None,
+        most=p.max_torque,
+        most_step=p.max_torque_rate * p.period_s,
+    )
