@@ -186,7 +186,7 @@ class Plant(LocalPlant):
         for operator in self.operators:
             events = [f"{e.tick} {e.severity} {e.name} {e.values}" for e in operator.events[-8:]]
             mode = operator.state.mode if operator.state else "no telemetry"
-            lines += [f"{operator.pilot.name} in {mode}:", *events]
+            lines += [f"{operator.client.name} in {mode}:", *events]
         return "\n".join(lines)
 
     def _read_truth(self):

@@ -65,7 +65,7 @@ def arm(pa10):
 
 def test_disable_is_answered_once_the_drives_have_said_that_they_are_off(arm):
     replies = []
-    arm.player.pilot.request(t.MODE, replies.append, action="disable")
+    arm.player.client.request(t.MODE, replies.append, action="disable")
     while not replies:
         arm.step()
     assert replies[0].ok
@@ -78,7 +78,7 @@ def test_disable_is_answered_once_the_drives_have_said_that_they_are_off(arm):
 def test_a_drive_that_switches_off_in_an_energised_mode_is_a_fault_within_two_ticks(arm, ask):
     """Also where it was this daemon that told it: what counts is where the drive is."""
     if ask is not None:
-        arm.player.pilot.request(t.MODE, lambda _reply: None, action=ask)
+        arm.player.client.request(t.MODE, lambda _reply: None, action=ask)
         for _ in range(20):
             arm.step()
         assert arm.cycle.mode is Mode.HOLD
@@ -95,18 +95,18 @@ def test_a_drive_that_switches_off_in_an_energised_mode_is_a_fault_within_two_ti
 
 
 def test_a_protective_stop_ends_an_enable_that_is_under_way(arm):
-    pilot, replies = arm.player.pilot, []
-    pilot.request(t.MODE, lambda _reply: None, action="disable")
+    client, replies = arm.player.client, []
+    client.request(t.MODE, lambda _reply: None, action="disable")
     for _ in range(30):
         arm.step()
-    pilot.request(t.MODE, replies.append, action="enable")
+    client.request(t.MODE, replies.append, action="enable")
     for _ in range(4):
         arm.step()
     assert arm.cycle.mode is Mode.READY
-    pilot.protective_stop(lambda _reply: None)
+    client.protective_stop(lambda _reply: None)
     for _ in range(3):
         arm.step()
-    pilot.clear_protective_stop(lambda _reply: None)
+    client.clear_protective_stop(lambda _reply: None)
     for _ in range(40):
         arm.step()
     assert [(r.ok, r.reason, r.detail) for r in replies] == [(False, "not_now", "protective stop")]

@@ -134,7 +134,7 @@ def test_a_push_stops_an_identification(pa10, target, vector):
     cell, _, _ = askew(pa10, 8.0, 6.0)
     push = {"at_s": 8.0, "fault": {"push": target, "vector": vector}}
     simulation = Simulation(cell, Script.model_validate({"duration_s": 40.0, "step": [push]}))
-    guide = Guide(simulation.player.pilot, attitudes(cell, "ready", 8, 0.15))
+    guide = Guide(simulation.player.client, attitudes(cell, "ready", 8, 0.15))
 
     def lead(running):
         if running.player.phase is Phase.PLAYING:

@@ -11,7 +11,7 @@ from .conftest import Run
 
 
 @pytest.fixture(scope="module")
-def crowded():
+def cluttered():
     return load_cell("pa10_scene")
 
 
@@ -26,29 +26,29 @@ def names(run: Run) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["obstacle_drive_into", "obstacle_comes", "obstacle_teleport"])
-def test_every_shipped_script_keeps_the_promise(crowded, name):
-    run = play(crowded, name)
+def test_every_shipped_script_keeps_the_promise(cluttered, name):
+    run = play(cluttered, name)
     assert run.summary["failure"] is None
     assert run.summary["refused"] == []
     assert run.summary["mode"] == "enabled"
     assert run.summary["limit_violations"] == 0
-    assert run.summary["min_clearance_m"] > crowded.config.avoidance.clearance
+    assert run.summary["min_clearance_m"] > cluttered.config.avoidance.clearance
     assert [e for e in run.simulation.events if e.severity == "error"] == []
     stopped = sum("verified_stop" in s.limits for s in run.states)
     assert stopped < 0.01 * len(run.states)
 
 
-def test_switched_off_the_same_stick_drives_into_the_table(crowded):
+def test_switched_off_the_same_stick_drives_into_the_table(cluttered):
     script = load_script("obstacle_drive_into")
     off = type(script.step[0]).model_validate({"at_s": 0.1, "avoidance": False})
-    run = play(crowded, script.model_copy(update={"step": (off, *script.step)}))
+    run = play(cluttered, script.model_copy(update={"step": (off, *script.step)}))
     assert run.summary["min_clearance_m"] < 0.001
     assert not run.states[-1].avoiding
     assert run.states[-1].gaps == ()
 
 
-def test_operators_see_the_nearest_pairs_and_which_barriers_act(crowded):
-    run = play(crowded, "obstacle_drive_into")
+def test_operators_see_the_nearest_pairs_and_which_barriers_act(cluttered):
+    run = play(cluttered, "obstacle_drive_into")
     state = run.at(5.5)
     assert state.avoiding
     link, other, gap, active = state.gaps[0]
@@ -57,8 +57,8 @@ def test_operators_see_the_nearest_pairs_and_which_barriers_act(crowded):
     assert gap == pytest.approx(0.025, abs=0.002)
 
 
-def test_an_obstacle_that_appears_on_the_arm_falls_silent_and_is_taken_back(crowded):
-    run = play(crowded, "obstacle_teleport")
+def test_an_obstacle_that_appears_on_the_arm_falls_silent_and_is_taken_back(cluttered):
+    run = play(cluttered, "obstacle_teleport")
     every = names(run)
     order = [n for n in every[every.index("obstacle_set") :] if n in TOLD]
     for name in TOLD:
@@ -72,18 +72,18 @@ def test_an_obstacle_that_appears_on_the_arm_falls_silent_and_is_taken_back(crow
 TOLD = ("obstacle_set", "stop_worsened", "obstacle_stale", "stopping", "obstacle_removed")
 
 
-def test_while_news_is_stale_that_calls_for_a_stop_the_arm_cannot_be_resumed(crowded):
+def test_while_news_is_stale_that_calls_for_a_stop_the_arm_cannot_be_resumed(cluttered):
     steps = [
         {"at_s": 0.3, "obstacle": {**GHOST, "xyz": (1.5, 0.0, 0.5)}},
         {"at_s": 1.5, "mode": "resume"},
     ]
-    run = play(crowded, Script.model_validate({"duration_s": 2.0, "step": steps}))
+    run = play(cluttered, Script.model_validate({"duration_s": 2.0, "step": steps}))
     assert run.summary["mode"] == "hold"
     assert len(run.summary["refused"]) == 1
     assert "the news of obstacle ghost is stale" in run.summary["refused"][0]
 
 
-def test_news_that_jumps_is_told_and_malformed_news_changes_nothing(crowded):
+def test_news_that_jumps_is_told_and_malformed_news_changes_nothing(cluttered):
     steps = [
         {"at_s": 0.3, "obstacle": {**GHOST, "xyz": (1.5, 0.0, 0.5), "stale": "keep"}},
         {"at_s": 0.5, "raw": {"topic": t.OBSTACLE.key, "hex": "82a17601"}},
@@ -91,7 +91,7 @@ def test_news_that_jumps_is_told_and_malformed_news_changes_nothing(crowded):
         {"at_s": 0.7, "obstacle": {"name": "table", "xyz": (3.0, 0.0, 0.5), "physical": False}},
         {"at_s": 0.8, "obstacle": {"name": "ghost", "xyz": (1.5, 0.5, 0.5), "physical": False}},
     ]
-    run = play(crowded, Script.model_validate({"duration_s": 1.2, "step": steps}))
+    run = play(cluttered, Script.model_validate({"duration_s": 1.2, "step": steps}))
     reasons = [e.values.get("reason") for e in run.simulation.events if e.name == "command_refused"]
     assert reasons == ["not_messagepack", "unknown_obstacle", "fixed_obstacle"]
     assert "obstacle_jumped" in names(run)
@@ -104,9 +104,9 @@ GHOST = {
 }  # fmt: skip
 
 
-def test_the_physics_has_every_solid_obstacle_where_the_cell_says(crowded):
-    world = Simulation(crowded, load_script("obstacle_comes")).rig.world
-    for obstacle in crowded.config.obstacles:
+def test_the_physics_has_every_solid_obstacle_where_the_cell_says(cluttered):
+    world = Simulation(cluttered, load_script("obstacle_comes")).rig.world
+    for obstacle in cluttered.config.obstacles:
         if obstacle.shape != "sight_line":
             body = world.model.body(f"obstacle_{obstacle.name}")
             assert world.data.xpos[body.id] == pytest.approx(np.array(obstacle.xyz))
@@ -124,9 +124,9 @@ def test_a_cell_that_says_nothing_of_avoidance_cannot_switch_it_on(pa10):
     assert "says nothing of avoidance" in run.summary["refused"][0]
 
 
-def test_equal_runs_among_obstacles_send_equal_frames(crowded):
+def test_equal_runs_among_obstacles_send_equal_frames(cluttered):
     script = load_script("obstacle_comes").model_copy(update={"duration_s": 5.0})
-    first, second = (play(crowded, script).summary["command_hash"] for _ in range(2))
+    first, second = (play(cluttered, script).summary["command_hash"] for _ in range(2))
     assert first == second
 
 
@@ -135,13 +135,13 @@ def moving(name):
 
 
 @pytest.mark.parametrize("more", [{}, {"xyz": (3.0, 3.0, 0.5)}])
-def test_a_script_removes_an_obstacle_that_moves(crowded, more):
+def test_a_script_removes_an_obstacle_that_moves(cluttered, more):
     """It is gone for the daemon, and stands still where it was, or where the script puts it."""
     steps = [
         {"at_s": 0.2, "obstacle": {**moving("visitor"), "xyz": (1.5, 0.5, 0.5)}},
         {"at_s": 0.6, "obstacle": {"name": "visitor", "remove": True, **more}},
     ]
-    run = play(crowded, Script.model_validate({"duration_s": 1.2, "step": steps}))
+    run = play(cluttered, Script.model_validate({"duration_s": 1.2, "step": steps}))
     assert run.summary["failure"] is None
     assert run.summary["refused"] == []
     assert names(run).count("obstacle_removed") == 1

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.scenes.clutter import KINDS, PROMISE, crowd
+from telerobot.tools.campaign.scenes.clutter import KINDS, PROMISE, make_clutter
 from telerobot.tools.campaign.scenes.movers import Chase
 from telerobot.tools.campaign.scenes.runs import Findings, play
 from telerobot.tools.simulation.simulation import Simulation
@@ -26,8 +26,8 @@ def test_a_sample_of_scenes_keeps_every_promise(scenes):
 def test_the_label_is_of_the_scene_alone():
     cell = load_cell("pa10")
     for seed in range(4):
-        scene = crowd(cell, seed)
-        again = crowd(cell, seed)
+        scene = make_clutter(cell, seed)
+        again = make_clutter(cell, seed)
         assert (scene.cell.config, scene.script) == (again.cell.config, again.script)
         assert scene.keepable == (scene.kind in ("free", "near"))
         assert scene.kind == "moving" or (scene.start_m >= PROMISE) == (scene.kind != "inside")
@@ -39,7 +39,7 @@ def test_movers_keep_the_bounds_that_are_stated_of_them():
     """Judged by where the physics has them, tick by tick, until they hit something."""
     cell = load_cell("pa10")
     for seed in (3, 7, 11):
-        scene = crowd(cell, seed)
+        scene = make_clutter(cell, seed)
         simulation = Simulation(scene.cell, scene.script)
         chase = Chase(scene.cell, scene.movers, simulation)
         bodies = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
 from telerobot.drivers.rig.physics.world import World
-from telerobot.tools.campaign.scenes.clutter import PROMISE, crowd
+from telerobot.tools.campaign.scenes.clutter import PROMISE, make_clutter
 from telerobot.tools.oracle.way_out import closed_in, projected, way_out
 
 CORNERED = np.array([0.83559, 0.42116, 0.15615, 2.38108, -0.93395, -1.61191, 1.01884])
@@ -19,7 +19,7 @@ MOVERS = {
 
 @pytest.fixture(scope="module")
 def corner() -> tuple[Cell, World]:
-    cell = crowd(load_cell("pa10"), 543).cell
+    cell = make_clutter(load_cell("pa10"), 543).cell
     world = World(cell)
     for name, xyz in MOVERS.items():
         world.place(name, np.array(xyz))

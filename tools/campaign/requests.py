@@ -89,24 +89,24 @@ class Asking:
 
     def ask(self, request: Request) -> None:
         """Ask for something; its answer is waited for by `settle`."""
-        pilot = self.simulation.player.pilot
+        client = self.simulation.player.client
         self._open.append(request)
 
         def answered(_reply: Reply) -> None:
             self._open.remove(request)
 
         if request == "acquire":
-            pilot.acquire(answered)
+            client.acquire(answered)
         elif request == "protective_stop":
-            pilot.protective_stop(answered)
+            client.protective_stop(answered)
         elif request == "protective_clear":
-            pilot.clear_protective_stop(answered)
-        elif pilot.secret is None:
+            client.clear_protective_stop(answered)
+        elif client.secret is None:
             self._open.remove(request)  # it knows that it holds no lease, and asks for nothing
         elif request == "release":
-            pilot.release(answered)
+            client.release(answered)
         else:
-            pilot.request(t.MODE, answered, action=request)
+            client.request(t.MODE, answered, action=request)
 
     def play(self, pair: Pair) -> Pair:
         """Play a pair, and judge it; the arm is brought to where it starts before."""
@@ -145,10 +145,10 @@ class Asking:
 
     def _reach(self, mode: Mode) -> bool:
         """Bring the arm to a mode by the operator's requests; return whether it came there."""
-        pilot = self.simulation.player.pilot
+        client = self.simulation.player.client
         if self.simulation.states[-1].protective_stop:
             self._ask_and_wait("protective_clear")
-        if pilot.secret is None or self.simulation.states[-1].lease_holder != pilot.name:
+        if client.secret is None or self.simulation.states[-1].lease_holder != client.name:
             self._ask_and_wait("acquire")
         if self.mode is Mode.FAULT and mode is not Mode.FAULT:
             self._ask_and_wait("reset")

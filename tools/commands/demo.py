@@ -15,7 +15,7 @@ from ..host.address import duration, moved
 from ..host.local_plant import ChildDied, LocalPlant
 from ..operator.client.operator import Operator, OperatorError
 from ..operator.terminal.console import is_terminal
-from ..scripts.live_run import Performance
+from ..scripts.live_run import LiveRun
 from ..scripts.script import Script, load_script
 from .drive import drive
 
@@ -111,12 +111,12 @@ class _Show:
         """Play a script over and over. Raises `ChildDied`."""
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s and not self._failure:
-            performance = Performance(self.operator, script, _say)
-            performance.play(end_s, self._plant.raise_if_dead)
+            run = LiveRun(self.operator, script, _say)
+            run.play(end_s, self._plant.raise_if_dead)
             self._rounds += 1
-            self._errors += [event for event in performance.events if event.severity == "error"]
-            self._refused += performance.player.refused
-            self._failure = performance.failure
+            self._errors += [event for event in run.events if event.severity == "error"]
+            self._refused += run.player.refused
+            self._failure = run.failure
 
     def close(self) -> None:
         """Leave the daemon."""

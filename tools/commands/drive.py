@@ -10,10 +10,10 @@ from functools import partial
 from ...protocols.messages import messages as m
 from ..host.address import add_cell_arguments, cell_from
 from ..operator.client.operator import Operator, OperatorError, ignore
-from ..operator.terminal.cockpit import Cockpit, event_line
 from ..operator.terminal.console import Console, is_terminal
 from ..operator.terminal.keyboard import Decoder
-from ..scripts.live_run import Performance
+from ..operator.terminal.teleop import KeyboardTeleop, event_line
+from ..scripts.live_run import LiveRun
 from ..scripts.script import load_script
 
 POLL_S = 0.004
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         with Operator(cell, name=args.name) as operator:
             if script is not None:
-                return Performance(operator, script, partial(print, flush=True)).run()
+                return LiveRun(operator, script, partial(print, flush=True)).run()
             drive(operator)
     except OperatorError as error:
         print(f"telerobot: {error}", file=sys.stderr)
@@ -60,22 +60,22 @@ def drive(operator: Operator, watch: Callable[[], None] = lambda: None) -> None:
     `watch` is called all the while and may raise; the terminal is restored all the same.
     """
     with Console() as console:
-        cockpit, decoder = Cockpit(operator, console.say), Decoder()
+        teleop, decoder = KeyboardTeleop(operator, console.say), Decoder()
         operator.on_event = lambda event: _tell(console, event)
-        cockpit.help()
+        teleop.help()
         operator.spin(FIRST_STATE_S, lambda: operator.state is not None)
-        cockpit.acquire()
+        teleop.acquire()
         redraw_s = 0.0
-        while not (cockpit.quit or console.ended):
+        while not (teleop.quit or console.ended):
             for key in decoder.keys(console.read(POLL_S)):
-                cockpit.press("q" if key == "ctrl-c" else key, time.monotonic())
-            cockpit.run(time.monotonic())
+                teleop.press("q" if key == "ctrl-c" else key, time.monotonic())
+            teleop.run(time.monotonic())
             operator.turn()
             watch()
             now_s = time.monotonic()
             if now_s >= redraw_s:
                 redraw_s = now_s + REDRAW_S
-                console.show(*cockpit.lines(now_s))
+                console.show(*teleop.lines(now_s))
         operator.on_event = ignore
 
 

@@ -13,7 +13,7 @@ from ...protocols import topics as t
 from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...server.control.spatial import Array
-from ..operator.client.protocol_client import Pilot, PilotError
+from ..operator.client.protocol_client import NoLease, ProtocolClient
 from .attitudes import Stop
 
 SETTLE_S = 0.4
@@ -38,7 +38,7 @@ class Sample:
 class Guide:
     """Goes from stop to stop. `say` is told, in a line, how far it is."""
 
-    pilot: Pilot
+    client: ProtocolClient
     stops: list[Stop]
     say: Callable[[str], None] = lambda _line: None
     samples: list[Sample] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Guide:
             return
         try:
             self._run(state)
-        except PilotError as error:
+        except NoLease as error:
             self._fail(str(error))
 
     def _run(self, state: m.State) -> None:
@@ -67,7 +67,7 @@ class Guide:
         elif self._at < 0:
             # Its weight is no contact to force control, and no push to collision detection.
             self._at = 0
-            self.pilot.request(t.PAYLOAD, self._on_told, unknown=True)
+            self.client.request(t.PAYLOAD, self._on_told, unknown=True)
         elif not self._allowed:
             return
         elif self._since_s == 0.0:
@@ -83,8 +83,8 @@ class Guide:
             self._fail(f"{reply.reason}: {reply.detail}")
 
     def _leave(self, state: m.State) -> None:
-        self.pilot.command(t.POSTURE, q=tuple(self.stops[self._at].q.tolist()))
-        self._asked_seq, self._since_s = self.pilot.seq, state.time_s
+        self.client.command(t.POSTURE, q=tuple(self.stops[self._at].q.tolist()))
+        self._asked_seq, self._since_s = self.client.seq, state.time_s
         self._arrived_s = None
         self._heard.clear()
 

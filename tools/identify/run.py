@@ -24,7 +24,7 @@ def identify(operator: Operator, stops: list[Stop], say: Callable[[str], None]) 
 
     Raises `NotIdentified` where it could not go on.
     """
-    guide = Guide(operator.pilot, stops, say)
+    guide = Guide(operator.client, stops, say)
     operator.on_state = guide.run
     try:
         operator.spin(min(LONGEST_S, ARRIVE_S * len(stops)), lambda: guide.over)
@@ -38,7 +38,7 @@ def identify_simulated(
 ) -> list[Sample]:
     """Do the same to a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
     simulation = Simulation(cell, Script(duration_s=LONGEST_S))
-    guide = Guide(simulation.player.pilot, stops, say)
+    guide = Guide(simulation.player.client, stops, say)
 
     def after_tick(running: Simulation) -> None:
         if running.player.phase is Phase.PLAYING:

@@ -1,6 +1,6 @@
-"""A reflecting handle as an operator's client: what it feels, what it sends, what protects it.
+"""Client of a reflecting handle: the force it feels, the commands it sends, its protection.
 
-Told what comes in and what time it is, as a `Pilot` is; the same in virtual and in real time.
+Given what comes in and the time, as a `ProtocolClient`; the same in virtual and in real time.
 """
 
 import math

@@ -11,7 +11,7 @@ from ...protocols.messages import requests
 from ...server.control.spatial import Pose, rotation_log
 from ..operator.client.operator import POLL_S, Operator, ignore
 from ..operator.client.session import NotCertified
-from ..operator.terminal.cockpit import event_line
+from ..operator.terminal.teleop import event_line
 from .player import Phase, Player
 from .script import Script
 
@@ -22,7 +22,7 @@ SILENCE_S = 2.0
 """Without telemetry for this long, the daemon is taken for gone [s]."""
 
 
-class Performance:
+class LiveRun:
     """Plays a script over an operator's session; `say` prints a line.
 
     The script's operators hold leases of their own; the session only carries them.
@@ -90,9 +90,9 @@ class Performance:
 
     def _release(self) -> None:
         answered: list[requests.Reply] = []
-        if self.player.pilot.secret is not None:
-            self.player.pilot.mute = False
-            self.player.pilot.release(answered.append)
+        if self.player.client.secret is not None:
+            self.player.client.mute = False
+            self.player.client.release(answered.append)
             self.player.run(time.monotonic())
             deadline_s = time.monotonic() + SILENCE_S
             while not answered and time.monotonic() < deadline_s:

@@ -1,4 +1,4 @@
-"""Plays a script: pilots do what its steps say, when their time has come."""
+"""Plays a script: clients do what its steps say, when their time has come."""
 
 from collections import deque
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from ...protocols.messages.moving import RigMotion
 from ...protocols.messages.obstacles import ObstacleNews
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigFault
-from ..operator.client.protocol_client import Ask, Pilot, PilotError, Put
+from ..operator.client.protocol_client import Ask, NoLease, ProtocolClient, Put
 from ..reflect.client import ReflectingClient
 from .delay_line import Conditions, DelayLine
 from .handles import Handles
@@ -65,14 +65,14 @@ class Player:
         self._cell, self._new_key = cell, new_key
         self._put, self._ask, self._inject = put, ask, inject
         self._links: dict[str, DelayLine] = {}
-        self._pilots: dict[str, Pilot] = {}
+        self._clients: dict[str, ProtocolClient] = {}
         self._masters: dict[str, MovingMaster] = {}
         self._obstacles = MovingObstacles(self._tell, inject)
         self._targets: list[MovingTarget] = []
         self.handles = Handles(reflection)
         self._steps = deque(script.steps)
         self._now_s = 0.0
-        self.pilot = self._pilot("operator")
+        self.client = self._client("operator")
 
     @property
     def over(self) -> bool:
@@ -81,19 +81,19 @@ class Player:
 
     def on_state(self, state: m.State) -> None:
         """Take in a state."""
-        for pilot in self._pilots.values():
-            arrive = partial(self._arrive, pilot, state)
-            self._links[pilot.name].carry(arrive, self._now_s, t.STATE.key)
+        for client in self._clients.values():
+            arrive = partial(self._arrive, client, state)
+            self._links[client.name].carry(arrive, self._now_s, t.STATE.key)
 
     def on_reflection(self, news: Reflection) -> None:
         """Take in what handles shall push with."""
-        for name, device in self.handles.clients.items():
+        for name, device in self.handles.of_operator.items():
             arrive = partial(self._feel, device, news)
             self._links[name].carry(arrive, self._now_s, t.REFLECTION.key)
 
-    def _arrive(self, pilot: Pilot, state: m.State) -> None:
-        pilot.on_state(state)
-        self.handles.on_state(pilot.name, state, self._now_s)
+    def _arrive(self, client: ProtocolClient, state: m.State) -> None:
+        client.on_state(state)
+        self.handles.on_state(client.name, state, self._now_s)
 
     def _feel(self, device: ReflectingClient, news: Reflection) -> None:
         device.on_reflection(news, self._now_s)
@@ -112,14 +112,14 @@ class Player:
                 self._do(self._steps.popleft())
             if now_s >= self.start_s + self.script.duration_s - 1e-9:
                 self.phase = Phase.OVER
-        if self.pilot.state is not None:
+        if self.client.state is not None:
             try:
-                self._obstacles.run(now_s, self.pilot.state.tick)
+                self._obstacles.run(now_s, self.client.state.tick)
             except ValueError as error:
                 self._fail(str(error))
         self.handles.run(now_s)
-        for pilot in self._pilots.values():
-            pilot.run(now_s)
+        for client in self._clients.values():
+            client.run(now_s)
         for target in self._targets:
             target.run(now_s, self._tick, self._put, self._inject)
 
@@ -130,19 +130,19 @@ class Player:
     @property
     def _tick(self) -> int:
         """The newest telemetry tick."""
-        return 0 if self.pilot.state is None else self.pilot.state.tick
+        return 0 if self.client.state is None else self.client.state.tick
 
     @property
     def _mode(self) -> str:
-        return "" if self.pilot.state is None else self.pilot.state.mode
+        return "" if self.client.state is None else self.client.state.mode
 
     def _begin(self, now_s: float) -> None:
         if not self.script.auto_enable:
-            if self.pilot.state is not None:
+            if self.client.state is not None:
                 self.phase, self.start_s = Phase.PLAYING, now_s
         elif self._mode in ("ready", "hold"):
             self.phase = Phase.ACQUIRING
-            self.pilot.acquire(self._on_lease)
+            self.client.acquire(self._on_lease)
         elif self._mode == "fault":
             self._fail("the daemon is in FAULT: reset it first")
 
@@ -151,7 +151,7 @@ class Player:
             self._fail(f"no lease: {reply.reason}: {reply.detail}")
             return
         self.phase = Phase.ENABLING
-        self.pilot.request(t.MODE, self._on_enabled, action="enable")
+        self.client.request(t.MODE, self._on_enabled, action="enable")
 
     def _on_enabled(self, reply: requests.Reply) -> None:
         if not reply.ok:
@@ -160,20 +160,20 @@ class Player:
     def _fail(self, why: str) -> None:
         self.phase, self.failure = Phase.FAILED, why
 
-    def _pilot(self, name: str) -> Pilot:
-        pilot = self._pilots.get(name)
-        if pilot is None:
-            pilot = self._pilots[name] = self._connected(name)
-        return pilot
+    def _client(self, name: str) -> ProtocolClient:
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self._connected(name)
+        return client
 
-    def _connected(self, name: str) -> Pilot:
-        """Return a pilot whose connection is a line of its own, both ways."""
+    def _connected(self, name: str) -> ProtocolClient:
+        """Return a client whose connection is a line of its own, both ways."""
         network = self.script.network
         conditions = Conditions(0.5 * network.rtt_s, network.jitter, network.loss)
         line = self._links[name] = DelayLine(network.seed + len(self._links), conditions)
 
         def put(topic: t.Topic, payload: bytes, proof: bytes) -> None:
-            self.handles.sent(name, topic, pilot.seq, self._now_s)
+            self.handles.sent(name, topic, client.seq, self._now_s)
             line.carry(lambda: self._put(topic, payload, proof), self._now_s, topic.key)
 
         def ask(
@@ -184,36 +184,36 @@ class Player:
 
             line.carry(lambda: self._ask(topic, payload, back, proof), self._now_s)
 
-        pilot = Pilot(name, self._cell, put, ask, self._new_key)
-        return pilot
+        client = ProtocolClient(name, self._cell, put, ask, self._new_key)
+        return client
 
     def _do(self, step: Step) -> None:
-        pilot = self._pilot(step.operator)
-        if pilot.state is None:
-            pilot.state = self.pilot.state
+        client = self._client(step.operator)
+        if client.state is None:
+            client.state = self.client.state
         try:
-            self._speak(step, pilot)
-        except PilotError as error:
+            self._speak(step, client)
+        except NoLease as error:
             self.refused.append(f"{step.at_s:g} s: {error}")
 
-    def _speak(self, step: Step, pilot: Pilot) -> None:
+    def _speak(self, step: Step, client: ProtocolClient) -> None:
         def ask(topic: t.Topic, **fields: object) -> None:
-            pilot.request(topic, self._note(step, topic), **fields)
+            client.request(topic, self._note(step, topic), **fields)
 
         if step.lease == "acquire":
-            pilot.acquire(self._note(step, t.LEASE))
+            client.acquire(self._note(step, t.LEASE))
         elif step.lease == "release":
-            pilot.release(self._note(step, t.RELEASE))
+            client.release(self._note(step, t.RELEASE))
         if step.link is not None:
             link = step.link
             conditions = Conditions(link.delay_s, link.jitter, link.loss, link.cut)
-            self._links[pilot.name].set(conditions)
+            self._links[client.name].set(conditions)
         if step.mode is not None:
             ask(t.MODE, action=step.mode)
         if step.protective_stop is True:
-            pilot.protective_stop(self._note(step, t.PROTECTIVE_STOP))
+            client.protective_stop(self._note(step, t.PROTECTIVE_STOP))
         elif step.protective_stop is False:
-            pilot.clear_protective_stop(self._note(step, t.PROTECTIVE_CLEAR))
+            client.clear_protective_stop(self._note(step, t.PROTECTIVE_CLEAR))
         if step.speed is not None:
             ask(t.SPEED, factor=step.speed)
         if step.store_view is not None:
@@ -241,15 +241,15 @@ class Player:
         if step.path_control is not None:
             ask(t.PATH_CONTROL, action=step.path_control)
         if step.cancel:
-            pilot.command(t.CANCEL)
-        self._command(step, pilot)
+            client.command(t.CANCEL)
+        self._command(step, client)
         if step.target is not None:
             self._targets.append(MovingTarget(step.target, self._now_s))
         if step.raw is not None:
             topic = next(x for x in t.TOPICS if x.key == step.raw.topic)
             payload, proof = bytes.fromhex(step.raw.hex), step.raw.proof
             proven = proof == "lease"
-            attached = pilot.prove(topic, payload) if proven else bytes.fromhex(proof)
+            attached = client.prove(topic, payload) if proven else bytes.fromhex(proof)
             self._put(topic, payload, attached)
         if step.avoidance is not None:
             ask(t.AVOIDANCE, on=step.avoidance)
@@ -265,44 +265,44 @@ class Player:
         except ValueError as error:
             self._fail(f"{step.at_s:g} s: {error}")
 
-    def _command(self, step: Step, pilot: Pilot) -> None:
+    def _command(self, step: Step, client: ProtocolClient) -> None:
         if step.joystick is not None:
             if step.joystick.twist is None:
-                pilot.end_stream(t.JOYSTICK)
+                client.end_stream(t.JOYSTICK)
             else:
-                pilot.stream(t.JOYSTICK, **dict(step.joystick))
+                client.stream(t.JOYSTICK, **dict(step.joystick))
         if step.jog is not None:
             if step.jog.rates is None:
-                pilot.end_stream(t.JOG)
+                client.end_stream(t.JOG)
             else:
-                pilot.stream(t.JOG, **dict(step.jog))
+                client.stream(t.JOG, **dict(step.jog))
         if step.position is not None:
-            pilot.command(t.POSITION, **dict(step.position))
+            client.command(t.POSITION, **dict(step.position))
         if isinstance(step.posture, str):
-            pilot.command(t.POSTURE, posture=step.posture)
+            client.command(t.POSTURE, posture=step.posture)
         elif step.posture is not None:
-            pilot.command(t.POSTURE, q=step.posture)
+            client.command(t.POSTURE, q=step.posture)
         if step.path is not None:
-            pilot.command(t.PATH, **dict(step.path))
+            client.command(t.PATH, **dict(step.path))
         if step.master is not None:
-            self._move_master(step.master, pilot)
+            self._move_master(step.master, client)
         if step.device is not None:
             try:
-                self.handles.take(step.device, pilot, self._now_s)
+                self.handles.take(step.device, client, self._now_s)
             except ValueError as error:
                 self._fail(f"{step.at_s:g} s: {error}")
         if isinstance(step.force, WrenchStep):
-            pilot.command(t.FORCE, **dict(step.force))
+            client.command(t.FORCE, **dict(step.force))
         elif step.force is not None:
-            pilot.command(t.FORCE, wrench=step.force)
+            client.command(t.FORCE, wrench=step.force)
 
-    def _move_master(self, step: MasterStep, pilot: Pilot) -> None:
+    def _move_master(self, step: MasterStep, client: ProtocolClient) -> None:
         if step.twist is None:
-            pilot.end_stream(t.MASTER_POSE)
+            client.end_stream(t.MASTER_POSE)
             return
-        master = self._masters.setdefault(pilot.name, MovingMaster())
+        master = self._masters.setdefault(client.name, MovingMaster())
         master.move(step.twist, step.expressed_in, self._now_s)
-        pilot.stream_made(t.MASTER_POSE, master.fields)
+        client.stream_made(t.MASTER_POSE, master.fields)
 
     def _tell(self, news: ObstacleNews) -> None:
         self._put(t.OBSTACLE, encode(news), b"")

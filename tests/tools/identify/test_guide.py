@@ -9,7 +9,7 @@ from telerobot.protocols.messages import requests
 from telerobot.tools.cli import main
 from telerobot.tools.identify.attitudes import Stop
 from telerobot.tools.identify.guide import Guide
-from telerobot.tools.operator.client.protocol_client import Pilot
+from telerobot.tools.operator.client.protocol_client import ProtocolClient
 
 
 class Arm:
@@ -20,8 +20,8 @@ class Arm:
         self.reply = requests.Reply(ok=True)
         put = lambda topic, payload, proof: self.sent.append(topic)  # noqa: E731
         ask = lambda topic, payload, answer, proof: answer(encode(self.reply))  # noqa: E731
-        self.pilot = Pilot("ann", "cell", put, ask, secret=bytes(32), epoch=1)
-        self.guide = Guide(self.pilot, [Stop(np.zeros(2), measure) for measure in stops])
+        self.client = ProtocolClient("ann", "cell", put, ask, secret=bytes(32), epoch=1)
+        self.guide = Guide(self.client, [Stop(np.zeros(2), measure) for measure in stops])
         self.state = {"mode": "enabled", "wrench_sensor": (1.0,) * 6, "at_goal": True, **state}
         self.time_s = 0.0
 
@@ -33,7 +33,7 @@ class Arm:
                     time_s=self.time_s,
                     q=(0.1, 0.2),
                     gains={"force": (1.0,) * 6},
-                    last_seq={t.POSTURE.key: self.pilot.seq},
+                    last_seq={t.POSTURE.key: self.client.seq},
                     **self.state,
                 )
             )

@@ -129,7 +129,7 @@ def test_a_cut_link_carries_nothing_either_way(play, daemon):
     keepalives = run.times(t.KEEPALIVE)
     assert len(keepalives) == pytest.approx(10, abs=1)
     assert max(keepalives) <= run.player.start_s + 1.0
-    assert run.player.pilot.seen_tick <= 100 * (run.player.start_s + 1.0)
+    assert run.player.client.seen_tick <= 100 * (run.player.start_s + 1.0)
 
 
 def test_a_slow_link_delivers_everything_late_and_in_order(play, daemon):

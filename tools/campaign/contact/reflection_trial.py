@@ -165,7 +165,7 @@ def _played(cell: Cell, script: Script) -> tuple[Simulation, _Log]:
     rows: list[tuple[float, list[float], list[float], list[float], float]] = []
 
     def look(running: Simulation) -> None:
-        truth, clients = running.truths[-1], running.player.handles.clients.values()
+        truth, clients = running.truths[-1], running.player.handles.of_operator.values()
         for client in clients:
             device = client.device
             rows.append(

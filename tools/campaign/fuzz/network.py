@@ -15,7 +15,7 @@ from ....protocols import topics as t
 from ....protocols.messages.messages import Message
 from ....protocols.topics import Flow
 from ....server.mode import Mode
-from ...operator.client.protocol_client import ANYBODY, PilotError
+from ...operator.client.protocol_client import ANYBODY, NoLease
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 from ..hostile.sights import ComputedSights
@@ -114,7 +114,7 @@ class Attacker:
             self._recover(simulation)
 
     def _command(self, simulation: Simulation) -> None:
-        dice, pilot = self._stranger.dice, simulation.player.pilot
+        dice, client = self._stranger.dice, simulation.player.client
         topic = dice.choice((*t.COMMANDS, *t.REQUESTS))
         drawn = self._stranger.values.message(topic.message, **_known(topic.message))
         if drawn is None or topic in KEPT:
@@ -122,26 +122,26 @@ class Attacker:
         fields = {k: v for k, v in dict(drawn).items() if k not in ENVELOPE}
         try:
             if topic.flow is Flow.REQUEST:
-                pilot.request(topic, lambda _reply: None, **fields)
+                client.request(topic, lambda _reply: None, **fields)
             elif dice.random() < 0.7 and topic.life is t.Life.STREAM:
-                pilot.stream(topic, **fields)
+                client.stream(topic, **fields)
             else:
-                pilot.command(topic, **fields)
-        except PilotError:
+                client.command(topic, **fields)
+        except NoLease:
             return  # the lease is lost: nobody may command
         self._outcome.inputs[f"{topic.flow.name.lower()} of the holder"] += 1
 
     def _recover(self, simulation: Simulation) -> None:
         """Take the lease again, enable and go on: a stopped arm tells little."""
-        pilot, mode = simulation.player.pilot, simulation.cycle.mode
+        client, mode = simulation.player.client, simulation.cycle.mode
         action = {Mode.READY: "enable", Mode.HOLD: "resume"}.get(mode)
         try:
-            pilot.acquire(lambda _reply: None)
+            client.acquire(lambda _reply: None)
             if mode is not Mode.ENABLED:
-                pilot.clear_protective_stop(lambda _reply: None)
+                client.clear_protective_stop(lambda _reply: None)
             if action is not None:
-                pilot.request(t.MODE, lambda _reply: None, action=action)
-        except PilotError:
+                client.request(t.MODE, lambda _reply: None, action=action)
+        except NoLease:
             return
 
 

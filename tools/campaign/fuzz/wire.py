@@ -62,7 +62,7 @@ def _attack(plant: LocalPlant, seed: int, outcome: Outcome) -> None:
         while time.monotonic() < end_s:
             plant.raise_if_dead()
             for _ in range(AT_ONCE):
-                said = stranger.draw(operator.pilot.seen_tick)
+                said = stranger.draw(operator.client.seen_tick)
                 outcome.inputs["messages on the wire"] += 1
                 if said.topic.flow is Flow.REQUEST:
                     session.ask(said.topic, said.payload, _ignore, said.proof)

@@ -48,7 +48,7 @@ Draw = np.random.Generator
 
 
 @dataclass(frozen=True)
-class Crowd:
+class Clutter:
     """One scene: the cell, its script, and what can be promised there."""
 
     seed: int
@@ -67,7 +67,7 @@ class Crowd:
         return self.start_m >= PROMISE + SAG and self.kind != "moving"
 
 
-def crowd(base: Cell, seed: int) -> Crowd:
+def make_clutter(base: Cell, seed: int) -> Clutter:
     """Return the scene of a seed; all that is random is drawn here."""
     draw = np.random.default_rng([seed, 2])
     kind = KINDS[seed % len(KINDS)]
@@ -85,7 +85,7 @@ def crowd(base: Cell, seed: int) -> Crowd:
             movers = tuple(
                 mover(draw, o, HOSTILE_S) for o in cell.config.obstacles if o.max_speed > 0.0
             )
-            return Crowd(seed, kind, cell, _script(draw), movers, start, modelled)
+            return Clutter(seed, kind, cell, _script(draw), movers, start, modelled)
 
 
 def _furnished(base: Cell, draw: Draw, kind: str) -> Cell:

@@ -12,7 +12,7 @@ from ....protocols import topics as t
 from ...oracle.way_out import AWAY, WIDER, closed_in
 from ...simulation.simulation import Simulation
 from ..part import Part, Selection
-from .clutter import HOSTILE_S, PROMISE, Crowd, crowd
+from .clutter import HOSTILE_S, PROMISE, Clutter, make_clutter
 from .movers import Chase
 
 CELL = "pa10"
@@ -94,7 +94,7 @@ class Scene:
 class _Judge:
     """Watches the physics of one run, and plays its retreat."""
 
-    def __init__(self, scene: Crowd, simulation: Simulation) -> None:
+    def __init__(self, scene: Clutter, simulation: Simulation) -> None:
         self.simulation = simulation
         self.first = self.least = self.closed = 0.0
         self.left = self.stuck = False
@@ -149,7 +149,7 @@ class _Judge:
         holds = bool(simulation.states) and simulation.states[-1].mode == "hold"
         if holds and self._at_s > self._asked_s + RESUME_S:
             self._asked_s = self._at_s
-            simulation.player.pilot.request(t.MODE, lambda _: None, action="resume")
+            simulation.player.client.request(t.MODE, lambda _: None, action="resume")
         near = simulation.rig.world.nearest()
         if near is None:
             raise ValueError("a scene has something in it")
@@ -183,7 +183,7 @@ class _Judge:
         self._retreat = (simulation.rig.world.mrf_pose()[0], way, near.distance)
         self._until_s = self._at_s + RETREAT_S
         twist = (*(RETREAT * way).tolist(), 0.0, 0.0, 0.0)
-        simulation.player.pilot.stream(t.JOYSTICK, twist=twist, expressed_in="world")
+        simulation.player.client.stream(t.JOYSTICK, twist=twist, expressed_in="world")
 
     def _watch(self, near: Nearest) -> None:
         """Look whether the arm has left what it was nearest to."""
@@ -204,7 +204,7 @@ def _away(near: Nearest) -> np.ndarray:
 
 def play(seed: int) -> Scene:
     """Run the scene of a seed in virtual time and judge it."""
-    scene = crowd(load_cell(CELL), seed)
+    scene = make_clutter(load_cell(CELL), seed)
     simulation = Simulation(scene.cell, scene.script)
     judge = _Judge(scene, simulation)
     result = simulation.run(lambda: judge.over)

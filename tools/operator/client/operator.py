@@ -24,7 +24,7 @@ from ....protocols.messages.rig import RigFault
 from ....protocols.topics import Role
 from ...host.address import moved
 from .motions import Motions
-from .protocol_client import OnReply, Pilot, PilotError
+from .protocol_client import NoLease, OnReply, ProtocolClient
 from .round_trip import RoundTrip
 from .session import REPLY_TIMEOUT_S, NotCertified, Session
 
@@ -78,7 +78,7 @@ class Operator(Motions):
         # Of what is true only now, the newest that can be read; junk between does not push it out.
         depths = {t.STATE: 64, t.REFLECTION: 64, t.EVENT: 256, t.DESCRIPTION: 8}
         self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
-        self.pilot = Pilot(name, self.cell, self._put, self.session.ask)
+        self.client = ProtocolClient(name, self.cell, self._put, self.session.ask)
         self.description: m.Description | None = None
         """What the daemon says of its cell; comes within a second."""
         self.round_trip = RoundTrip()
@@ -108,17 +108,17 @@ class Operator(Motions):
     @property
     def state(self) -> m.State | None:
         """The newest state that was read."""
-        return self.pilot.state
+        return self.client.state
 
     @property
     def events(self) -> list[m.Event]:
         """All events that were read."""
-        return self.pilot.events
+        return self.client.events
 
     @property
     def holds_lease(self) -> bool:
         """True from the grant of the lease until it is released or telemetry shows it lost."""
-        return self.pilot.secret is not None
+        return self.client.secret is not None
 
     def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
         """Keep the session alive for a while, or until something holds; return whether it did."""
@@ -141,7 +141,7 @@ class Operator(Motions):
             elif payloads:
                 any(self._take(topic, payload) for payload in reversed(payloads))
         self.session.poll()
-        self.pilot.run(time.monotonic())
+        self.client.run(time.monotonic())
 
     def wait_state(self, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
         """Return the newest state, waiting for the first. Raises `OperatorError` if none comes."""
@@ -164,7 +164,7 @@ class Operator(Motions):
         end = time.monotonic() + REPLY_TIMEOUT_S
         while not self.holds_lease:
             try:
-                self._wait(self.pilot.acquire)
+                self._wait(self.client.acquire)
             except OperatorError as error:
                 # A session that is just open does not know yet what the daemon answers.
                 if error.reason != "no_answer" or time.monotonic() > end:
@@ -173,7 +173,7 @@ class Operator(Motions):
 
     def release(self) -> None:
         """Give the lease back; a moving arm stops. Raises `OperatorError` if it was lost."""
-        self._wait(self.pilot.release)
+        self._wait(self.client.release)
 
     def enable(self) -> None:
         """Switch the drives on, or go on after HOLD; returns once the arm may be moved."""
@@ -196,15 +196,15 @@ class Operator(Motions):
 
     def protective_stop(self) -> None:
         """Stop the arm; works without the lease."""
-        self._wait(self.pilot.protective_stop)
+        self._wait(self.client.protective_stop)
 
     def clear_protective_stop(self) -> None:
         """Clear all protective stops with the lease, else the newest of one's own."""
-        self._wait(self.pilot.clear_protective_stop)
+        self._wait(self.client.clear_protective_stop)
 
     def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
         """Send any request and return its reply. Raises `OperatorError` when refused."""
-        return self._wait(lambda on_reply: self.pilot.request(topic, on_reply, **fields))
+        return self._wait(lambda on_reply: self.client.request(topic, on_reply, **fields))
 
     def joystick(
         self,
@@ -220,7 +220,7 @@ class Operator(Motions):
         what is no twist.
         """
         self._need_lease()
-        self.pilot.stream(
+        self.client.stream(
             t.JOYSTICK,
             twist=tuple(twist),
             expressed_in=m.Frame(expressed_in),
@@ -228,7 +228,7 @@ class Operator(Motions):
         )
         if seconds > 0.0:
             self.spin(seconds)
-            self.pilot.end_stream(t.JOYSTICK)
+            self.client.end_stream(t.JOYSTICK)
             self._need_lease()
 
     def move_to(
@@ -263,7 +263,7 @@ class Operator(Motions):
 
     def wait_goal(self, timeout_s: float) -> bool:
         """Wait until the goal that was set last is reached; return whether it was."""
-        seq = self.pilot.seq
+        seq = self.client.seq
 
         def reached() -> bool:
             s = self.state
@@ -276,7 +276,7 @@ class Operator(Motions):
         its message does not take.
         """
         self._need_lease()
-        self.pilot.command(topic, **fields)
+        self.client.command(topic, **fields)
 
     def inject(self, fault: RigFault | RigMotion) -> None:
         """Inject a fault into the virtual hardware, or move what stands there."""
@@ -288,11 +288,11 @@ class Operator(Motions):
 
     def close(self) -> None:
         """Release the lease, if held, and end the session."""
-        if self.holds_lease and not self.pilot.mute:
+        if self.holds_lease and not self.client.mute:
             try:
                 self.release()
             except OperatorError:
-                self.pilot.secret = None  # it has run out already: there is nothing to release
+                self.client.secret = None  # it has run out already: there is nothing to release
         self.session.close()
 
     def _take(self, topic: t.Topic, payload: bytes) -> bool:
@@ -306,14 +306,14 @@ class Operator(Motions):
         elif isinstance(message, Reflection):
             self.on_reflection(message)
         elif isinstance(message, m.Event):
-            self.pilot.on_event(message)
+            self.client.on_event(message)
             self.on_event(message)
         elif isinstance(message, m.Description):
             self.description = message
         return True
 
     def _take_state(self, state: m.State, now_s: float) -> None:
-        self.pilot.on_state(state)
+        self.client.on_state(state)
         self.state_since_s = now_s
         if self.holds_lease:
             self._watch_lease(state)
@@ -322,22 +322,22 @@ class Operator(Motions):
 
     def _watch_lease(self, state: m.State) -> None:
         """Let go of a lease that telemetry shows to be lost; states from before it don't count."""
-        pilot = self.pilot
-        if state.lease_epoch == pilot.epoch and state.lease_holder == pilot.name:
+        client = self.client
+        if state.lease_epoch == client.epoch and state.lease_holder == client.name:
             self._lease_seen = True
-        elif self._lease_seen or state.lease_epoch >= pilot.epoch:
+        elif self._lease_seen or state.lease_epoch >= client.epoch:
             self._lease_seen = False
-            pilot.drop_lease()
+            client.drop_lease()
 
     def _need_lease(self) -> None:
         if not self.holds_lease:
-            raise OperatorError("no_lease", f"{self.pilot.name} does not hold the lease")
+            raise OperatorError("no_lease", f"{self.client.name} does not hold the lease")
 
     def _wait(self, send: Callable[[OnReply], None]) -> requests.Reply:
         replies: list[requests.Reply] = []
         try:
             send(replies.append)
-        except PilotError as error:
+        except NoLease as error:
             raise OperatorError("no_lease", str(error)) from None
         self.spin(REPLY_TIMEOUT_S + 1.0, lambda: bool(replies))
         if not replies:
@@ -347,5 +347,5 @@ class Operator(Motions):
         return replies[0]
 
     def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
-        self.round_trip.sent(topic.key, self.pilot.seq, time.monotonic())
+        self.round_trip.sent(topic.key, self.client.seq, time.monotonic())
         self.session.put(topic, payload, proof)

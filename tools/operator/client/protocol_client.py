@@ -1,8 +1,8 @@
-"""The operator's side of the protocol, without a network: lease, sequence, freshness, streams.
+"""Operator's side of the protocol, without a network: lease, sequence, freshness, streams.
 
-A `Pilot` is told what comes in (`on_state`, `on_event`) and what time it is (`run`); it sends
-through two functions that it is given. `telerobot.Operator` puts Zenoh behind them, a simulation
-puts the cycle's own link.
+A `ProtocolClient` is given what comes in (`on_state`, `on_event`) and the time (`run`); it sends
+through two functions. `telerobot.Operator` puts Zenoh behind them, a simulation the cycle's own
+link.
 """
 
 import hashlib
@@ -39,12 +39,12 @@ KEEPALIVE_S = 0.1
 STREAM_S = 0.01
 
 
-class PilotError(Exception):
-    """The pilot cannot do what it was asked: it holds no lease."""
+class NoLease(Exception):
+    """The client cannot do what it was asked: it holds no lease."""
 
 
 @dataclass
-class Pilot:
+class ProtocolClient:
     """One operator: what it holds, what it streams, what it was told."""
 
     name: str
@@ -59,7 +59,7 @@ class Pilot:
     state: m.State | None = None
     events: list[m.Event] = field(default_factory=list)
     mute: bool = False
-    """True cuts the pilot off: nothing is sent any more."""
+    """True cuts the client off: nothing is sent any more."""
     seq: int = 0
     """Number of the newest message that was sent."""
     _keepalive_due_s: float = 0.0
@@ -116,7 +116,7 @@ class Pilot:
         self._streams.pop(topic, None)
 
     def command(self, topic: t.Topic, **fields: Any) -> None:
-        """Send a command now. Raises `PilotError` without a lease."""
+        """Send a command now. Raises `NoLease` without a lease."""
         if self.mute:
             return
         self._need_lease()
@@ -124,7 +124,7 @@ class Pilot:
         self.put(topic, payload, self.prove(topic, payload))
 
     def request(self, topic: t.Topic, on_reply: OnReply, **fields: Any) -> None:
-        """Send a request; its reply goes to `on_reply`. Raises `PilotError` without a lease."""
+        """Send a request; its reply goes to `on_reply`. Raises `NoLease` without a lease."""
         if self.mute:
             return
         if topic.needs_proof:
@@ -137,7 +137,7 @@ class Pilot:
     def prove(self, topic: t.Topic, payload: bytes) -> bytes:
         """Return the proof that a payload comes from who holds the lease, under a new number.
 
-        Raises `PilotError` without a lease.
+        Raises `NoLease` without a lease.
         """
         secret = self._need_lease()
         self.seq += 1
@@ -155,7 +155,7 @@ class Pilot:
         self.request(t.LEASE, granted, operator=self.name, key=pair.public)
 
     def protective_stop(self, on_reply: OnReply) -> None:
-        """Ask for the protective stop, sealed: this pilot can clear it, or the lease's holder."""
+        """Ask for the protective stop, sealed: this client can clear it, or the lease's holder."""
         self._seals.append(self.new_key())
         seal = hashlib.sha256(self._seals[-1]).digest()
         self.request(t.PROTECTIVE_STOP, on_reply, operator=self.name, seal=seal)
@@ -183,7 +183,7 @@ class Pilot:
 
     def _need_lease(self) -> bytes:
         if self.secret is None:
-            raise PilotError(f"{self.name} holds no lease")
+            raise NoLease(f"{self.name} holds no lease")
         return self.secret
 
     def _take_lease(self, pair: KeyPair, reply: requests.Reply) -> requests.Reply:

@@ -5,69 +5,73 @@ import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import requests
-from telerobot.tools.operator.client.protocol_client import Pilot, PilotError
+from telerobot.tools.operator.client.protocol_client import NoLease, ProtocolClient
 from telerobot.tools.operator.client.round_trip import RoundTrip
 
 PUSH = (0.02, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture
-def pilot(daemon):
-    return Pilot("ann", "cell", daemon.put, daemon.ask)
+def client(daemon):
+    return ProtocolClient("ann", "cell", daemon.put, daemon.ask)
 
 
 @pytest.fixture
-def holder(pilot):
-    pilot.acquire(lambda reply: None)
-    return pilot
+def holder(client):
+    client.acquire(lambda reply: None)
+    return client
 
 
-def run(pilot, since_s, until_s):
+def run(client, since_s, until_s):
     for ms in range(round(1000 * since_s), round(1000 * until_s)):
-        pilot.run(ms / 1000)
+        client.run(ms / 1000)
 
 
-def test_without_the_lease_nothing_is_sent_and_commands_say_so(pilot, daemon):
-    run(pilot, 0.0, 1.0)
-    with pytest.raises(PilotError, match="ann holds no lease"):
-        pilot.command(t.JOYSTICK, twist=PUSH)
-    with pytest.raises(PilotError):
-        pilot.request(t.MODE, lambda reply: None, action="enable")
+def test_without_the_lease_nothing_is_sent_and_commands_say_so(client, daemon):
+    run(client, 0.0, 1.0)
+    with pytest.raises(NoLease, match="ann holds no lease"):
+        client.command(t.JOYSTICK, twist=PUSH)
+    with pytest.raises(NoLease):
+        client.request(t.MODE, lambda reply: None, action="enable")
     assert daemon.heard == []
 
 
 def test_the_lease_brings_a_secret_that_every_command_proves_and_none_carries(daemon):
     payloads = []
-    pilot = Pilot(
+    client = ProtocolClient(
         "ann",
         "cell",
         lambda *sent: payloads.append(sent[1] + sent[2]) or daemon.put(*sent),
         lambda *sent: payloads.append(sent[1] + sent[3]) or daemon.ask(*sent),
     )
-    pilot.acquire(lambda reply: None)
-    pilot.command(t.CANCEL)
-    pilot.request(t.MODE, lambda reply: None, action="hold")
-    assert pilot.secret == daemon.secret
+    client.acquire(lambda reply: None)
+    client.command(t.CANCEL)
+    client.request(t.MODE, lambda reply: None, action="hold")
+    assert client.secret == daemon.secret
     assert [topic for topic, _ in daemon.proofs] == [t.CANCEL, t.MODE]  # judged by the daemon
-    assert not any(pilot.secret in payload for payload in payloads)
+    assert not any(client.secret in payload for payload in payloads)
 
 
 def test_a_reply_without_a_usable_key_brings_no_lease(daemon):
     for key in (None, bytes(32)):
-        reply = requests.Reply(ok=True, key=key, epoch=1)
+        reply = encode(requests.Reply(ok=True, key=key, epoch=1))
         heard = []
-        pilot = Pilot("ann", "cell", daemon.put, lambda t, p, answer, a: answer(encode(reply)))  # noqa: B023
-        pilot.acquire(heard.append)
+
+        def ask(topic, payload, answer, proof, reply=reply):
+            answer(reply)
+
+        client = ProtocolClient("ann", "cell", daemon.put, ask)
+        client.acquire(heard.append)
         assert [r.reason for r in heard] == ["wrong_key"]
-        assert pilot.secret is None
+        assert client.secret is None
 
 
-def test_a_refused_lease_is_told_and_not_held(pilot, daemon):
+def test_a_refused_lease_is_told_and_not_held(client, daemon):
     daemon.refusals["operator/lease"] = "lease_taken"
     replies = []
-    pilot.acquire(replies.append)
+    client.acquire(replies.append)
     assert [reply.reason for reply in replies] == ["lease_taken"]
-    assert pilot.secret is None
+    assert client.secret is None
 
 
 def test_a_lease_is_kept_alive_ten_times_a_second(holder, daemon):
@@ -113,18 +117,18 @@ def test_sequence_numbers_grow_and_tell_the_picture_they_are_based_on(holder, da
     assert (first.seen_tick, second.seen_tick) == (0, 7)
 
 
-def test_anyone_may_ask_for_a_protective_stop(pilot, daemon):
+def test_anyone_may_ask_for_a_protective_stop(client, daemon):
     replies = []
-    pilot.protective_stop(replies.append)
+    client.protective_stop(replies.append)
     assert replies[0].ok
     assert [stop.operator for stop in daemon.of(t.PROTECTIVE_STOP)] == ["ann"]
 
 
-def test_each_protective_stop_has_a_seal_of_its_own_that_its_asker_opens(pilot, daemon):
+def test_each_protective_stop_has_a_seal_of_its_own_that_its_asker_opens(client, daemon):
     for _ in range(2):
-        pilot.protective_stop(lambda reply: None)
-    pilot.clear_protective_stop(lambda reply: None)
-    pilot.clear_protective_stop(lambda reply: None)
+        client.protective_stop(lambda reply: None)
+    client.clear_protective_stop(lambda reply: None)
+    client.clear_protective_stop(lambda reply: None)
     seals = [stop.seal for stop in daemon.of(t.PROTECTIVE_STOP)]
     opened = [sha256(clear.opens).digest() for clear in daemon.of(t.PROTECTIVE_CLEAR)]
     assert len(set(seals)) == 2
@@ -148,7 +152,7 @@ def test_giving_the_lease_back_ends_every_stream(holder, daemon):
     assert daemon.of(t.JOYSTICK) == []
 
 
-def test_a_mute_pilot_sends_nothing(holder, daemon):
+def test_a_mute_client_sends_nothing(holder, daemon):
     heard = len(daemon.heard)
     holder.mute = True
     holder.stream(t.JOYSTICK, twist=PUSH)

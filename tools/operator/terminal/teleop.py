@@ -1,7 +1,7 @@
-"""What an operator at a keyboard can do, and sees: keys to requests and streams, states to lines.
+"""Keyboard teleoperation: keys to requests and streams, telemetry to lines of text.
 
-Nothing here waits. A key sends a request and its answer is said when it comes; held keys set the
-streams, which the operator's session sends at 100 Hz.
+Nothing here waits. A key sends a request, and its answer is printed when it comes; held keys set
+the streams, which the operator's session sends at 100 Hz.
 """
 
 import math
@@ -12,7 +12,7 @@ from ....protocols import topics as t
 from ....protocols.messages import messages as m
 from ....protocols.messages import requests
 from ..client.operator import Operator
-from ..client.protocol_client import OnReply, PilotError
+from ..client.protocol_client import NoLease, OnReply
 from .keyboard import HeldKeys
 from .stick import AXES, JOINT_SIGNS, Stick, opposites
 
@@ -32,14 +32,14 @@ ECHO_SHOWN_S = 1.0
 """A round trip older than this is not shown [s]."""
 
 
-class Cockpit:
+class KeyboardTeleop:
     """One operator at a keyboard; `say` prints a line."""
 
     def __init__(self, operator: Operator, say: Callable[[str], None]) -> None:
         self.stick = Stick()
         self.held = HeldKeys()
         self.quit = False
-        self._operator, self._pilot, self._say = operator, operator.pilot, say
+        self._operator, self._client, self._say = operator, operator.client, say
         self._goal = False
         self._held_lease = False
         self._moving: set[str] = set()
@@ -79,7 +79,7 @@ class Cockpit:
             elif key in self._keys:
                 self.held.release()
                 self._keys[key]()
-        except PilotError:
+        except NoLease:
             self._say("you do not hold the lease: L asks for it")
 
     def help(self) -> None:
@@ -95,11 +95,11 @@ class Cockpit:
 
         def answered(reply: requests.Reply) -> None:
             if reply.ok:
-                self._say(f"lease granted to {self._pilot.name}: m enables the arm, ? helps")
+                self._say(f"lease granted to {self._client.name}: m enables the arm, ? helps")
             else:
                 self._say(f"no lease: {reply.detail or reply.reason}; watching, L asks again")
 
-        self._pilot.acquire(answered)
+        self._client.acquire(answered)
 
     def run(self, now_s: float) -> None:
         """Set the streams to what is held now."""
@@ -111,18 +111,18 @@ class Cockpit:
             self.held.release()
             self._moving = set()
             self._goal = False
-            self._pilot.end_stream(t.JOYSTICK)
-            self._pilot.end_stream(t.JOG)
+            self._client.end_stream(t.JOYSTICK)
+            self._client.end_stream(t.JOG)
             return
         held = self._moving = self.held.held(now_s)
         if self.stick.joint is None:
-            self._pilot.end_stream(t.JOG)
+            self._client.end_stream(t.JOG)
             frame, twist = self.stick.frame, self.stick.twist(held)
-            self._pilot.stream(t.JOYSTICK, twist=twist, expressed_in=frame)
+            self._client.stream(t.JOYSTICK, twist=twist, expressed_in=frame)
         else:
-            self._pilot.end_stream(t.JOYSTICK)
+            self._client.end_stream(t.JOYSTICK)
             rates = self.stick.rates(held, self._max_velocity(len(state.q)))
-            self._pilot.stream(t.JOG, rates=rates)
+            self._client.stream(t.JOG, rates=rates)
 
     def _max_velocity(self, joints: int) -> Sequence[float]:
         description = self._operator.description
@@ -138,7 +138,7 @@ class Cockpit:
             if self._goal:
                 # A posture in force does not hear the stick.
                 self._goal = False
-                self._pilot.command(t.CANCEL)
+                self._client.command(t.CANCEL)
         elif self.stick.joint is None:
             self._say("choose a joint first: 1 … 9")
             return
@@ -161,8 +161,8 @@ class Cockpit:
 
     def _posture(self, name: str) -> None:
         self.stick.joint = None
-        self._pilot.end_stream(t.JOG)
-        self._pilot.command(t.POSTURE, posture=name)
+        self._client.end_stream(t.JOG)
+        self._client.command(t.POSTURE, posture=name)
         self._goal = True
         self._say(f"moving to {name}: any move key ends that")
 
@@ -178,10 +178,10 @@ class Cockpit:
         self._request(action, t.MODE, action=action)
 
     def _protective_stop(self) -> None:
-        self._pilot.protective_stop(self._answered("protective stop"))
+        self._client.protective_stop(self._answered("protective stop"))
 
     def _protective_clear(self) -> None:
-        self._pilot.clear_protective_stop(self._answered("clear"))
+        self._client.clear_protective_stop(self._answered("clear"))
 
     def _toggle_force(self) -> None:
         state = self._operator.state
@@ -189,7 +189,7 @@ class Cockpit:
         self._request(f"force {'on' if on else 'off'}", t.SWITCH, source=m.SourceName.FORCE, on=on)
 
     def _request(self, what: str, topic: t.Topic, **fields: Any) -> None:
-        self._pilot.request(topic, self._answered(what), **fields)
+        self._client.request(topic, self._answered(what), **fields)
 
     def _answered(self, what: str) -> OnReply:
         def answered(reply: requests.Reply) -> None:

@@ -1,8 +1,8 @@
-"""What the cockpit says of what happened."""
+"""What the teleop says of what happened."""
 
 import pytest
 from telerobot.protocols.messages.messages import Event
-from telerobot.tools.operator.terminal.cockpit import event_line
+from telerobot.tools.operator.terminal.teleop import event_line
 
 
 @pytest.mark.parametrize(
