@@ -15,23 +15,23 @@ from ..drivers.device import Cause, DeviceError, Trouble
 from ..protocols.canopen.cia402 import DriveState
 from ..protocols.codec import encode
 from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
-from .commands.commands import Orders
+from .commands.commands import Commands
 from .control.barriers.clearance import Gap
 from .control.spatial import Array, Pose
 from .control.state import Inputs, Intent, Memory, Output
 from .control.tick import Control
-from .faults import Faults
-from .mode import Mode, Situation, Wish, next_mode
-from .operators.admission import Admission, Now
+from .faults import FaultDetector
+from .mode import Mode, ModeInputs, Wish, next_mode
+from .operators.admission import Admission, Instant
+from .operators.dispatcher import Dispatcher
 from .operators.exposure import opening_events
 from .operators.grants import Grants
-from .operators.inbox import Reception
-from .operators.intake import Intake
+from .operators.inbox import Inbox
 from .operators.link import Link
-from .operators.services import Desk, View
-from .perception.perception import Watches
+from .operators.services import RequestContext, Services
+from .perception.perception import Perception
 from .plant import Plant, PlantReading
-from .power import Power
+from .power import DrivePower
 from .refusals import Refused, Why
 from .runtime.clock import Clock
 from .telemetry import describe, report
@@ -78,7 +78,7 @@ class Cycle:
         self.output: Output | None = None
         self.cell, self.plant, self.clock = cell, plant, clock
         self._control, self._link, self._gain_bound = control, link, gain_bound
-        self._faults = Faults(cell, control.p)
+        self._faults = FaultDetector(cell, control.p)
         self._late_in_a_row = 0
         self._tolerated_overruns = timing.tolerated_overruns
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
@@ -86,19 +86,21 @@ class Cycle:
         self._admission = Admission(
             cell.config.name, timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
         )
-        self._orders = Orders(cell)
+        self._commands = Commands(cell)
         grants = Grants(cell.config.name, self._admission, new_key)
-        self._desk = Desk(self._admission, self._orders, self._events, grants)
-        self._power = Power(cell, plant, self._events)
+        self._services = Services(self._admission, self._commands, self._events, grants)
+        self._power = DrivePower(cell, plant, self._events)
         self._memory: Memory | None = None
         self._last_q: Array | None = None
         self._enabled_since: int | None = None
         self._trouble: Trouble | None = None
         self._reopened = False
         self._retiring = False
-        self._watches = Watches(cell, control, self._orders, self._events)
-        reception = Reception(link, self._admission, clock.now, timing.period_s)
-        self._intake = Intake(reception, self._admission, self._desk, self._orders, self._events)
+        self._perception = Perception(cell, control, self._commands, self._events)
+        inbox = Inbox(link, self._admission, clock.now, timing.period_s)
+        self._dispatcher = Dispatcher(
+            inbox, self._admission, self._services, self._commands, self._events
+        )
 
     def boot(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`."""
@@ -107,7 +109,7 @@ class Cycle:
     def warm_up(self) -> None:
         """Run through a tick's code once, so that the first real one is not slow."""
         warm_up(self.cell, self._control)
-        self._orders.tuning.payload_judge.prepare()
+        self._commands.settings.payload_bounds.prepare()
 
     def close(self) -> None:
         """Stop and release everything, whatever state it is in."""
@@ -125,27 +127,27 @@ class Cycle:
         self.tick += 1
         self._events.at(self.tick, now_s)
         self._events.warning("device_missing", reason)
-        self._intake.take(self._look_around(now_s, self.plant.read(now_s)))
+        self._dispatcher.take(self._look_around(now_s, self.plant.read(now_s)))
         self._publish_events()
 
     @property
     def placed_target(self) -> tuple[str, Pose] | None:
         """Where the position source is to bring the MRF, if anywhere: a ground, a pose on it."""
-        return self._orders.placed_target
+        return self._commands.placed_target
 
     @property
     def T_wrist_mrf(self) -> Pose:
         """The MRF that is in force."""
-        return self._orders.places.T_wrist_mrf
+        return self._commands.frames.T_wrist_mrf
 
     @property
     def pressed(self) -> bool:
         """True while so much junk comes in that it should be sorted more than once a period."""
-        return self._intake.pressed
+        return self._dispatcher.pressed
 
     def listen(self) -> None:
         """Sort what has come in from the network, between two ticks' work."""
-        self._intake.listen(Now(self.clock.now(), self.tick, self._enabled_since))
+        self._dispatcher.listen(Instant(self.clock.now(), self.tick, self._enabled_since))
 
     def gather(self) -> None:
         """Take in what has come by now: a late answer shall not pass for one to the next SYNC."""
@@ -181,10 +183,10 @@ class Cycle:
     def _finish(self, now_s: float) -> None:
         reading = self.plant.read(now_s)
         view = self._look_around(now_s, reading)
-        self._intake.take(view)
+        self._dispatcher.take(view)
         # Only now: what was just ordered was placed where arm and frames were together, a tick ago.
         moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
-        self._orders.places.moved = self._watches.frames.step(self.tick, moving=moving)
+        self._commands.frames.moved = self._perception.moving_frames.step(self.tick, moving=moving)
         trouble = self._faults.find(self.mode, reading, self.output)
         if trouble is not None and self.mode is not Mode.FAULT:
             self._quick_stop(trouble, "fault")
@@ -198,10 +200,10 @@ class Cycle:
 
     # --- operators ---------------------------------------------------------------------------
 
-    def _look_around(self, now_s: float, reading: PlantReading) -> View:
+    def _look_around(self, now_s: float, reading: PlantReading) -> RequestContext:
         """Watch what is to be watched, and return what a request may depend on."""
-        watches = self._watches
-        watches.look(
+        perception = self._perception
+        perception.update(
             reading,
             self._memory,
             self.output,
@@ -209,19 +211,19 @@ class Cycle:
             self.mode,
             now_s,
         )
-        return View(
-            now=Now(now_s, self.tick, self._enabled_since),
+        return RequestContext(
+            now=Instant(now_s, self.tick, self._enabled_since),
             mode=self.mode,
-            unloaded=watches.sensor.unloaded,
-            still=watches.sensor.still,
-            essential_stale=watches.sensor.missed,
+            unloaded=perception.sensor.unloaded,
+            still=perception.sensor.still,
+            essential_stale=perception.sensor.missed,
             gain_bound=self._gain_bound,
-            vision=watches.vision,
-            world=watches.world,
-            frames=watches.frames,
+            vision=perception.vision,
+            obstacles=perception.obstacles,
+            moving_frames=perception.moving_frames,
             T_world_mrf=None if self.output is None else self.output.T_world_mrf,
             T_wrist_mrf=None if self.output is None else self.output.T_wrist_mrf,
-            touched=watches.touch.stopping or watches.load.touched,
+            touched=perception.collisions.stopping or perception.load.touched,
             drives_off=reading.off,
         )
 
@@ -233,30 +235,34 @@ class Cycle:
         self._trouble = trouble
         self.mode = Mode.FAULT
         self._enabled_since = None
-        self._orders.clear()
+        self._commands.clear()
         self._events.error(
             name,
             f"{trouble.device}: {trouble.detail}",
             **{"cause": str(trouble.cause), "device": trouble.device, **trouble.values},
         )
 
-    def _change_mode(self, reading: PlantReading, trouble: Trouble | None, view: View) -> None:
-        desk, before = self._desk, self.mode
-        reopen = before is Mode.FAULT and desk.wish is Wish.RESET and not self._reopened
+    def _change_mode(
+        self, reading: PlantReading, trouble: Trouble | None, view: RequestContext
+    ) -> None:
+        services, before = self._services, self.mode
+        reopen = before is Mode.FAULT and services.wish is Wish.RESET and not self._reopened
         if reopen:
             trouble = self._reopen(view.now)
-        self._reopened = self._reopened and desk.wish is Wish.RESET
+        self._reopened = self._reopened and services.wish is Wish.RESET
         if self._reopened and self.plant.fieldbus.trouble is not None:
-            desk.finish_wish(view.now, Refused(Why.STILL_WRONG, self.plant.fieldbus.trouble.detail))
+            services.finish_wish(
+                view.now, Refused(Why.STILL_WRONG, self.plant.fieldbus.trouble.detail)
+            )
         blocked = self._blocked(view)
         if blocked not in (None, OVERRUNS) and before is Mode.READY:
-            desk.end_enable(view.now, blocked)
+            services.end_enable(view.now, blocked)
         self.mode = next_mode(
             before,
-            Situation(
-                wish=Wish.DISABLE if self._retiring else desk.wish,
-                hold=desk.hold,
-                resume=desk.resume,
+            ModeInputs(
+                wish=Wish.DISABLE if self._retiring else services.wish,
+                hold=services.hold,
+                resume=services.resume,
                 open=reading.q is not None and not reopen,  # what was read before is void then
                 healthy=trouble is None,
                 drives_enabled=reading.enabled,
@@ -269,52 +275,52 @@ class Cycle:
             self._entered(before, blocked)
         if self.mode is Mode.READY:
             self._switch_power(reading, view.now)
-        desk.settle(self.mode, view)
+        services.settle(self.mode, view)
 
-    def _switch_power(self, reading: PlantReading, now: Now) -> None:
+    def _switch_power(self, reading: PlantReading, now: Instant) -> None:
         try:
-            blocked = self._power.follow(self._desk.wish is Wish.ENABLE, reading)
+            blocked = self._power.follow(self._services.wish is Wish.ENABLE, reading)
         except DeviceError as error:
-            self._desk.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
+            self._services.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
             blocked = self._power.follow(False, reading)
         if blocked:
             self._keep_lease(now)
 
-    def _keep_lease(self, now: Now) -> None:
+    def _keep_lease(self, now: Instant) -> None:
         """After what may block: a lease does not run out because nobody listened to its holder."""
         if self._admission.lease.alive(now.time_s):
             self._admission.renew(replace(now, time_s=self.clock.now()))
 
     def _entered(self, before: Mode, blocked: str | None) -> None:
         if self.mode is Mode.STOPPING:
-            reason = blocked or ("hold asked" if self._desk.hold else "disable asked")
+            reason = blocked or ("hold asked" if self._services.hold else "disable asked")
             self._events.warning("stopping", reason, reason=reason)
         self._enabled_since = self.tick if self.mode is Mode.ENABLED else None
         if Mode.ENABLED in (self.mode, before):
-            self._orders.clear()
+            self._commands.clear()
         self._events.info("mode", f"{before} -> {self.mode}", mode=self.mode, before=before)
 
-    def _blocked(self, view: View) -> str | None:
+    def _blocked(self, view: RequestContext) -> str | None:
         """Return why the arm may not move now, or None."""
         if self._retiring:
             return "daemon ends"
         if not self._admission.lease.alive(view.now.time_s):
             return "lease run out"
-        if self._desk.protective_stop is not None:
+        if self._services.protective_stop is not None:
             return "protective stop"
-        seen = self._watches.reason_to_stop()
+        seen = self._perception.reason_to_stop()
         if seen is not None:
             return seen
         if self._late_in_a_row > self._tolerated_overruns:
             return OVERRUNS
         return None
 
-    def _reopen(self, now: Now) -> Trouble | None:
+    def _reopen(self, now: Instant) -> Trouble | None:
         """Configure all devices anew for a reset; return what is still wrong."""
         try:
             self.plant.open()
         except DeviceError as error:
-            self._desk.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
+            self._services.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
             return self._trouble
         finally:
             self._keep_lease(now)
@@ -329,52 +335,52 @@ class Cycle:
         intent = INTENTS[self.mode]
         if self._memory is None:
             self._memory = self._control.seed(q)
-        orders, watches, moving = self._orders, self._watches, intent is Intent.MOVE
-        moved = orders.places.moved if watches.frames.watching else None
+        commands, perception, moving = self._commands, self._perception, intent is Intent.MOVE
+        moved = commands.frames.moved if perception.moving_frames.watching else None
         T_world_mrf = self._control.pose_mrf(
-            self._memory, orders.places.T_wrist_mrf, None if moved is None else moved.base.T
+            self._memory, commands.frames.T_wrist_mrf, None if moved is None else moved.base.T
         )
         inputs = Inputs(
             time_s=now_s,
             intent=intent,
             q_measured=q,
-            settings=orders.settings(),
+            settings=commands.control_settings(),
             energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
             wrench_sensor=reading.wrench,
             wrench_age_s=reading.wrench_lag_s,
             wrench_mean=reading.wrench_over_period,
-            stick=orders.stick(now_s, T_world_mrf) if moving else None,
-            jog=orders.jog(now_s) if moving else None,
-            goal=orders.goal if moving else None,
-            paused=orders.paused,
-            view=watches.vision.goal(orders.places.moved.base.T) if moving else None,
-            posture=orders.posture if moving else None,
-            at_posture=orders.at_rest,
-            wrench_desired=orders.wrench_desired,
-            scene=watches.world.scene(self.tick) if watches.world.known else None,
-            R_world_wrench=orders.wrench_axes(T_world_mrf),
+            stick=commands.stick(now_s, T_world_mrf) if moving else None,
+            jog=commands.jog(now_s) if moving else None,
+            goal=commands.goal if moving else None,
+            paused=commands.paused,
+            view=perception.vision.goal(commands.frames.moved.base.T) if moving else None,
+            posture=commands.posture if moving else None,
+            at_posture=commands.at_rest,
+            wrench_desired=commands.wrench_desired,
+            scene=perception.obstacles.scene(self.tick) if perception.obstacles.known else None,
+            R_world_wrench=commands.wrench_axes(T_world_mrf),
             moved=moved,
-            ground="world" if moved is None else orders.ground(now_s),
-            T_wrist_goal=orders.T_wrist_goal,
-            pushed=None if moving else watches.touch.pushed,
+            ground="world" if moved is None else commands.ground(now_s),
+            T_wrist_goal=commands.T_wrist_goal,
+            pushed=None if moving else perception.collisions.pushed,
         )
         start = time.perf_counter()
         self._memory, self.output = self._control.tick(self._memory, inputs)
         self.compute_s = time.perf_counter() - start
-        orders.reflect(self.output)
-        self._watches.remember(self.tick, self.output)
+        commands.reflect(self.output)
+        self._perception.remember(self.tick, self.output)
         if self.output.stop_worsened:
             self._tell_worsened(self.output.gaps)
         if self.output.refusal is not None and self.mode is not Mode.FAULT:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
         self.plant.write(self.output.command)
-        self.plant.grip(orders.tuning.gripper_closed)
-        if self.output.at_goal and orders.posture is not None:
-            orders.finish_posture()
+        self.plant.grip(commands.settings.gripper_closed)
+        if self.output.at_goal and commands.posture is not None:
+            commands.finish_posture()
             self._events.info("posture_reached")
-        elif orders.at_rest and np.abs(self.output.twists["following"]).max() > LED:
-            orders.led_by_hand()
+        elif commands.at_rest and np.abs(self.output.twists["following"]).max() > LED:
+            commands.led_by_hand()
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
         """Tell that an obstacle came too near for any stop, and which is nearest."""
@@ -397,16 +403,16 @@ class Cycle:
             reading,
             q,
             self.output,
-            self._orders,
+            self._commands,
             self._admission,
-            self._watches.vision,
-            self._watches.frames,
-            self._desk.protective_stop is not None,
+            self._perception.vision,
+            self._perception.moving_frames,
+            self._services.protective_stop is not None,
             self.overruns,
-            self._watches.touch.external,
+            self._perception.collisions.external,
         )
         self._link.publish(STATE, encode(state))
-        reflection = self._orders.reflection(self.tick)
+        reflection = self._commands.reflection(self.tick)
         if reflection is not None:
             self._link.publish(REFLECTION, encode(reflection))
         if self.tick % DESCRIBE_EVERY == 1:

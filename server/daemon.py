@@ -31,7 +31,7 @@ from .operators.link import Link, ZenohLink
 from .plant import Plant
 from .runtime.clock import Clock, MonotonicClock
 from .runtime.operating_system import prepare, release
-from .stability.gains import gain_judge
+from .stability.gains import gain_check
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""
@@ -75,7 +75,7 @@ def build(
     )
     parameters = Parameters.from_cell(cell)
     control = Control(parameters, Mechanism.from_cell(cell), guard_of(cell, parameters))
-    return Cycle(cell, control, plant, link, clock, new_key, gain_judge(cell))
+    return Cycle(cell, control, plant, link, clock, new_key, gain_check(cell))
 
 
 def guard_of(cell: Cell, p: Parameters) -> Guard | None:
@@ -90,7 +90,7 @@ def guard_of(cell: Cell, p: Parameters) -> Guard | None:
     )
 
 
-class Ending:
+class Shutdown:
     """Turns signals and a time limit into an orderly end: stop, switch off, go."""
 
     def __init__(self, seconds: float | None) -> None:
@@ -133,7 +133,7 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     identity = identity_of(cell, Role.DAEMON, cell.config.name)
     for notice in (*exposure(cell), *doubts(identity)):
         print(f"telerobot: {notice}", file=sys.stderr, flush=True)
-    clock, ending = MonotonicClock(), Ending(seconds)
+    clock, ending = MonotonicClock(), Shutdown(seconds)
     link = _join(cell, identity, clock, ending)
     if link is None:
         return LoopStatistics()
@@ -153,7 +153,7 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
 
 
 def _join(
-    cell: Cell, identity: Identity | None, clock: MonotonicClock, ending: Ending
+    cell: Cell, identity: Identity | None, clock: MonotonicClock, ending: Shutdown
 ) -> Link | None:
     """Open the operators' network, however long a common router takes to appear.
 
@@ -174,7 +174,7 @@ def _join(
     return None
 
 
-def _boot(cycle: Cycle, clock: MonotonicClock, ending: Ending) -> bool:
+def _boot(cycle: Cycle, clock: MonotonicClock, ending: Shutdown) -> bool:
     """Open the devices, however long they take to appear; return False when told to end."""
     told = ""
     while not ending.asked:

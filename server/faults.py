@@ -11,7 +11,7 @@ from .mode import Mode
 from .plant import PlantReading
 
 
-class Faults:
+class FaultDetector:
     """Judges one cell's readings."""
 
     def __init__(self, cell: Cell, p: Parameters) -> None:

@@ -39,7 +39,7 @@ class Wish(StrEnum):
 
 
 @dataclass(frozen=True)
-class Situation:
+class ModeInputs:
     """Everything a mode change depends on, at one tick."""
 
     wish: Wish = Wish.NONE
@@ -58,7 +58,7 @@ class Situation:
     at_rest: bool = True
 
 
-def next_mode(mode: Mode, s: Situation) -> Mode:
+def next_mode(mode: Mode, s: ModeInputs) -> Mode:
     """Return the mode after one tick in situation `s`."""
     if mode is Mode.FAULT:
         reset = s.wish is Wish.RESET and s.open and s.healthy and s.drives_off

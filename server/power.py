@@ -13,7 +13,7 @@ OUTSIDE = 1e-4
 """A joint is outside its limit from here on: less is what an encoder rounds [rad]."""
 
 
-class Power:
+class DrivePower:
     """Switches the drives of one cell."""
 
     def __init__(self, cell: Cell, plant: Plant, events: Events) -> None:

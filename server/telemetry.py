@@ -5,7 +5,7 @@ from importlib import metadata
 
 from ..config.load import Cell
 from ..protocols.messages.messages import VERSION, Description, State, Vector6
-from .commands.commands import Orders
+from .commands.commands import Commands
 from .control.mechanism.null_space.potential_field import Felt
 from .control.mechanism.null_space.priority import Near
 from .control.mechanism.payload import Payload
@@ -15,8 +15,8 @@ from .control.task.sources.position import Progress
 from .mode import Mode
 from .operators.admission import Admission
 from .operators.exposure import network
-from .perception.cameras import VisionWatch
-from .perception.moving_frames import FrameWatch
+from .perception.cameras import VisionTracker
+from .perception.moving_frames import FrameTracker
 from .plant import PlantReading
 
 
@@ -59,10 +59,10 @@ def report(
     reading: PlantReading,
     q: Array,
     output: Output,
-    orders: Orders,
+    commands: Commands,
     admission: Admission,
-    vision: VisionWatch,
-    frames: FrameWatch,
+    vision: VisionTracker,
+    frames: FrameTracker,
     protective_stop: bool,
     overruns: int,
     external: Array | None,
@@ -81,20 +81,20 @@ def report(
         following_error=tuple(output.following_error.tolist()),
         pose_mrf=output.T_world_mrf.to_xyz_rpy(),
         pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),
-        pose_crf=orders.places.T_world_crf.to_xyz_rpy(),
-        ground=orders.ground(time_s),
+        pose_crf=commands.frames.T_world_crf.to_xyz_rpy(),
+        ground=commands.ground(time_s),
         frames={name: frames.body(name).T.to_xyz_rpy() for name in frames.names},
         frame_age_ticks={name: frames.age(name, tick) for name in frames.names},
-        target_mrf=None if orders.target is None else orders.target.to_xyz_rpy(),
+        target_mrf=None if commands.target is None else commands.target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
         wrench_sensor=None if reading.wrench is None else _six(reading.wrench),
-        gripper_closed=orders.tuning.gripper_closed,
-        payload=None if orders.tuning.payload is None else _four(orders.tuning.payload),
+        gripper_closed=commands.settings.gripper_closed,
+        payload=None if commands.settings.payload is None else _four(commands.settings.payload),
         view=None if view is None else view.to_xyz_rpy(),
         view_age_ticks=vision.age(tick),
         sources={name: _six(twist) for name, twist in output.twists.items()},
         gains={name: _six(gain) for name, gain in output.gains.items()},
-        on=dict(orders.tuning.on),
+        on=dict(commands.settings.on),
         twist=_six(output.twist),
         self_motion=tuple(output.self_motion.dq.tolist()),
         objectives={
@@ -104,22 +104,22 @@ def report(
         path=None if output.path is None else _numbers(output.path),
         path_mrf=None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
         master={
-            "engaged": float(orders.master.engaged),
-            "leading": float(orders.master.target is not None),
-            "translation": orders.master.translation,
-            "rotation": orders.master.rotation,
+            "engaged": float(commands.master.engaged),
+            "leading": float(commands.master.target is not None),
+            "translation": commands.master.translation,
+            "rotation": commands.master.rotation,
         },
         scale=output.scale,
         limits=output.limits,
         sigma_min=output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
         potential=None if output.field is None else potential(output.field),
         off_path=None if output.off_path is None else _three(output.off_path),
-        avoiding=orders.tuning.avoid,
+        avoiding=commands.settings.avoid,
         spheres={} if output.near is None else sphere_distances(output.near),
         priority=None if output.near is None else output.near.alpha,
         gaps=tuple((g.link, g.other, g.gap, g.active) for g in output.gaps),
-        at_goal=output.at_goal or orders.posture_reached,
-        speed_factor=orders.tuning.speed_factor,
+        at_goal=output.at_goal or commands.posture_reached,
+        speed_factor=commands.settings.speed_factor,
         drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
         protective_stop=protective_stop,
         lease_epoch=admission.lease.epoch,

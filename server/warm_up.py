@@ -9,7 +9,7 @@ from ..config.schema.cell import OBJECTIVES
 from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
 from ..protocols.messages.messages import JoystickTwist
-from .commands.commands import Orders
+from .commands.commands import Commands
 from .control.mechanism.null_space.redundancy import Pulls
 from .control.state import Inputs, Intent, StickCommand
 from .control.task.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
@@ -24,11 +24,11 @@ TICKS = 20
 def warm_up(cell: Cell, control: Control) -> None:
     """Run through the code that a tick runs through; changes nothing."""
     q = np.array(cell.config.mechanism.postures["start"])
-    settings = Orders(cell).settings()
+    settings = Commands(cell).control_settings()
     every = Pulls(dict.fromkeys(OBJECTIVES, 0.1), q)
     settings = replace(settings, pulls=every)
-    orders = Orders(cell)
-    moved = orders.places.moved if cell.config.frames.moving else None
+    commands = Commands(cell)
+    moved = commands.frames.moved if cell.config.frames.moving else None
     stick = StickCommand(np.full(6, 0.01), np.eye(3))
     for intent in Intent:
         memory = control.seed(q)

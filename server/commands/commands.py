@@ -22,10 +22,10 @@ from ..control.task.paths.goals import Goal, PathGoal, Pursuit
 from ..reflection.force_reflection import Reflector
 from ..refusals import Refused, Why
 from .clutch import Master
-from .frame_set import Places
+from .frame_set import FrameSet
 from .goals import goal_of, placed
 from .redefinition import wrench_kept
-from .settings import Tuning
+from .settings import OperatorSettings
 
 StreamT = TypeVar("StreamT", m.JoystickTwist, m.JointJog)
 
@@ -44,7 +44,7 @@ class _Stream(Generic[StreamT]):
     since_s: float
 
 
-class Orders:
+class Commands:
     """The newest orders, checked against the cell."""
 
     def __init__(self, cell: Cell) -> None:
@@ -56,8 +56,8 @@ class Orders:
         margin = np.array([drives[j].position_margin for j in self._joints])
         self._lower = np.array([j.lower for j in cell.robot.joints]) + margin
         self._upper = np.array([j.upper for j in cell.robot.joints]) - margin
-        self.tuning = Tuning(cell)
-        self.places = Places(cell, self.tuning.T_wrist_sensor)
+        self.settings = OperatorSettings(cell)
+        self.frames = FrameSet(cell, self.settings.T_wrist_sensor)
         self._stream_timeout_s = config.timing.stream_timeout_s
         self._stick: _Stream[m.JoystickTwist] | None = None
         self._jog: _Stream[m.JointJog] | None = None
@@ -65,7 +65,7 @@ class Orders:
         self.goal: Goal | None = None
         """Poses in it are in World, or on the ground that it was measured against."""
         self._goal_ground = "world"
-        self.T_wrist_goal = self.places.T_wrist_mrf
+        self.T_wrist_goal = self.frames.T_wrist_mrf
         """The point of the tool that is led to the goal: the MRF that it was ordered for."""
         self.paused = False
         self.master = Master()
@@ -130,7 +130,7 @@ class Orders:
         at start, so that no enable and no other operator sets the arm in motion unasked.
         """
         self._stick = self._jog = None
-        self.tuning.settle_vision()
+        self.settings.settle_vision()
         if self.reflector is not None:
             self.reflector.protected = True
         self._drop_goals()
@@ -152,7 +152,7 @@ class Orders:
         self.master.wait()
 
     def _take_stick(self, message: m.JoystickTwist, now_s: float, T_world_mrf: Pose) -> None:
-        tree = self.places.tree(T_world_mrf)
+        tree = self.frames.tree(T_world_mrf)
         tree.pose(message.expressed_in)  # raises before it is in force
         self._stick = _Stream(message, now_s)
         self._feel(message, now_s, tree)
@@ -174,8 +174,8 @@ class Orders:
         self._drop_goals()
 
     def _take_target(self, message: m.PositionTarget, _now_s: float, T_world_mrf: Pose) -> None:
-        tree = self.places.tree(T_world_mrf)
-        ground = self.places.ground(tree.ground(message.relative_to))
+        tree = self.frames.tree(T_world_mrf)
+        ground = self.frames.ground(tree.ground(message.relative_to))
         target = placed(
             message.xyz,
             message.rpy,
@@ -186,21 +186,21 @@ class Orders:
         self._lead_to(PathGoal(target, self._next_serial(), message.speed), ground)
 
     def _take_path(self, message: motion.PathMotion, _now_s: float, T_world_mrf: Pose) -> None:
-        serial, tree = self._next_serial(), self.places.tree(T_world_mrf)
-        ground = self.places.ground(tree.ground(message.relative_to))
+        serial, tree = self._next_serial(), self.frames.tree(T_world_mrf)
+        ground = self.frames.ground(tree.ground(message.relative_to))
         goal = goal_of(message, serial, lambda frame: tree.pose(frame, ground))
         self._lead_to(goal, ground)
 
     def _lead_to(self, goal: Goal, ground: str) -> None:
         self._drop_goals()
         self.goal, self._goal_ground = goal, ground
-        self.T_wrist_goal = self.places.T_wrist_mrf
+        self.T_wrist_goal = self.frames.T_wrist_mrf
 
     def _take_master(self, message: motion.MasterPose, now_s: float, T_world_mrf: Pose) -> None:
-        tree = self.places.tree(T_world_mrf)
+        tree = self.frames.tree(T_world_mrf)
         ground = self._goal_ground
         if not isinstance(self.goal, Pursuit):
-            ground = self.places.ground(self.places.crf.on)
+            ground = self.frames.ground(self.frames.crf.on)
         axes, T = tree.pose(message.expressed_in, ground).R, tree.pose(m.Frame.MRF, ground)
         self._feel(message, now_s, tree)
         if not self.master.take(message, now_s, axes, T, self.reflector):
@@ -208,7 +208,7 @@ class Orders:
         if not isinstance(self.goal, Pursuit):
             self.posture, self.posture_reached, self.paused = None, False, False
             self.goal = Pursuit(self.master.target, self._next_serial())
-            self._goal_ground, self.T_wrist_goal = ground, self.places.T_wrist_mrf
+            self._goal_ground, self.T_wrist_goal = ground, self.frames.T_wrist_mrf
         self._lead()
 
     def _feel(self, message: m.JoystickTwist | motion.MasterPose, now_s: float, tree: Tree) -> None:
@@ -226,7 +226,7 @@ class Orders:
 
     def _take_posture(self, message: m.PostureMove, _now_s: float, _T: Pose) -> None:
         if message.posture is not None:
-            q = self.tuning.posture(message.posture)
+            q = self.settings.posture(message.posture)
         else:
             q = self._joint_vector(message.q or (), "q")
             beyond = (q < self._lower) | (q > self._upper)
@@ -241,7 +241,7 @@ class Orders:
         self.posture = q
 
     def _take_wrench(self, message: m.DesiredWrench, _now_s: float, T_world_mrf: Pose) -> None:
-        self.places.tree(T_world_mrf).pose(message.expressed_in)  # raises before it is in force
+        self.frames.tree(T_world_mrf).pose(message.expressed_in)  # raises before it is in force
         self.wrench_desired, self._wrench_axes = np.array(message.wrench), message.expressed_in
 
     def _take_cancel(self, _message: m.CancelGoals, _now_s: float, _T: Pose) -> None:
@@ -262,15 +262,15 @@ class Orders:
         that they were ordered for; a master leads the new MRF from where it has led the old one.
         A desired wrench stays the same load. Raises `Refused`.
         """
-        tree = self.places.tree(T_world_mrf)
+        tree = self.frames.tree(T_world_mrf)
         try:
-            T_old_new = self.places.redefine(request, tree)
+            T_old_new = self.frames.redefine(request, tree)
         except UnknownFrame as error:
             raise Refused(Why.UNKNOWN_FRAME, str(error)) from None
         if T_old_new is not None:
             self._keep(T_old_new, tree)
         elif self._wrench_axes is m.Frame.CRF:
-            turn = self.places.T_world_crf.R.T @ tree.pose("crf").R
+            turn = self.frames.T_world_crf.R.T @ tree.pose("crf").R
             self.wrench_desired = rotate_twist(turn, self.wrench_desired)
 
     def _keep(self, T_old_new: Pose, tree: Tree) -> None:
@@ -280,7 +280,7 @@ class Orders:
             axes = tree.pose(self._wrench_axes, m.Frame.MRF).R
         self.wrench_desired = wrench_kept(self.wrench_desired, T_old_new, axes)
         if isinstance(self.goal, Pursuit):
-            self.T_wrist_goal = self.places.T_wrist_mrf
+            self.T_wrist_goal = self.frames.T_wrist_mrf
             self.master.carry(T_old_new)
             self._lead()
 
@@ -303,19 +303,19 @@ class Orders:
             self.goal = None
         self.paused = request.action == "pause"
 
-    def settings(self) -> Settings:
+    def control_settings(self) -> Settings:
         """Return what the tick shall use now."""
-        tuning, places = self.tuning, self.places
+        settings, frames = self.settings, self.frames
         return Settings(
-            gains=tuning.gains_in_force,
-            T_wrist_mrf=places.T_wrist_mrf,
-            T_world_crf=places.T_world_crf,
-            redefined=places.redefined,
-            wrench_bias=tuning.wrench_bias,
-            speed_factor=tuning.speed_factor,
-            payload=tuning.payload,
-            pulls=tuning.pulls,
-            avoid=tuning.avoid,
+            gains=settings.gains_in_force,
+            T_wrist_mrf=frames.T_wrist_mrf,
+            T_world_crf=frames.T_world_crf,
+            redefined=frames.redefined,
+            wrench_bias=settings.wrench_bias,
+            speed_factor=settings.speed_factor,
+            payload=settings.payload,
+            pulls=settings.pulls,
+            avoid=settings.avoid,
         )
 
     # --- what is in force now ----------------------------------------------------------------
@@ -324,12 +324,12 @@ class Orders:
     def target(self) -> Pose | None:
         """Where the position source is to bring the MRF, in World, if anywhere that is known."""
         placed = self.placed_target
-        return None if placed is None else self.places.in_world(*placed)
+        return None if placed is None else self.frames.in_world(*placed)
 
     @property
     def placed_target(self) -> tuple[str, Pose] | None:
         """The target as it was placed: its ground, and the MRF's pose there."""
-        T, mrf = None if self.goal is None else self.goal.T_world_target, self.places.T_wrist_mrf
+        T, mrf = None if self.goal is None else self.goal.T_world_target, self.frames.T_wrist_mrf
         if T is None or mrf is self.T_wrist_goal:
             return None if T is None else (self._goal_ground, T)
         return self._goal_ground, T @ (self.T_wrist_goal.inverse() @ mrf)
@@ -341,21 +341,21 @@ class Orders:
         stick = self._fresh(self._stick, now_s)
         if stick is not None and any(stick.message.twist):
             frame = stick.message.relative_to
-            return self.places.ground(frame if frame in GROUNDS else self.places.crf.on)
-        return self.places.ground(self.places.crf.on)
+            return self.frames.ground(frame if frame in GROUNDS else self.frames.crf.on)
+        return self.frames.ground(self.frames.crf.on)
 
     def wrench_axes(self, T_world_mrf: Pose) -> Array | None:
         """Return the axes (3, 3) of the desired wrench in World, None for the MRF's."""
         if self._wrench_axes is m.Frame.MRF:
             return None
-        return self.places.tree(T_world_mrf).pose(self._wrench_axes).R
+        return self.frames.tree(T_world_mrf).pose(self._wrench_axes).R
 
     def stick(self, now_s: float, T_world_mrf: Pose) -> StickCommand | None:
         """Return the stick's twist, or None once its news is too old."""
         stream = self._fresh(self._stick, now_s)
         if stream is None:
             return None
-        axes = self.places.tree(T_world_mrf).pose(stream.message.expressed_in).R
+        axes = self.frames.tree(T_world_mrf).pose(stream.message.expressed_in).R
         twist = self.master.scaled(np.array(stream.message.twist))
         return None if twist is None else StickCommand(twist, axes)
 

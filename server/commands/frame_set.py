@@ -9,7 +9,7 @@ from ..control.spatial import Pose
 from .redefinition import placed_frame
 
 
-class Places:
+class FrameSet:
     """The frames of one cell, redefined as operators ask."""
 
     def __init__(self, cell: Cell, T_wrist_sensor: Pose | None) -> None:

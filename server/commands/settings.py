@@ -9,13 +9,13 @@ from ..control.mechanism.null_space.redundancy import Pulls
 from ..control.mechanism.payload import Payload
 from ..control.spatial import Array, Pose
 from ..refusals import Refused, Why
-from ..stability.payloads import PayloadJudge
+from ..stability.payloads import PayloadBounds
 
-OF_THE_WRENCH = ("following", "force")
+WRENCH_SOURCES = ("following", "force")
 """The sources that move the tool for what the sensor reads."""
 
 
-class Tuning:
+class OperatorSettings:
     """The settings in force that are no frames; at first those of the cell."""
 
     def __init__(self, cell: Cell) -> None:
@@ -63,14 +63,14 @@ class Tuning:
         self._gripper = config.mechanism.gripper
         self.gripper_closed: bool | None = None
         """None until an operator has said so: what it holds at start is held on."""
-        self.payload_judge = PayloadJudge(cell)
+        self.payload_bounds = PayloadBounds(cell)
 
     @property
     def gains_in_force(self) -> dict[str, Array]:
         """The sources' gains (6,): zero for one that is off, or that a load makes wait."""
         found = self._gains_on
         if self.sensor_share < 1.0:
-            found.update({name: self.sensor_share * found[name] for name in OF_THE_WRENCH})
+            found.update({name: self.sensor_share * found[name] for name in WRENCH_SOURCES})
         return found
 
     @property
@@ -80,7 +80,7 @@ class Tuning:
         return {name: gain if self.on[name] else off for name, gain in self.gains.items()}
 
     def hear_of_load(self, what: str) -> None:
-        """Note that an operator said something of the load: `LoadWatch` looks at it anew."""
+        """Note that an operator said something of the load: `LoadMonitor` looks at it anew."""
         self.load_told, self.load_heard = self.load_told + 1, what
 
     def posture(self, name: str) -> Array:
@@ -140,13 +140,13 @@ class Tuning:
 
     def switch(self, source: str, on: bool) -> None:
         """Switch a source. Raises `Refused` where the payload would swing the tool by it."""
-        if on and source in OF_THE_WRENCH and self.payload is not None:
+        if on and source in WRENCH_SOURCES and self.payload is not None:
             self._judge(self.payload, {**self._gains_on, source: self.gains[source]})
         self.on[source] = on
 
     def gain_refusal(self, source: str, gain: tuple[float, ...]) -> str | None:
         """Return why the payload in force would swing the tool at a source's gain (6,), or None."""
-        if source not in OF_THE_WRENCH or self.payload is None:
+        if source not in WRENCH_SOURCES or self.payload is None:
             return None
         return self._refusal(self.payload, {**self._gains_on, source: np.array(gain)})
 
@@ -160,5 +160,5 @@ class Tuning:
             raise Refused(Why.UNSTABLE_PAYLOAD, reason)
 
     def _refusal(self, payload: Payload, gains: dict[str, Array]) -> str | None:
-        following, force = (float(gains[name][:3].max()) for name in OF_THE_WRENCH)
-        return self.payload_judge.refusal(payload.mass, following, force)
+        following, force = (float(gains[name][:3].max()) for name in WRENCH_SOURCES)
+        return self.payload_bounds.refusal(payload.mass, following, force)

@@ -23,7 +23,7 @@ LEAP = 2**20
 
 
 @dataclass(frozen=True)
-class Now:
+class Instant:
     """What admission has to know of this tick."""
 
     time_s: float
@@ -49,7 +49,7 @@ class Admission:
         self.age_ticks: int | None = None
         """How old the picture was that the last accepted command was based on."""
 
-    def prove(self, topic: Topic, payload: bytes, attachment: bytes, now: Now) -> Proof:
+    def prove(self, topic: Topic, payload: bytes, attachment: bytes, now: Instant) -> Proof:
         """Return the proof that came with a payload, if it holds. Raises `Refused`.
 
         Only what is proven moves the sequence, and nothing is proven twice.
@@ -73,7 +73,7 @@ class Admission:
         self._newest_seq = max(self._newest_seq or 0, proof.seq)
         return proof
 
-    def admit(self, topic: Topic, payload: bytes, proof: Proof | None, now: Now) -> Message:
+    def admit(self, topic: Topic, payload: bytes, proof: Proof | None, now: Instant) -> Message:
         """Return the message of a payload that may act now. Raises `Refused`."""
         if proof is None and issubclass(topic.message, Command):
             raise Refused(Why.WRONG_PROOF, "no proof of the lease")
@@ -91,7 +91,7 @@ class Admission:
             self.age_ticks = now.tick - message.seen_tick
         return message
 
-    def require_free(self, now: Now) -> int:
+    def require_free(self, now: Instant) -> int:
         """Return the epoch of the lease that may be granted now.
 
         Raises `Refused` while one is alive.
@@ -103,7 +103,7 @@ class Admission:
             )
         return self.lease.epoch + 1
 
-    def grant(self, operator: str, secret: bytes, now: Now) -> Lease:
+    def grant(self, operator: str, secret: bytes, now: Instant) -> Lease:
         """Grant the lease to an operator. Raises `Refused` while another's is alive."""
         self.require_free(now)
         self.lease = self.lease.granted(operator, secret, now.time_s, self._timeout_s)
@@ -111,7 +111,7 @@ class Admission:
         self.age_ticks = None
         return self.lease
 
-    def renew(self, now: Now) -> None:
+    def renew(self, now: Instant) -> None:
         """Renew the lease that was just proven."""
         self.lease = self.lease.renewed(now.time_s, self._timeout_s)
 
@@ -120,7 +120,7 @@ class Admission:
         self.lease = self.lease.ended()
         self._forget_order()
 
-    def holds(self, proof: Proof | None, now: Now) -> bool:
+    def holds(self, proof: Proof | None, now: Instant) -> bool:
         """Return whether a proof that held is of the lease that is alive now."""
         lease = self.lease
         return proof is not None and lease.alive(now.time_s) and proof.epoch == lease.epoch
@@ -132,13 +132,13 @@ class Admission:
         if proof.epoch != self.lease.epoch:
             raise Refused(Why.OLD_EPOCH, f"epoch {proof.epoch}, the lease's is {self.lease.epoch}")
 
-    def _held(self, proof: Proof, now: Now) -> None:
+    def _held(self, proof: Proof, now: Instant) -> None:
         """Look again at a proof that held: the lease may have ended within the same tick."""
         if not self.lease.alive(now.time_s):
             raise Refused(Why.NO_LEASE, "nobody holds the lease")
         self._of_this_lease(proof)
 
-    def _recent(self, command: Command, now: Now) -> None:
+    def _recent(self, command: Command, now: Instant) -> None:
         if command.seen_tick > now.tick:
             raise Refused(
                 Why.FUTURE_PICTURE, f"seen_tick {command.seen_tick}, this is tick {now.tick}"
@@ -150,7 +150,7 @@ class Admission:
                 f"based on a picture {age} ticks old, at most {self._max_age_ticks}",
             )
 
-    def _current(self, command: Command, now: Now) -> None:
+    def _current(self, command: Command, now: Instant) -> None:
         if now.enabled_since is None:
             raise Refused(Why.NOT_ENABLED, "the arm is not enabled")
         if command.seen_tick < now.enabled_since:

@@ -21,7 +21,7 @@ END_S: Final = 2.0
 """Answers that are under way at the end are waited for [s]."""
 
 
-class Answers:
+class AnswerThread:
     """Sends answers, or lets requests go without one, in the order in which they are given."""
 
     def __init__(self) -> None:

@@ -6,7 +6,7 @@ from ...protocols.agreement import KeyPair
 from ...protocols.messages import requests
 from ...protocols.topics import LEASE
 from ..refusals import Refused, Why
-from .admission import Admission, Now
+from .admission import Admission, Instant
 
 
 class Grants:
@@ -17,7 +17,7 @@ class Grants:
         self._admission = admission
         self._new_key = new_key
 
-    def grant(self, asked: requests.LeaseRequest, now: Now) -> requests.Reply:
+    def grant(self, asked: requests.LeaseRequest, now: Instant) -> requests.Reply:
         """Grant the lease. Raises `Refused` while another's is alive, and for an unusable key."""
         epoch = self._admission.require_free(now)
         pair = KeyPair(self._new_key())

@@ -20,8 +20,8 @@ from ...protocols.codec import Reason
 from ...protocols.messages.requests import Reply
 from ...protocols.proof import Proof
 from ..refusals import Refused
-from .admission import Admission, Now
-from .link import Answer, Link, Parcel, Source
+from .admission import Admission, Instant
+from .link import Answer, Link, RawMessage, Receive
 
 FIRST: Final = (t.KEEPALIVE, t.PROTECTIVE_STOP, t.MODE, t.RELEASE)
 """Sorted completely in every tick."""
@@ -43,7 +43,7 @@ PRESSED: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Letter:
+class QueuedMessage:
     """A message that may be decoded: proven, or one that needs no proof."""
 
     topic: t.Topic
@@ -67,7 +67,7 @@ class Refusal:
     answers: tuple[Answer, ...] = ()
 
 
-class Reception:
+class Inbox:
     """Empties the network's rings into mailboxes of what counts; `clock` measures the budget."""
 
     def __init__(
@@ -77,7 +77,7 @@ class Reception:
         self._admission = admission
         self._clock = clock
         self._budget_s = PART * period_s
-        self._boxes = {x.key: deque[Letter](maxlen=x.unread) for x in (*FIRST, *REST)}
+        self._boxes = {x.key: deque[QueuedMessage](maxlen=x.unread) for x in (*FIRST, *REST)}
         self._first, self._rest, self._sensors = (
             [(x, link.source(x)) for x in topics] for topics in (FIRST, REST, t.SENSORS)
         )
@@ -88,18 +88,18 @@ class Reception:
         self.pressed = False
         """True while so much is refused that the rings should be emptied more often."""
 
-    def sort(self, now: Now) -> None:
+    def sort(self, now: Instant) -> None:
         """Empty the rings of commands and requests, as far as the budget allows."""
         refused = 0
         for topic, take in self._first:
-            parcel = take()
-            if parcel is not None:
-                refused += self._drain(topic, take, parcel, now, math.inf)
+            raw = take()
+            if raw is not None:
+                refused += self._drain(topic, take, raw, now, math.inf)
         end_s = self._clock() + self._budget_s
         for i, (topic, take) in enumerate(self._rest):
-            parcel = take()
-            if parcel is not None:
-                refused += self._drain(topic, take, parcel, now, end_s)
+            raw = take()
+            if raw is not None:
+                refused += self._drain(topic, take, raw, now, end_s)
                 if self._clock() > end_s:
                     # The next ones come first, next time.
                     self._rest = self._rest[i + 1 :] + self._rest[: i + 1]
@@ -107,17 +107,19 @@ class Reception:
                     return
         self.pressed = refused > PRESSED
 
-    def _drain(self, topic: t.Topic, take: Source, first: Parcel, now: Now, end_s: float) -> int:
+    def _drain(
+        self, topic: t.Topic, take: Receive, first: RawMessage, now: Instant, end_s: float
+    ) -> int:
         """Sort what waits on a topic until a time; return how much of it was refused."""
-        refused, parcel = 0, first
+        refused, raw = 0, first
         for _ in range(self._link.room(topic)):
-            refused += not self._keep(topic, parcel, now)
+            refused += not self._keep(topic, raw, now)
             if self._clock() > end_s:
                 break
             more = take()
             if more is None:
                 break
-            parcel = more
+            raw = more
         return refused
 
     def refusals(self) -> list[Refusal]:
@@ -127,31 +129,31 @@ class Reception:
         self._answers_left = ANSWERED
         return taken
 
-    def requests(self) -> Iterator[Letter]:
+    def requests(self) -> Iterator[QueuedMessage]:
         """Yield the requests: the holder's as they were sent, all others, and stops, which win."""
         yield from self._in_order(self._take(HOLDERS))
         yield from self._take((t.LEASE, t.PROTECTIVE_STOP))
 
-    def commands(self) -> Iterator[Letter]:
+    def commands(self) -> Iterator[QueuedMessage]:
         """Yield the holder's commands: keepalives, then the others as they were sent."""
         yield from self._take((t.KEEPALIVE,))
         yield from self._in_order(self._take(ORDERS))
 
-    def sensors(self) -> Iterator[Letter]:
+    def sensors(self) -> Iterator[QueuedMessage]:
         """Yield sensors' readings, one of each topic in turn, as far as the budget allows."""
         end_s = self._clock() + self._budget_s
         waiting = [(topic, take, self._link.room(topic)) for topic, take in self._sensors]
         while waiting:
             still = []
             for topic, take, left in waiting:
-                parcel = take()
-                if parcel is None:
+                raw = take()
+                if raw is None:
                     continue
                 if left > 1:
                     still.append((topic, take, left - 1))
-                payload = self._read(topic, parcel)
+                payload = self._read(topic, raw)
                 if payload is not None:
-                    yield Letter(topic, payload, None)
+                    yield QueuedMessage(topic, payload, None)
                 if self._clock() > end_s:
                     self._sensors = [*self._sensors[1:], self._sensors[0]]
                     return
@@ -159,88 +161,88 @@ class Reception:
 
     # --- one message -------------------------------------------------------------------------
 
-    def _keep(self, topic: t.Topic, parcel: Parcel, now: Now) -> bool:
+    def _keep(self, topic: t.Topic, raw: RawMessage, now: Instant) -> bool:
         """Put a message into its mailbox, or refuse it; return whether it was kept."""
-        payload = self._read(topic, parcel)
+        payload = self._read(topic, raw)
         if payload is None:
             return False
         proof = None
         try:
-            if topic.needs_proof or (topic is t.PROTECTIVE_CLEAR and len(parcel.attached) > 0):
-                attached = bytes(parcel.attached) if len(parcel.attached) < 64 else b""
+            if topic.needs_proof or (topic is t.PROTECTIVE_CLEAR and len(raw.attached) > 0):
+                attached = bytes(raw.attached) if len(raw.attached) < 64 else b""
                 proof = self._admission.prove(topic, payload, attached, now)
             else:
                 self._admission.admit(topic, payload, None, now)  # can it be read at all?
         except Refused as refused:
-            self._refuse(topic, refused, parcel)
+            self._refuse(topic, refused, raw)
             return False
         box = self._boxes[topic.key]
         if len(box) == box.maxlen:
             box[0].reply(None)
         else:
             self._waiting += 1
-        box.append(Letter(topic, payload, proof, parcel.answer))
+        box.append(QueuedMessage(topic, payload, proof, raw.answer))
         return True
 
-    def _read(self, topic: t.Topic, parcel: Parcel) -> bytes | None:
+    def _read(self, topic: t.Topic, raw: RawMessage) -> bytes | None:
         """Return the payload, or refuse one that is too long, without copying it."""
-        size = len(parcel.payload)
+        size = len(raw.payload)
         if size > topic.max_bytes:
             refused = Refused(Reason.TOO_LARGE, f"{size} bytes, at most {topic.max_bytes}")
-            self._refuse(topic, refused, parcel)
+            self._refuse(topic, refused, raw)
             return None
-        return bytes(parcel.payload)
+        return bytes(raw.payload)
 
-    def _refuse(self, topic: t.Topic, refused: Refused, parcel: Parcel) -> None:
+    def _refuse(self, topic: t.Topic, refused: Refused, raw: RawMessage) -> None:
         entry = self._refusals.get(topic.key)
         if entry is None:
             entry = self._refusals[topic.key] = Refusal(topic, refused)
         else:
             entry.count += 1
-        if parcel.answer is None:
+        if raw.answer is None:
             return
         if self._answers_left > 0:
             self._answers_left -= 1
-            entry.answers += (parcel.answer,)
+            entry.answers += (raw.answer,)
         else:
-            parcel.answer(None)
+            raw.answer(None)
 
     # --- mailboxes ---------------------------------------------------------------------------
 
-    def _take(self, topics: tuple[t.Topic, ...]) -> list[Letter]:
-        letters: list[Letter] = []
+    def _take(self, topics: tuple[t.Topic, ...]) -> list[QueuedMessage]:
+        messages: list[QueuedMessage] = []
         if self._waiting == 0:
-            return letters
+            return messages
         for topic in topics:
             box = self._boxes[topic.key]
             if box:
-                letters += box
+                messages += box
                 box.clear()
-        self._waiting -= len(letters)
-        return letters
+        self._waiting -= len(messages)
+        return messages
 
-    def _in_order(self, letters: list[Letter]) -> Iterator[Letter]:
+    def _in_order(self, messages: list[QueuedMessage]) -> Iterator[QueuedMessage]:
         """Yield letters by their sequence within the budget; put back what is beyond it.
 
         Topics arrive apart; what one operator said within a period is taken as it was said.
         """
-        letters.sort(key=_seq)
+        messages.sort(key=_seq)
         end_s = self._clock() + self._budget_s
-        for i, letter in enumerate(letters):
+        for i, queued in enumerate(messages):
             if i > 0 and self._clock() > end_s:
-                for left in letters[i:]:
+                for left in messages[i:]:
                     self._boxes[left.topic.key].append(left)
-                self._waiting += len(letters) - i
+                self._waiting += len(messages) - i
                 return
-            yield letter
+            yield queued
 
 
-def refusal_reply(refused: Refused, now: Now) -> Reply:
+def refusal_reply(refused: Refused, now: Instant) -> Reply:
     """Return the reply that says why a request was refused."""
     return Reply(
         ok=False, reason=str(refused.reason)[:64], detail=refused.detail[:500], tick=now.tick
     )
 
 
-def _seq(letter: Letter) -> int:
-    return -1 if letter.proof is None else letter.proof.seq
+def _seq(queued: QueuedMessage) -> int:
+    return -1 if queued.proof is None else queued.proof.seq

@@ -16,7 +16,7 @@ from ...drivers.device import DeviceError
 from ...drivers.network.identity import Identity
 from ...drivers.network.sessions import member_config, router_config
 from ...protocols.topics import COMMANDS, REQUESTS, SENSORS, Flow, Topic
-from .answers import Answers
+from .answers import AnswerThread
 
 RING: Final = 128
 """Messages of a topic that wait to be sorted: 12,800 a second at 100 Hz [1]."""
@@ -37,7 +37,7 @@ class Content(Protocol):
         ...
 
 
-class Parcel(NamedTuple):
+class RawMessage(NamedTuple):
     """A message as it came in."""
 
     payload: Content
@@ -47,7 +47,7 @@ class Parcel(NamedTuple):
     """Of a request."""
 
 
-Source = Callable[[], Parcel | None]
+Receive = Callable[[], RawMessage | None]
 """Returns the oldest message that waits on a topic, None without one."""
 
 
@@ -58,7 +58,7 @@ class Link(Protocol):
         """Return how many messages of a topic wait at most."""
         ...
 
-    def source(self, topic: Topic) -> Source:
+    def source(self, topic: Topic) -> Receive:
         """Return what takes the messages of a topic, one at a time."""
         ...
 
@@ -106,7 +106,7 @@ class ZenohLink:
             for topic in REQUESTS
         }
         self._cell = cell
-        self._answers = Answers()
+        self._answers = AnswerThread()
         self._keys = {topic.key: topic.full_key(cell) for topic in REQUESTS}
         self._publishers: dict[str, zenoh.Publisher] = {}
 
@@ -114,7 +114,7 @@ class ZenohLink:
         """Return how many messages of a topic wait at most."""
         return room(topic)
 
-    def source(self, topic: Topic) -> Source:
+    def source(self, topic: Topic) -> Receive:
         """Return what takes the messages of a topic, one at a time."""
         if topic.flow is Flow.REQUEST:
             queries = self._queries[topic.key]
@@ -141,20 +141,20 @@ class ZenohLink:
         self._session.close()  # type: ignore[no-untyped-call]  # its stubs
 
 
-def _next_put(receive: "Callable[[], zenoh.Sample | None]") -> Parcel | None:
+def _next_put(receive: "Callable[[], zenoh.Sample | None]") -> RawMessage | None:
     sample = receive()
-    return None if sample is None else Parcel(sample.payload, sample.attachment or b"")
+    return None if sample is None else RawMessage(sample.payload, sample.attachment or b"")
 
 
 def _next_request(
-    receive: "Callable[[], zenoh.Query | None]", answers: Answers, key: str
-) -> Parcel | None:
+    receive: "Callable[[], zenoh.Query | None]", answers: AnswerThread, key: str
+) -> RawMessage | None:
     for _ in range(RING):
         query = None if answers.crowded else receive()
         if query is None:
             return None
         answer = partial(answers.give, query, key)
         if str(query.key_expr) == key:
-            return Parcel(query.payload or b"", query.attachment or b"", answer)
+            return RawMessage(query.payload or b"", query.attachment or b"", answer)
         answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
     return None

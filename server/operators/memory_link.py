@@ -4,21 +4,21 @@ from collections import deque
 from collections.abc import Callable
 
 from ...protocols.topics import Flow, Topic
-from .link import Parcel, Source, room
+from .link import RawMessage, Receive, room
 
 
 class MemoryLink:
     """Both ends of the network: the cycle polls it, an operator in the same process uses it."""
 
     def __init__(self) -> None:
-        self._rings: dict[str, deque[Parcel]] = {}
+        self._rings: dict[str, deque[RawMessage]] = {}
         self._listeners: list[Callable[[Topic, bytes], None]] = []
 
     def put(self, topic: Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
         if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
             raise ValueError(f"{topic.key} is no command")
-        self._ring(topic).append(Parcel(payload, proof))
+        self._ring(topic).append(RawMessage(payload, proof))
 
     def ask(
         self, topic: Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
@@ -31,7 +31,7 @@ class MemoryLink:
             if content is not None:
                 answer(content)
 
-        self._ring(topic).append(Parcel(payload, proof, reply))
+        self._ring(topic).append(RawMessage(payload, proof, reply))
 
     def listen(self, listener: Callable[[Topic, bytes], None]) -> None:
         """Hand all telemetry to a listener as it is published."""
@@ -41,7 +41,7 @@ class MemoryLink:
         """Return how many messages of a topic wait at most."""
         return room(topic)
 
-    def source(self, topic: Topic) -> Source:
+    def source(self, topic: Topic) -> Receive:
         """Return what takes the messages of a topic, one at a time."""
         ring = self._ring(topic)
         return lambda: ring.popleft() if ring else None
@@ -55,5 +55,5 @@ class MemoryLink:
         """Forget everybody."""
         self._listeners.clear()
 
-    def _ring(self, topic: Topic) -> deque[Parcel]:
+    def _ring(self, topic: Topic) -> deque[RawMessage]:
         return self._rings.setdefault(topic.key, deque(maxlen=room(topic)))

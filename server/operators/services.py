@@ -17,17 +17,17 @@ from ...protocols.messages.obstacles import AvoidanceRequest
 from ...protocols.messages.reflection import ReflectionRequest
 from ...protocols.messages.sightings import StoreView
 from ...protocols.proof import Proof
-from ..commands.commands import Orders
+from ..commands.commands import Commands
 from ..control.spatial import Array, Pose
 from ..mode import Mode, Wish
-from ..perception.cameras import VisionWatch
-from ..perception.moving_frames import FrameWatch
-from ..perception.obstacle_map import World
+from ..perception.cameras import VisionTracker
+from ..perception.moving_frames import FrameTracker
+from ..perception.obstacle_map import ObstacleMap
 from ..refusals import Refused, Why
 from ..runtime.events import Events
-from .admission import Admission, Now
+from .admission import Admission, Instant
 from .grants import Grants
-from .inbox import Letter, refusal_reply
+from .inbox import QueuedMessage, refusal_reply
 from .protective import ProtectiveStops
 
 ENABLE_TIMEOUT_S = 3.0
@@ -44,10 +44,10 @@ _PAST = {"pause": "paused", "resume": "resumed", "abort": "aborted"}
 
 
 @dataclass(frozen=True)
-class View:
+class RequestContext:
     """What a request may depend on."""
 
-    now: Now
+    now: Instant
     mode: Mode
     unloaded: Array | None
     """Sensor reading less the payload's weight, averaged (6,) [N, N·m]; None when stale."""
@@ -56,11 +56,11 @@ class View:
     essential_stale: tuple[str, ...]
     gain_bound: Callable[[str, tuple[float, ...]], str | None]
     """Why a source's gains would be unstable, or None."""
-    vision: VisionWatch
+    vision: VisionTracker
     """What the cameras see."""
-    world: World
+    obstacles: ObstacleMap
     """What is known of obstacles."""
-    frames: FrameWatch
+    moving_frames: FrameTracker
     """Where the frames are that may move."""
     T_world_mrf: Pose | None = None
     """Where the command has the MRF; None before the joints were heard."""
@@ -83,22 +83,22 @@ class View:
 class _Pending:
     """A wish whose request waits for its answer."""
 
-    asked: Letter
+    asked: QueuedMessage
     since_s: float
 
 
-class Desk:
+class Services:
     """Takes requests, keeps wishes, and remembers the protective stop."""
 
     def __init__(
         self,
         admission: Admission,
-        orders: Orders,
+        commands: Commands,
         events: Events,
         grants: Grants,
     ) -> None:
         self._admission = admission
-        self._orders = orders
+        self._commands = commands
         self._events = events
         self._grants = grants
         self.wish = Wish.NONE
@@ -116,41 +116,41 @@ class Desk:
         """Forget what was asked for one tick only."""
         self.hold = self.resume = False
 
-    def serve(self, asked: Letter, view: View) -> None:
+    def serve(self, asked: QueuedMessage, context: RequestContext) -> None:
         """Answer one request, or keep it until its wish has come about."""
         try:
-            message = self._admission.admit(asked.topic, asked.payload, asked.proof, view.now)
-            reply = self._act(message, asked, view)
+            message = self._admission.admit(asked.topic, asked.payload, asked.proof, context.now)
+            reply = self._act(message, asked, context)
         except Refused as refused:
             self._events.refused("request", asked.topic.key, refused.reason, refused.detail)
-            reply = refusal_reply(refused, view.now)
+            reply = refusal_reply(refused, context.now)
         if reply is not None:
             asked.reply(encode(reply))
 
-    def settle(self, mode: Mode, view: View) -> None:
+    def settle(self, mode: Mode, context: RequestContext) -> None:
         """Answer the pending wish once it has come about or has taken too long."""
         pending = self._pending
         if pending is None:
             return
         done = {
             Wish.ENABLE: mode is Mode.ENABLED,
-            Wish.DISABLE: mode is Mode.READY and view.drives_off,
+            Wish.DISABLE: mode is Mode.READY and context.drives_off,
             Wish.RESET: mode is Mode.READY,
         }[self.wish]
-        late = view.now.time_s - pending.since_s > ENABLE_TIMEOUT_S
+        late = context.now.time_s - pending.since_s > ENABLE_TIMEOUT_S
         if done:
-            self.finish_wish(view.now, None)
+            self.finish_wish(context.now, None)
         elif late:
-            self.finish_wish(view.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
+            self.finish_wish(context.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
         elif mode in _ENDS[self.wish]:
-            self.finish_wish(view.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
+            self.finish_wish(context.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
 
-    def end_enable(self, now: Now, reason: str) -> None:
+    def end_enable(self, now: Instant, reason: str) -> None:
         """Give up enabling: what was asked for before something else came is dead, not late."""
         if self.wish is Wish.ENABLE:
             self.finish_wish(now, Refused(Why.NOT_NOW, reason))
 
-    def finish_wish(self, now: Now, refused: Refused | None) -> None:
+    def finish_wish(self, now: Instant, refused: Refused | None) -> None:
         """End the pending wish and answer it."""
         pending, wish = self._pending, self.wish
         self._pending, self.wish = None, Wish.NONE
@@ -165,11 +165,13 @@ class Desk:
 
     # --- one method per request --------------------------------------------------------------
 
-    def _act(self, message: m.Message, asked: Letter, view: View) -> requests.Reply | None:
-        ok = requests.Reply(ok=True, tick=view.now.tick)
+    def _act(
+        self, message: m.Message, asked: QueuedMessage, context: RequestContext
+    ) -> requests.Reply | None:
+        ok = requests.Reply(ok=True, tick=context.now.tick)
         match message:
             case requests.LeaseRequest():
-                granted = self._grants.grant(message, view.now)
+                granted = self._grants.grant(message, context.now)
                 self._events.info("lease_granted", message.operator, epoch=granted.epoch)
                 self._events.remind()
                 return granted
@@ -177,52 +179,54 @@ class Desk:
                 self._events.info("lease_released", self._admission.lease.holder or "")
                 self._admission.end()
             case requests.ModeRequest():
-                return self._mode(message, asked, view)
+                return self._mode(message, asked, context)
             case requests.ProtectiveStop():
                 self._stops.latch(message.operator, message.seal)
                 self._events.warning("protective_stop", f"asked by {message.operator}")
             case requests.ProtectiveClear():
-                return self._clear(message, asked.proof, view)
+                return self._clear(message, asked.proof, context)
             case requests.GainRequest():
-                reason = view.gain_bound(message.source, message.gain)
-                reason = reason or self._orders.tuning.gain_refusal(message.source, message.gain)
+                reason = context.gain_bound(message.source, message.gain)
+                reason = reason or self._commands.settings.gain_refusal(
+                    message.source, message.gain
+                )
                 if reason is not None:
                     if not message.forced:
                         raise Refused(Why.UNSTABLE_GAIN, reason)
                     self._events.warning("gain_forced", reason, source=message.source)
-                self._orders.tuning.gains[message.source] = np.array(message.gain)
+                self._commands.settings.gains[message.source] = np.array(message.gain)
                 self._events.info("gain_set", message.source, gain=str(list(message.gain)))
             case requests.SwitchRequest():
                 if message.on and message.source is m.SourceName.VISION:
-                    view.vision.require_view()
-                self._orders.tuning.switch(message.source, message.on)
-                self._orders.idle = self._orders.idle and not message.on
+                    context.vision.require_view()
+                self._commands.settings.switch(message.source, message.on)
+                self._commands.idle = self._commands.idle and not message.on
                 if message.on and message.source is m.SourceName.POSITION:
-                    self._orders.restart_path()
+                    self._commands.restart_path()
                 self._events.info("source_switched", message.source, on=message.on)
             case FrameRequest():
-                T_world_mrf = view.placed(self._orders.places.T_wrist_mrf)
+                T_world_mrf = context.placed(self._commands.frames.T_wrist_mrf)
                 if T_world_mrf is None:
                     raise Refused(Why.NOT_NOW, "where the arm is was not heard yet")
-                self._orders.set_frame(message, T_world_mrf)
+                self._commands.set_frame(message, T_world_mrf)
                 self._tell_frame(message)
             case requests.SpeedRequest():
-                self._orders.tuning.speed_factor = message.factor
+                self._commands.settings.speed_factor = message.factor
                 self._events.info("speed_set", "", factor=message.factor)
             case requests.PayloadRequest():
-                self._orders.tuning.set_payload(message)
+                self._commands.settings.set_payload(message)
                 if not message.unknown:
                     self._tell_payload(message.name)
             case requests.GripperRequest():
-                self._orders.tuning.set_gripper(message.closed)
+                self._commands.settings.set_gripper(message.closed)
                 self._events.info("gripper_closed" if message.closed else "gripper_opened")
             case motion.RedundancyRequest():
-                self._orders.tuning.set_objective(message)
-                self._orders.idle = False
+                self._commands.settings.set_objective(message)
+                self._commands.idle = False
                 self._events.info("objective_set", message.objective, gain=message.gain)
             case motion.ClutchRequest():
-                self._orders.set_clutch(message)
-                master = self._orders.master
+                self._commands.set_clutch(message)
+                master = self._commands.master
                 self._events.info(
                     "clutch_set",
                     "",
@@ -231,32 +235,32 @@ class Desk:
                     rotation=master.rotation,
                 )
             case ReflectionRequest():
-                self._orders.set_protection(message)
+                self._commands.set_protection(message)
                 tell = self._events.info if message.protected else self._events.warning
                 tell("reflection_protected" if message.protected else "reflection_unprotected")
             case motion.PathRequest():
-                self._orders.set_path(message)
+                self._commands.set_path(message)
                 self._events.info("path_" + _PAST[message.action])
             case AvoidanceRequest():
-                if message.on and not self._orders.tuning.can_avoid:
+                if message.on and not self._commands.settings.can_avoid:
                     raise Refused(Why.NOT_NOW, "the cell says nothing of avoidance")
-                self._orders.tuning.avoid = message.on
+                self._commands.settings.avoid = message.on
                 self._events.info("avoidance_switched", "", on=message.on)
             case requests.TareRequest():
-                self._tare(view)
+                self._tare(context)
             case requests.AcknowledgeLoad():
-                self._orders.tuning.hear_of_load("acknowledged")
+                self._commands.settings.hear_of_load("acknowledged")
             case StoreView():
-                stored = view.vision.store(message.camera)
+                stored = context.vision.store(message.camera)
                 self._events.info("view_stored", message.camera or "", **stored)
             case _:
                 raise Refused(Why.NOT_NOW, f"no service for {asked.topic.key}")
         return ok
 
     def _mode(
-        self, message: requests.ModeRequest, asked: Letter, view: View
+        self, message: requests.ModeRequest, asked: QueuedMessage, context: RequestContext
     ) -> requests.Reply | None:
-        mode = view.mode
+        mode = context.mode
         allowed: dict[str, tuple[Mode, ...]] = {
             "enable": (Mode.READY, Mode.HOLD),
             "hold": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
@@ -266,14 +270,14 @@ class Desk:
         }
         replaced = (self.wish, message.action) if mode is Mode.READY else None
         if replaced == (Wish.ENABLE, "disable"):
-            self.end_enable(view.now, "disable asked")
+            self.end_enable(context.now, "disable asked")
         elif mode not in allowed[message.action]:
             modes = " or ".join(allowed[message.action])
             raise Refused(Why.NOT_NOW, f"{message.action} needs mode {modes}, it is {mode}")
         if message.action in ("enable", "resume"):
-            self._ready_to_move(view)
+            self._ready_to_move(context)
         if replaced == (Wish.DISABLE, "enable"):
-            self.finish_wish(view.now, None)  # READY it is: the drives go off, and then on again
+            self.finish_wish(context.now, None)  # READY it is: the drives go off, and then on again
         if self._pending is not None:
             raise Refused(Why.NOT_NOW, f"{self.wish} is still under way")
         if message.action == "hold":
@@ -282,51 +286,52 @@ class Desk:
             self.resume = True
         else:
             self.wish = Wish(message.action)
-            self._pending = _Pending(asked, view.now.time_s)
+            self._pending = _Pending(asked, context.now.time_s)
             return None
-        return requests.Reply(ok=True, tick=view.now.tick)
+        return requests.Reply(ok=True, tick=context.now.tick)
 
-    def _ready_to_move(self, view: View) -> None:
+    def _ready_to_move(self, context: RequestContext) -> None:
         if self.protective_stop is not None:
             raise Refused(
                 Why.PROTECTIVE_STOP, f"protective stop asked by {self.protective_stop} is latched"
             )
-        if view.essential_stale:
-            raise Refused(Why.SENSOR_STALE, f"{', '.join(view.essential_stale)} is stale")
-        if self._orders.tuning.avoid and view.world.stop is not None:
-            raise Refused(Why.SENSOR_STALE, f"the news of obstacle {view.world.stop} is stale")
-        if view.touched:
+        if context.essential_stale:
+            raise Refused(Why.SENSOR_STALE, f"{', '.join(context.essential_stale)} is stale")
+        if self._commands.settings.avoid and context.obstacles.stop is not None:
+            stale = context.obstacles.stop
+            raise Refused(Why.SENSOR_STALE, f"the news of obstacle {stale} is stale")
+        if context.touched:
             raise Refused(Why.TOUCHED, "what pushes the arm is still there")
 
     def _clear(
-        self, message: requests.ProtectiveClear, proof: Proof | None, view: View
+        self, message: requests.ProtectiveClear, proof: Proof | None, context: RequestContext
     ) -> requests.Reply:
         if self._stops.asked_by is None:
-            return requests.Reply(ok=True, tick=view.now.tick)
-        if self._admission.holds(proof, view.now):
+            return requests.Reply(ok=True, tick=context.now.tick)
+        if self._admission.holds(proof, context.now):
             self._stops.clear()
         else:
             self._stops.open(message.opens)
         left = self._stops.asked_by
         detail = f"by {message.operator}" + (f"; that of {left} is latched" if left else "")
         self._events.info("protective_stop_cleared", detail)
-        return requests.Reply(ok=True, tick=view.now.tick, detail=detail[:500])
+        return requests.Reply(ok=True, tick=context.now.tick, detail=detail[:500])
 
     def _tell_frame(self, request: FrameRequest) -> None:
         there = request.relative_to or ("wrist" if request.frame == "mrf" else "world")
-        on = {"moves_with": self._orders.places.crf.on} if request.frame == "crf" else {}
+        on = {"moves_with": self._commands.frames.crf.on} if request.frame == "crf" else {}
         self._events.info("frame_set", request.frame, relative_to=str(there), **on)
 
     def _tell_payload(self, name: str | None) -> None:
-        payload = self._orders.tuning.payload
+        payload = self._commands.settings.payload
         if payload is not None:
             com = str(np.round(payload.com, 4).tolist())
             self._events.info("payload_set", name or "", mass=payload.mass, com=com)
 
-    def _tare(self, view: View) -> None:
-        if view.unloaded is None:
+    def _tare(self, context: RequestContext) -> None:
+        if context.unloaded is None:
             raise Refused(Why.SENSOR_STALE, "force_torque is stale or missing")
-        if not view.still:
+        if not context.still:
             raise Refused(Why.NOT_NOW, "the arm moves, or is told to")
-        self._orders.tuning.tare(view.unloaded)
-        self._events.info("tared", "", bias=str(np.round(view.unloaded, 3).tolist()))
+        self._commands.settings.tare(context.unloaded)
+        self._events.info("tared", "", bias=str(np.round(context.unloaded, 3).tolist()))

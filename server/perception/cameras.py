@@ -17,7 +17,7 @@ from ..control.spatial import Pose
 from ..control.task.sources.vision import ViewGoal
 from ..refusals import Refused, Why
 from ..runtime.events import Events
-from .filters.sighting import Belief, Doubt, Known, judge
+from .filters.sighting import KnownTarget, PictureRejection, SightingBounds, judge
 
 
 @dataclass
@@ -27,9 +27,9 @@ class _Track:
     camera: Camera
     T_lens: Pose
     """Lens in the Wrist, in World or in Base."""
-    known: Known | None = None
+    known: KnownTarget | None = None
     newest_tick: int = -1
-    doubt: Doubt | None = None
+    doubt: PictureRejection | None = None
     """Why the newest picture was not believed."""
 
     @property
@@ -60,7 +60,7 @@ class _Place(NamedTuple):
     T_world_base: Pose
 
 
-class VisionWatch:
+class VisionTracker:
     """All cameras of a cell."""
 
     def __init__(self, cell: Cell, events: Events) -> None:
@@ -68,7 +68,7 @@ class VisionWatch:
         vision: Vision = cell.config.sources.vision
         self._events = events
         self._timeout = round(vision.timeout_s / period)
-        self._belief = Belief(
+        self._belief = SightingBounds(
             period,
             vision.least_quality,
             vision.jump_speed,
@@ -119,7 +119,7 @@ class VisionWatch:
         if sighting.tick > tick:
             raise Refused(Why.FUTURE_PICTURE, f"tick {sighting.tick}, this is tick {tick}")
         believed = self._judge(track, sighting)
-        if isinstance(believed, Doubt):
+        if isinstance(believed, PictureRejection):
             if believed is not track.doubt:
                 self._tell(track, "warning", "picture_rejected", believed, sighting.quality)
             track.doubt = believed
@@ -128,12 +128,14 @@ class VisionWatch:
             self._tell(track, "info", "view_found", None, sighting.quality)
         track.known, track.doubt = believed, None
 
-    def look(self, tick: int) -> None:
+    def update(self, tick: int) -> None:
         """Let go of what was seen too long ago: the source fades."""
         for track in self._tracks.values():
             if track.known is not None and tick - track.known.tick > self._timeout:
                 track.known = None
-                self._tell(track, "warning", "view_lost", track.doubt or Doubt.NO_PICTURE, None)
+                self._tell(
+                    track, "warning", "view_lost", track.doubt or PictureRejection.NO_PICTURE, None
+                )
 
     def store(self, camera: str | None) -> dict[str, float]:
         """Keep what a camera sees now; return it. Raises `Refused` where it sees nothing."""
@@ -170,13 +172,13 @@ class VisionWatch:
             T_world_lens = T_world_base @ T_world_lens
         return ViewGoal(track.known.T_anchor_target, T_world_lens @ self._view, T_world_lens.R)
 
-    def _judge(self, track: _Track, sighting: Sighting) -> Known | Doubt:
+    def _judge(self, track: _Track, sighting: Sighting) -> KnownTarget | PictureRejection:
         if sighting.tick <= track.newest_tick:
-            return Doubt.OUT_OF_ORDER
+            return PictureRejection.OUT_OF_ORDER
         track.newest_tick = sighting.tick
         place = next((p for p in self._places if p.tick == sighting.tick), None)
         if place is None:
-            return Doubt.LATE
+            return PictureRejection.LATE
         T_anchor_lens = track.T_anchor_lens(place)
         poses = tuple(T_anchor_lens @ Pose.from_xyz_rpy(p[:3], p[3:]) for p in sighting.poses)
         return judge(
@@ -189,7 +191,12 @@ class VisionWatch:
         )
 
     def _tell(
-        self, track: _Track, severity: str, name: str, doubt: Doubt | None, quality: float | None
+        self,
+        track: _Track,
+        severity: str,
+        name: str,
+        doubt: PictureRejection | None,
+        quality: float | None,
     ) -> None:
         if track.camera.name != self._camera:
             return

@@ -13,24 +13,24 @@ from ..control.state import Memory, Output
 from ..mode import Mode
 from ..plant import PlantReading
 from ..runtime.events import Events
-from .contact_release import GivingWay
-from .filters.collision import Doubt, Load, Touch, TouchState
+from .contact_release import ContactRelease
+from .filters.collision import CollisionDetector, DetectorState, LoadUncertainty, SensorLoad
 
 LOST_S = 0.5
 """Without an estimate for longer than this, it is said that nothing is felt [s]."""
 
 
-class TouchWatch:
+class CollisionMonitor:
     """Collision detection of one cell; idle where the cell does not ask for it."""
 
     def __init__(self, cell: Cell, p: Parameters, mechanism: Mechanism, events: Events) -> None:
         self._events = events
         self._calibration = None if p.T_wrist_sensor is None else p.wrench_calibration
         self._touch = _touch(cell, p, mechanism)
-        self._state = TouchState()
+        self._state = DetectorState()
         self._lost_after = round(LOST_S / p.period_s)
         self._blind_ticks = 0
-        self._giving = GivingWay(p, events)
+        self._giving = ContactRelease(p, events)
         section = cell.config.touch
         self._carried_within = p.friction + (0.0 if section is None else np.array(section.torque))
 
@@ -55,14 +55,14 @@ class TouchWatch:
         """What pushes the arm, and whether it is to give way; None where it is not known."""
         return self._giving.pushed
 
-    def look(
+    def update(
         self,
         reading: PlantReading,
         memory: Memory | None,
         output: Output | None,
         moved: Moved,
         mode: Mode,
-        doubt: Doubt | None = None,
+        doubt: LoadUncertainty | None = None,
     ) -> None:
         """Take in a reading, and what the tick before made of the one before.
 
@@ -72,7 +72,7 @@ class TouchWatch:
         if self._touch is None:
             return
         if reading.q is None or not reading.enabled or memory is None or memory.load is None:
-            self._state, self._blind_ticks = TouchState(), 0
+            self._state, self._blind_ticks = DetectorState(), 0
             self._giving.reset()
             return
         load = self._carried(reading, memory.load)
@@ -85,9 +85,9 @@ class TouchWatch:
         )
         self._tell_blind(self._state.external is before)
         found, pushed = self._touch.touched(self._state), self._touch.pushed(self._state)
-        self._giving.look(found, pushed, mode, memory, output)
+        self._giving.update(found, pushed, mode, memory, output)
 
-    def _carried(self, reading: PlantReading, load: Array) -> Load | None:
+    def _carried(self, reading: PlantReading, load: Array) -> SensorLoad | None:
         """Return what the sensor reads; while it is stale, its payload is what the arm carries.
 
         Without a sensor that is what the URDF says. `load` (10,), see `sources.force.load_of`.
@@ -101,7 +101,7 @@ class TouchWatch:
         if mean is None:
             return None
         wrench = self._calibration @ (mean.wrench - load[4:])
-        return Load(wrench, self._calibration @ mean.jump, reading.wrench_mean_lag_s)
+        return SensorLoad(wrench, self._calibration @ mean.jump, reading.wrench_mean_lag_s)
 
     def _tell_blind(self, blind: bool) -> None:
         was_lost = self._blind_ticks > self._lost_after
@@ -116,13 +116,13 @@ class TouchWatch:
             self._events.info("touch_found", "contact is felt again")
 
 
-def _touch(cell: Cell, p: Parameters, mechanism: Mechanism) -> Touch | None:
+def _touch(cell: Cell, p: Parameters, mechanism: Mechanism) -> CollisionDetector | None:
     section = cell.config.touch
     if section is None:
         return None
     dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
     bound = section.torque if len(section.torque) == p.n else section.torque * p.n
-    return Touch(
+    return CollisionDetector(
         dynamics,
         p.friction,
         np.array(bound),

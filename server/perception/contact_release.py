@@ -11,7 +11,7 @@ from ..control.spatial import Array
 from ..control.state import Memory, Output
 from ..mode import Mode
 from ..runtime.events import Events
-from .filters.collision import Touched
+from .filters.collision import JointContact
 
 OVER_S = 0.2
 """A touch is over once nothing has pushed for so long [s]."""
@@ -32,7 +32,7 @@ class _Told(Enum):
     STUCK = auto()
 
 
-class GivingWay:
+class ContactRelease:
     """Judges what a touch means in each mode."""
 
     def __init__(self, p: Parameters, events: Events) -> None:
@@ -51,9 +51,9 @@ class GivingWay:
         self._free_s = self._settled_s = 0.0
         self._told = _Told.NOTHING
 
-    def look(
+    def update(
         self,
-        found: Touched | None,
+        found: JointContact | None,
         pushed: Pushed | None,
         mode: Mode,
         memory: Memory,
@@ -99,7 +99,7 @@ class GivingWay:
         self._past.clear()
         self._free_s, self._rested_s, self._told = 0.0, np.inf, _Told.NOTHING
 
-    def _found(self, found: Touched, mode: Mode) -> None:
+    def _found(self, found: JointContact, mode: Mode) -> None:
         """Stop for contact that the arm ran into, and give way to it."""
         if not self._giving:
             if mode is not Mode.ENABLED and self._rested_s >= COMING_TO_REST_S:
@@ -136,7 +136,7 @@ class GivingWay:
         else:
             self._events.warning("still_pushed", f"gave way {left}, and is still pushed", **values)
 
-    def _tell_touched(self, found: Touched) -> None:
+    def _tell_touched(self, found: JointContact) -> None:
         joint = self._joints[found.joint]
         self._events.warning(
             "touched",

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..commands.settings import OF_THE_WRENCH
+from ..commands.settings import WRENCH_SOURCES
 from ..control.spatial import Array
 from ..plant import PlantReading
 from ..runtime.events import Events
@@ -29,7 +29,7 @@ What a stick pushes against a wall stands, too: its push is what force control a
 NAME = "force_torque"
 
 
-class SensorWatch:
+class ForceTorqueMonitor:
     """One cell's sensor; `essential` means that the arm does not move without it."""
 
     def __init__(self, events: Events, essential: bool, period_s: float) -> None:
@@ -40,14 +40,14 @@ class SensorWatch:
         self._stood: deque[Array] = deque(maxlen=round(TARE_S / period_s))
         """Where the joints were (n,), while nothing was asked of the arm."""
 
-    def look(
+    def update(
         self, reading: PlantReading, weight: Array | None, twists: Mapping[str, Array]
     ) -> None:
         """Take in a reading; `weight` (6,) is what the payload alone makes the sensor read.
 
         `twists` are what each source asks for.
         """
-        asked = sum((v for name, v in twists.items() if name not in OF_THE_WRENCH), np.zeros(6))
+        asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
         if reading.q is None or (np.abs(asked) > ASKED).any():
             self._stood.clear()
         else:

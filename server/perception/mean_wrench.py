@@ -15,7 +15,7 @@ NEWEST = 5
 
 
 @dataclass(frozen=True)
-class Mark:
+class WrenchMark:
     """Where the tool was, and what was measured there."""
 
     T: Pose
@@ -25,7 +25,7 @@ class Mark:
     """Unit vectors of both in World (2, 3)."""
 
 
-class Measured:
+class AveragedWrench:
     """The newest wrenches of the tool; `bounds` (2,) is what is no load [N, N·m]."""
 
     def __init__(self, bounds: Array, period_s: float) -> None:
@@ -54,12 +54,12 @@ class Measured:
         """Return the mean wrench (6,) of the last few ticks."""
         return np.asarray(np.mean(list(self._recent)[-NEWEST:] or [np.zeros(6)], axis=0))
 
-    def mark(self, output: Output) -> Mark:
+    def mark(self, output: Output) -> WrenchMark:
         """Return where the tool is, and what is measured now."""
         mean = self.now()
         size = np.array(sizes(mean))
         directions = mean.reshape(2, 3) / np.maximum(size, 1e-9)[:, None]
-        return Mark(output.T_world_mrf_measured, size, directions)
+        return WrenchMark(output.T_world_mrf_measured, size, directions)
 
     def sizes(self) -> Array:
         """Return the sizes (2,) of mean force and moment [N, N·m]."""

@@ -17,8 +17,14 @@ from ..control.frame_tree import Body, Moved
 from ..control.spatial import Pose, rotate_twist, rotation_exp
 from ..refusals import Refused, Why
 from ..runtime.events import Events
-from .filters.follower import Followed, Follower
-from .filters.frame_tracking import Doubt, Doubted, Plausible, Track, observed
+from .filters.follower import Follower, FollowerState
+from .filters.frame_tracking import (
+    NewsRejection,
+    PlausibleMotion,
+    RejectedNews,
+    Track,
+    update_track,
+)
 
 LEAD_PERIODS = 1.0
 """The pose that a tick starts from is reached at the next SYNC [periods]."""
@@ -28,17 +34,17 @@ LEAD_PERIODS = 1.0
 class _Watched:
     """One frame that may move."""
 
-    plausible: Plausible
+    plausible: PlausibleMotion
     timeout: int
     """News is stale after so many ticks."""
     follower: Follower
-    followed: Followed
+    followed: FollowerState
     track: Track | None = None
-    doubt: Doubted | None = None
+    doubt: RejectedNews | None = None
     """Why the newest news was not believed."""
 
 
-class FrameWatch:
+class FrameTracker:
     """All frames of a cell that may move."""
 
     def __init__(self, cell: Cell, events: Events) -> None:
@@ -80,7 +86,7 @@ class FrameWatch:
         if news.tick > tick:
             raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
         believed = self._judge(watched, news, tick)
-        if isinstance(believed, Doubted):
+        if isinstance(believed, RejectedNews):
             if watched.doubt is None or believed.doubt is not watched.doubt.doubt:
                 self._tell("frame_rejected", news.name, believed)
             watched.doubt = believed
@@ -120,7 +126,7 @@ class FrameWatch:
         def bounds(linear: float, angular: float) -> np.ndarray:
             return np.repeat([linear, angular], 3)
 
-        plausible = Plausible(
+        plausible = PlausibleMotion(
             period,
             config.least_quality,
             config.speed,
@@ -141,9 +147,9 @@ class FrameWatch:
         timeout = round(config.timeout_s / period)
         return _Watched(plausible, timeout, follower, follower.standing(self._standing[name]))
 
-    def _judge(self, watched: _Watched, news: FrameNews, tick: int) -> Track | Doubted:
+    def _judge(self, watched: _Watched, news: FrameNews, tick: int) -> Track | RejectedNews:
         if tick - news.tick > watched.timeout:
-            return Doubted(Doubt.LATE, tick - news.tick, watched.timeout, "ticks")
+            return RejectedNews(NewsRejection.LATE, tick - news.tick, watched.timeout, "ticks")
         T = Pose.from_xyz_rpy(news.xyz, news.rpy)
         twist = None if news.twist is None else np.array(news.twist)
         if news.seen_from == "base":
@@ -151,7 +157,7 @@ class FrameWatch:
             T = base.T @ T
             if twist is not None:
                 twist = rotate_twist(base.T.R, twist) + base.twist_at(T.p)
-        return observed(watched.track, news.tick, T, twist, news.quality, watched.plausible)
+        return update_track(watched.track, news.tick, T, twist, news.quality, watched.plausible)
 
     def _base_at(self, then: int, tick: int) -> Body:
         """Return Base as it was at a tick, a little while before `tick`."""
@@ -166,10 +172,10 @@ class FrameWatch:
         back = -((tick - then) * period + self._lead_s) * now.twist
         return Body(Pose(rotation_exp(back[3:]) @ now.T.R, now.T.p + back[:3]), now.twist)
 
-    def _tell(self, event: str, name: str, doubted: Doubted | None) -> None:
+    def _tell(self, event: str, name: str, doubted: RejectedNews | None) -> None:
         """Tell why news was not believed, with value and bound; None: there was none."""
         if doubted is None:
-            reason = str(Doubt.NO_NEWS)
+            reason = str(NewsRejection.NO_NEWS)
             self._events.warning(event, f"{name}: {reason}", frame=name, reason=reason)
             return
         self._events.warning(

@@ -28,7 +28,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Known:
+class TrackedObstacle:
     """An obstacle, as the newest news has it."""
 
     name: str
@@ -57,7 +57,7 @@ class Known:
         return self.max_speed > 0.0
 
 
-class World:
+class ObstacleMap:
     """All obstacles of a cell."""
 
     def __init__(self, cell: Cell, events: Events) -> None:
@@ -71,7 +71,7 @@ class World:
         self._still: Scene | None = None
 
     @property
-    def known(self) -> tuple[Known, ...]:
+    def known(self) -> tuple[TrackedObstacle, ...]:
         """What is known, in no particular order."""
         return tuple(self._known.values())
 
@@ -108,7 +108,7 @@ class World:
         self._known[news.name] = after
         self._still = None
 
-    def look(self, tick: int) -> None:
+    def update(self, tick: int) -> None:
         """Tell of news that has become stale, and of fresh news."""
         for known in self._known.values():
             is_stale = known.moves and self._age(known, tick) > known.timeout_s
@@ -125,12 +125,12 @@ class World:
                 self._stale.discard(known.name)
                 self._events.info("obstacle_fresh", known.name)
 
-    def _created(self, news: ObstacleNews) -> Known:
+    def _created(self, news: ObstacleNews) -> TrackedObstacle:
         if len(self._known) >= MOST and news.name not in self._known:
             raise Refused(Why.TOO_MANY_OBSTACLES, f"{MOST} are known already")
         shape = news.shape or "point"
         xyz = news.xyz or _ZERO
-        return Known(
+        return TrackedObstacle(
             name=news.name,
             shape=shape,
             xyz=xyz,
@@ -150,7 +150,7 @@ class World:
             tick=news.tick,
         )
 
-    def _moved(self, news: ObstacleNews, before: Known | None) -> Known:
+    def _moved(self, news: ObstacleNews, before: TrackedObstacle | None) -> TrackedObstacle:
         if before is None:
             raise Refused(Why.UNKNOWN_OBSTACLE, f"{news.name} is not known: give its shape")
         told = {key: value for key in _CHANGEABLE if (value := getattr(news, key)) is not None}
@@ -163,7 +163,7 @@ class World:
             told["carried"] = False
         return replace(before, tick=news.tick, **told)
 
-    def _remove(self, news: ObstacleNews, before: Known | None) -> None:
+    def _remove(self, news: ObstacleNews, before: TrackedObstacle | None) -> None:
         if before is None:
             raise Refused(Why.UNKNOWN_OBSTACLE, f"{news.name} is not known")
         del self._known[news.name]
@@ -174,7 +174,7 @@ class World:
         self._still = None
         self._events.info("obstacle_removed", news.name)
 
-    def _check_speed(self, before: Known, after: Known) -> None:
+    def _check_speed(self, before: TrackedObstacle, after: TrackedObstacle) -> None:
         """Warn of one that moved further than its own bound lets it: no promise holds for it."""
         way = float(np.linalg.norm(np.subtract(after.xyz, before.xyz)))
         way = max(way, float(np.linalg.norm(np.subtract(after.to, before.to))))
@@ -199,7 +199,7 @@ class World:
             self._still = scene
         return scene
 
-    def _packed(self, every: list[Known], tick: int) -> Scene:
+    def _packed(self, every: list[TrackedObstacle], tick: int) -> Scene:
         rounds = [known for known in every if known.shape != "box"]
         boxes = every[len(rounds) :]
         age = np.array([self._age(k, tick) if k.moves else 0.0 for k in every])
@@ -239,17 +239,17 @@ class World:
             stop=self.stop,
         )
 
-    def _age(self, known: Known, tick: int) -> float:
+    def _age(self, known: TrackedObstacle, tick: int) -> float:
         return max(0, tick - known.tick) * self._period_s
 
-    def _of_cell(self, obstacle: Obstacle) -> Known:
+    def _of_cell(self, obstacle: Obstacle) -> TrackedObstacle:
         xyz = obstacle.xyz or _ZERO
         carried = False
         if obstacle.camera is not None:
             camera = self._cameras[obstacle.camera]
             carried, place = camera.on == "wrist", camera.place
             xyz = place.xyz
-        return Known(
+        return TrackedObstacle(
             name=obstacle.name,
             shape=obstacle.shape,
             xyz=xyz,

@@ -31,7 +31,7 @@ class ToolContact:
         self.touched, self._excused_n, self._lasting = False, 0.0, 0
         self._places.clear()
 
-    def look(
+    def update(
         self, known_n: float, size_n: float, weight_n: float, output: Output, moving: bool
     ) -> None:
         """Compare the size of a force with that of the load [N], of which `weight_n` is told."""

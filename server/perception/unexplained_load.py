@@ -15,16 +15,16 @@ from enum import StrEnum
 import numpy as np
 
 from ...config.load import Cell
-from ..commands.settings import OF_THE_WRENCH, Tuning
+from ..commands.settings import WRENCH_SOURCES, OperatorSettings
 from ..control.spatial import Array, rotation_log, sizes
 from ..control.state import Output
 from ..control.task.gains import GAIN_TIME_S
 from ..mode import Mode
 from ..runtime.events import Events
-from .filters.collision import UNKNOWN_LOAD, Doubt
+from .filters.collision import UNKNOWN_LOAD, LoadUncertainty
 from .force_torque import ASKED
 from .load_words import explanation
-from .mean_wrench import Mark, Measured
+from .mean_wrench import AveragedWrench, WrenchMark
 from .tool_contact import ToolContact
 
 SETTLE_S = 0.3
@@ -45,7 +45,7 @@ SAME = 0.1
 """A load that was acknowledged may be off by that part when it is met again [1]."""
 
 
-class Trust(StrEnum):
+class LoadTrust(StrEnum):
     """What is thought of the load that is measured."""
 
     EXPLAINED = "explained"
@@ -58,29 +58,29 @@ class Trust(StrEnum):
     ACKNOWLEDGED = "acknowledged"
 
 
-LATCHED = (Trust.UNEXPLAINED, Trust.UNKNOWN)
+LATCHED = (LoadTrust.UNEXPLAINED, LoadTrust.UNKNOWN)
 """Force control waits for an operator."""
 
 
-class LoadWatch:
+class LoadMonitor:
     """Judges what the force/torque sensor of one cell carries; idle in a cell without one."""
 
-    def __init__(self, cell: Cell, tuning: Tuning, events: Events) -> None:
+    def __init__(self, cell: Cell, settings: OperatorSettings, events: Events) -> None:
         sensor = cell.config.mechanism.force_torque
-        self._events, self._tuning = events, tuning
+        self._events, self._settings = events, settings
         self._bounds = np.full(2, np.inf)
         if sensor is not None:
             self._bounds = np.array([sensor.unexplained_force, sensor.unexplained_moment])
         self._idle = sensor is None
         self._damping = cell.config.sources.following.damping
         period_s = cell.config.timing.period_s
-        self._measured = Measured(self._bounds, period_s)
-        self.trust = Trust.EXPLAINED
+        self._measured = AveragedWrench(self._bounds, period_s)
+        self.trust = LoadTrust.EXPLAINED
         self._until_s = 0.0
-        self._mark: Mark | None = None
+        self._mark: WrenchMark | None = None
         self._falls = self._vouched = False
         self._using, self._mode = False, Mode.BOOT
-        self._told = tuning.load_told
+        self._told = settings.load_told
         self._known = np.zeros(2)
         """Sizes of the load that is unexplained, unknown or acknowledged (2,) [N, N·m]."""
         self._carried = False
@@ -94,20 +94,20 @@ class LoadWatch:
     # --- what others ask ---------------------------------------------------------------------
 
     @property
-    def doubt(self) -> Doubt | None:
+    def doubt(self) -> LoadUncertainty | None:
         """What the sensor's load may be off by, for collision detection; None: it is right."""
         off, turned = self._tared, 0.0
-        if self.trust is Trust.EXPLAINED and not off.any():
+        if self.trust is LoadTrust.EXPLAINED and not off.any():
             return None
-        if self.trust is not Trust.EXPLAINED:
+        if self.trust is not LoadTrust.EXPLAINED:
             turned = UNKNOWN_LOAD.angle
-            judged = self.trust in (Trust.UNEXPLAINED, Trust.ACKNOWLEDGED)
-            if self.trust is not Trust.UNKNOWN and not (judged and self._carried):
+            judged = self.trust in (LoadTrust.UNEXPLAINED, LoadTrust.ACKNOWLEDGED)
+            if self.trust is not LoadTrust.UNKNOWN and not (judged and self._carried):
                 off = off + np.maximum(self._known, self._measured.sizes())
             off = off + UNKNOWN_LOAD[:2]
         # What is known of it was measured at the MRF.
         force, moment = off.tolist()
-        return Doubt(force, moment + self._lever * force, turned)
+        return LoadUncertainty(force, moment + self._lever * force, turned)
 
     @property
     def touched(self) -> bool:
@@ -116,7 +116,7 @@ class LoadWatch:
 
     # --- every tick --------------------------------------------------------------------------
 
-    def look(
+    def update(
         self,
         output: Output | None,
         mode: Mode,
@@ -131,7 +131,7 @@ class LoadWatch:
         """
         if self._idle or output is None:
             return
-        if self.trust in (Trust.EXPLAINED, Trust.SETTLING, Trust.JUDGED):
+        if self.trust in (LoadTrust.EXPLAINED, LoadTrust.SETTLING, LoadTrust.JUDGED):
             self._carried = carried
         before, self._mode = self._mode, mode
         moving, stale = mode is Mode.ENABLED, not self._measured.known
@@ -141,7 +141,7 @@ class LoadWatch:
             self._using = False
         else:
             self._measured.add(output.wrench_mrf, output)
-            using = moving and any(self._tuning.on[s] for s in OF_THE_WRENCH)
+            using = moving and any(self._settings.on[s] for s in WRENCH_SOURCES)
             if began:
                 self._vouched = self._measured.quiet()
             # Once it was explained, what comes while a source was off, or the sensor, is contact.
@@ -152,12 +152,12 @@ class LoadWatch:
         self._hear(output, time_s)
         if self._using and self._measured.known:
             self._judge(output, time_s, unloaded)
-        self._tuning.sensor_share = 0.0 if self._waits() else self._share(output)
+        self._settings.sensor_share = 0.0 if self._waits() else self._share(output)
         if self.trust not in LATCHED:
             self._contact.rest()
             return
         known, weight = float(self._known[0]), self._weight()
-        self._contact.look(known, sizes(self._measured.now())[0], weight, output, moving)
+        self._contact.update(known, sizes(self._measured.now())[0], weight, output, moving)
         if self._contact.told:
             self._events.warning(
                 "touched",
@@ -170,60 +170,60 @@ class LoadWatch:
 
     def _waits(self) -> bool:
         """Return whether force control is not to act now."""
-        if self.trust is Trust.SETTLING or self.trust in LATCHED:
+        if self.trust is LoadTrust.SETTLING or self.trust in LATCHED:
             return True
         # Nothing acts before the arm is enabled, and nothing shall in the first tick.
         return (
             not self._mode.energised
-            and self.trust is Trust.EXPLAINED
+            and self.trust is LoadTrust.EXPLAINED
             and not self._measured.quiet()
         )
 
     def _hear(self, output: Output, time_s: float) -> None:
         """Notice what operators said of the load since the tick before."""
-        told = self._tuning.load_told
+        told = self._settings.load_told
         if told == self._told:
             return
-        self._told, heard = told, self._tuning.load_heard
+        self._told, heard = told, self._settings.load_heard
         self._lever = self._apart(output)
         if heard == "unknown":
-            self.trust, self._known = Trust.UNKNOWN, self._measured.sizes()
+            self.trust, self._known = LoadTrust.UNKNOWN, self._measured.sizes()
             self._events.warning("load_unknown", "force control waits until the payload is told")
         elif heard == "acknowledged":
-            if self.trust is not Trust.EXPLAINED:
-                self.trust, self._known = Trust.ACKNOWLEDGED, self._measured.sizes()
+            if self.trust is not LoadTrust.EXPLAINED:
+                self.trust, self._known = LoadTrust.ACKNOWLEDGED, self._measured.sizes()
                 self._events.warning("load_acknowledged", "", force_n=float(self._known[0]))
         else:
             beyond = not self._measured.quiet() and heard == "tare"
             self._tared = self._measured.sizes() if beyond else np.zeros(2)
             # What was quiet may have been told wrong; contact that is under way stays contact.
-            if self.trust is not Trust.EXPLAINED or self._measured.quiet():
-                self.trust, self._until_s = Trust.SETTLING, time_s + RAMPED_S
+            if self.trust is not LoadTrust.EXPLAINED or self._measured.quiet():
+                self.trust, self._until_s = LoadTrust.SETTLING, time_s + RAMPED_S
 
     def _begin(self, until_s: float) -> None:
         """Begin to judge, from a moment on."""
-        if self.trust is Trust.UNKNOWN:
+        if self.trust is LoadTrust.UNKNOWN:
             return
         if self._measured.quiet():
-            self.trust = Trust.EXPLAINED
-        elif self.trust in (Trust.UNEXPLAINED, Trust.ACKNOWLEDGED) and self._met_again():
-            if self.trust is Trust.UNEXPLAINED:
+            self.trust = LoadTrust.EXPLAINED
+        elif self.trust in (LoadTrust.UNEXPLAINED, LoadTrust.ACKNOWLEDGED) and self._met_again():
+            if self.trust is LoadTrust.UNEXPLAINED:
                 self._say(None)
         else:
-            self.trust, self._until_s = Trust.SETTLING, until_s
+            self.trust, self._until_s = LoadTrust.SETTLING, until_s
 
     def _judge(self, output: Output, time_s: float, unloaded: Array | None) -> None:
-        if self.trust is Trust.SETTLING and (time_s >= self._until_s or self._asked(output)):
+        if self.trust is LoadTrust.SETTLING and (time_s >= self._until_s or self._asked(output)):
             if self._measured.quiet():
-                self._end(Trust.EXPLAINED)
+                self._end(LoadTrust.EXPLAINED)
             else:
                 self._start_probe(output, time_s)
-        elif self.trust is Trust.JUDGED:
+        elif self.trust is LoadTrust.JUDGED:
             self._probe(output, time_s, unloaded)
 
     def _start_probe(self, output: Output, time_s: float) -> None:
         self.trust, self._mark, self._until_s = (
-            Trust.JUDGED,
+            LoadTrust.JUDGED,
             self._measured.mark(output),
             time_s + WAIT_S,
         )
@@ -232,7 +232,7 @@ class LoadWatch:
     def _probe(self, output: Output, time_s: float, unloaded: Array | None) -> None:
         mark, here = self._mark, self._measured.mark(output)
         if self._measured.quiet():
-            self._end(Trust.EXPLAINED)
+            self._end(LoadTrust.EXPLAINED)
         elif mark is not None:
             which = 0 if here.sizes[0] > self._bounds[0] else 1
             ways = (here.T.p - mark.T.p, rotation_log(here.T.R @ mark.T.R.T))
@@ -249,15 +249,15 @@ class LoadWatch:
                 self._doubt(output, unloaded)
 
     def _apart(self, output: Output) -> float:
-        place = self._tuning.T_wrist_sensor
+        place = self._settings.T_wrist_sensor
         return 0.0 if place is None else float(np.linalg.norm(output.T_wrist_mrf.p - place.p))
 
-    def _end(self, trust: Trust) -> None:
+    def _end(self, trust: LoadTrust) -> None:
         self.trust, self._mark, self._until_s = trust, None, 0.0
-        self._vouched = trust is Trust.EXPLAINED
+        self._vouched = trust is LoadTrust.EXPLAINED
 
     def _doubt(self, output: Output, unloaded: Array | None) -> None:
-        self._end(Trust.UNEXPLAINED)
+        self._end(LoadTrust.UNEXPLAINED)
         self._known, self._lever = self._measured.sizes(), self._apart(output)
         self._say(unloaded)
 
@@ -272,7 +272,7 @@ class LoadWatch:
         return bool((off <= np.maximum(self._bounds, SAME * self._known)).all())
 
     def _weight(self) -> float:
-        payload = self._tuning.payload
+        payload = self._settings.payload
         return 0.0 if payload is None else 9.81 * payload.mass
 
     def _asked(self, output: Output) -> bool:
@@ -281,19 +281,23 @@ class LoadWatch:
 
     def _share(self, output: Output) -> float:
         """Return the part of their gains that the sensor's sources act with."""
-        if self.trust is not Trust.JUDGED or self._mode is not Mode.ENABLED or self._asked(output):
+        if (
+            self.trust is not LoadTrust.JUDGED
+            or self._mode is not Mode.ENABLED
+            or self._asked(output)
+        ):
             return 1.0
-        tuning, (force, moment) = self._tuning, self._measured.sizes()
+        settings, (force, moment) = self._settings, self._measured.sizes()
         rate = np.zeros(2)
-        if tuning.on["force"]:
-            gain = tuning.gains["force"]
+        if settings.on["force"]:
+            gain = settings.gains["force"]
             rate += gain[:3].max() * force, gain[3:].max() * moment
-        if tuning.on["following"]:
+        if settings.on["following"]:
             rate += force / self._damping, 0.0
         most = SPEED * (SURER if self._falls else 1.0)
         return float(min(1.0, (most / np.maximum(rate, 1e-12)).min()))
 
 
 def _others(twists: Mapping[str, Array]) -> bool:
-    asked = sum((v for name, v in twists.items() if name not in OF_THE_WRENCH), np.zeros(6))
+    asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
     return bool((np.abs(asked) > ASKED).any())

@@ -7,7 +7,7 @@ from .following import following_refusal
 from .force_loop import BUS_PERIODS, DRIVE_PERIODS, bound, force_axis, vision_periods
 
 
-def gain_judge(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
+def gain_check(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
     """Return a judge: source and gains (6,) to the reason why they would be unstable, or None."""
     period = cell.config.timing.period_s
 

@@ -51,7 +51,7 @@ _STANDS = 1e-5
 """A pole this near to 1 is where the arm stands, not how it moves [1]."""
 
 
-class Source(NamedTuple):
+class SourceModel(NamedTuple):
     """How a source turns the force F of a tick into speed v and path: v' = keep·v + push·F."""
 
     keep: float
@@ -66,7 +66,7 @@ class Source(NamedTuple):
     """Share of a new force that is taken over, per tick [1]."""
 
 
-def following_source(cell: Cell, payload: float, share: float = 1.0) -> Source:
+def following_source(cell: Cell, payload: float, share: float = 1.0) -> SourceModel:
     """Return the damped mass that follows a share of the hand's force under a payload [kg]."""
     f, T = cell.config.sources.following, cell.config.timing.period_s
     tau, time_s = f.mass / f.damping, smoothing_s(f.payload_smoothing_s, payload, f.mass)
@@ -74,12 +74,12 @@ def following_source(cell: Cell, payload: float, share: float = 1.0) -> Source:
     through = tau * (1.0 - keep)
     calm = 1.0 if time_s <= 0.0 else -math.expm1(-T / time_s)
     push, shift = share * (1.0 - keep) / f.damping, share * (T - through) / f.damping
-    return Source(keep, push, through, shift, f.stiffness, calm)
+    return SourceModel(keep, push, through, shift, f.stiffness, calm)
 
 
-def force_source(cell: Cell, gain: float) -> Source:
+def force_source(cell: Cell, gain: float) -> SourceModel:
     """Return accommodation with the gain K_F [m/s/N]."""
-    return Source(0.0, gain, 0.0, gain * cell.config.timing.period_s)
+    return SourceModel(0.0, gain, 0.0, gain * cell.config.timing.period_s)
 
 
 class PayloadLoop:
@@ -119,7 +119,7 @@ class PayloadLoop:
         self._J = tool[:3]
         self._rates_of = np.linalg.pinv(tool, rcond=1e-3)[:, :3]
 
-    def radius(self, source: Source, payload: float) -> float:
+    def radius(self, source: SourceModel, payload: float) -> float:
         """Return the greatest magnitude of the loop's poles with a payload [kg]; stable below 1."""
         poles = np.linalg.eigvals(self._period(source, payload))
         moves = np.abs(poles - 1.0) > _STANDS
@@ -136,7 +136,7 @@ class PayloadLoop:
             gains = np.array([np.broadcast_to(np.array(gain), own.shape) for gain in told])
         return gains[:, :, None]
 
-    def _period(self, source: Source, m: float) -> Array:
+    def _period(self, source: SourceModel, m: float) -> Array:
         """Return what one period makes of the state, from a SYNC on: a square matrix."""
         T, n = self._T, len(self._q)
         J, J_com, rates_of = self._J, self._J_com, self._rates_of
@@ -191,7 +191,7 @@ class PayloadLoop:
 
 def heaviest(
     cell: Cell,
-    source: Callable[[float], Source],
+    source: Callable[[float], SourceModel],
     averaged: bool = True,
     postures: tuple[str, ...] = REQUIRED_POSTURES,
 ) -> float:

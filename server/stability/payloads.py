@@ -14,7 +14,7 @@ REFERENCE_GAIN = 0.01
 """K_F at which the force loop's heaviest payload is looked for [m/s/N]."""
 
 
-class PayloadJudge:
+class PayloadBounds:
     """The payloads that one cell's sources stand. A cell without a sensor has none to judge."""
 
     def __init__(self, cell: Cell) -> None:
@@ -64,6 +64,6 @@ class PayloadJudge:
         return None
 
 
-def told(mass: float) -> str:
+def payload_words(mass: float) -> str:
     """Return a heaviest payload [kg] in words."""
     return f"to {HEAVIEST:g} kg and more" if math.isinf(mass) else f"below {mass:.3g} kg"

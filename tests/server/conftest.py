@@ -84,9 +84,7 @@ class Run:
         assert np.isfinite(q).all()
         assert (q >= np.minimum(joints.lower, self.q) - 1e-9).all()
         assert (q <= np.maximum(joints.upper, self.q) + 1e-9).all()
-        for order, bound in enumerate(
-            (joints.velocity, joints.acceleration, joints.jerk), start=1
-        ):
+        for order, bound in enumerate((joints.velocity, joints.acceleration, joints.jerk), start=1):
             worst = (np.abs(np.diff(q, order, axis=0)) / (bound * T**order)).max()
             assert worst <= 1.0 + 1e-5, f"derivative {order}: {worst} of its bound"
         assert [o.refusal for o in self.outputs if o.refusal is not None] == []

@@ -2,9 +2,9 @@ from dataclasses import replace
 from itertools import product
 
 import pytest
-from telerobot.server.mode import Mode, Situation, Wish, next_mode
+from telerobot.server.mode import Mode, ModeInputs, Wish, next_mode
 
-CALM = Situation()
+CALM = ModeInputs()
 """Nobody asks for anything, all is well, and nobody may move."""
 DRIVEN = replace(CALM, drives_enabled=True, drives_off=False, may_move=True, at_rest=False)
 """An operator drives."""
@@ -66,9 +66,9 @@ def test_what_must_not_change_the_mode(mode, situation, changes):
 
 
 def every_situation():
-    flags = [name for name in Situation.__dataclass_fields__ if name != "wish"]
+    flags = [name for name in ModeInputs.__dataclass_fields__ if name != "wish"]
     for wish, *values in product(Wish, *[(False, True)] * len(flags)):
-        yield Situation(wish=wish, **dict(zip(flags, values, strict=True)))
+        yield ModeInputs(wish=wish, **dict(zip(flags, values, strict=True)))
 
 
 def test_in_no_situation_does_the_mode_change_along_an_arrow_that_is_not_drawn():

@@ -11,7 +11,7 @@ from telerobot.protocols.messages.motion import (
     RedundancyRequest,
 )
 from telerobot.protocols.messages.moving import FrameRequest
-from telerobot.server.commands.commands import Orders
+from telerobot.server.commands.commands import Commands
 from telerobot.server.control.frame_tree import Mount
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.task.paths.goals import Pursuit, Route, TwistRoute
@@ -24,160 +24,160 @@ TWIST = (0.1, 0.2, 0.0, 0.0, 0.0, 0.3)
 
 
 @pytest.fixture
-def orders(pa10):
-    orders = Orders(pa10.cell)
-    orders.places.lens = lambda: Mount("wrist", MRF)
-    return orders
+def commands(pa10):
+    commands = Commands(pa10.cell)
+    commands.frames.lens = lambda: Mount("wrist", MRF)
+    return commands
 
 
-def take(orders, kind, now_s=0.0, T=MRF, **fields):
-    orders.take(kind(**ENVELOPE, **fields), now_s, T)
-    return orders.goal
+def take(commands, kind, now_s=0.0, T=MRF, **fields):
+    commands.take(kind(**ENVELOPE, **fields), now_s, T)
+    return commands.goal
 
 
-def lead(orders, now_s=0.0, xyz=(0.0, 0.0, 0.0), T=MRF):
-    return take(orders, MasterPose, now_s, T, xyz=xyz, rpy=(0.0, 0.0, 0.0))
+def lead(commands, now_s=0.0, xyz=(0.0, 0.0, 0.0), T=MRF):
+    return take(commands, MasterPose, now_s, T, xyz=xyz, rpy=(0.0, 0.0, 0.0))
 
 
-def path(orders, action):
-    orders.set_path(PathRequest(**ENVELOPE, action=action))
+def path(commands, action):
+    commands.set_path(PathRequest(**ENVELOPE, action=action))
 
 
-def clutch(orders, **fields):
-    orders.set_clutch(ClutchRequest(**ENVELOPE, **fields))
+def clutch(commands, **fields):
+    commands.set_clutch(ClutchRequest(**ENVELOPE, **fields))
 
 
 @pytest.mark.parametrize("relative_to", m.Frame)
 @pytest.mark.parametrize("expressed_in", [None, *m.Frame])
-def test_every_waypoint_is_placed_as_a_target_is(orders, relative_to, expressed_in):
+def test_every_waypoint_is_placed_as_a_target_is(commands, relative_to, expressed_in):
     frames = {"relative_to": relative_to, "expressed_in": expressed_in}
-    goal = take(orders, PathMotion, waypoints=WAYPOINTS, speeds=(0.1, 0.2), **frames)
+    goal = take(commands, PathMotion, waypoints=WAYPOINTS, speeds=(0.1, 0.2), **frames)
     assert isinstance(goal, Route)
     assert [leg.speed for leg in goal.legs] == [0.1, 0.2]
     for leg, waypoint in zip(goal.legs, WAYPOINTS, strict=True):
-        alone = take(orders, m.PositionTarget, xyz=waypoint[:3], rpy=waypoint[3:], **frames)
+        alone = take(commands, m.PositionTarget, xyz=waypoint[:3], rpy=waypoint[3:], **frames)
         np.testing.assert_allclose(leg.T_world_target.p, alone.T_world_target.p, atol=1e-12)
         np.testing.assert_allclose(leg.T_world_target.R, alone.T_world_target.R, atol=1e-12)
 
 
-def test_twists_are_turned_into_world_or_left_to_the_moving_tool(orders):
+def test_twists_are_turned_into_world_or_left_to_the_moving_tool(commands):
     given = {"twists": (TWIST,), "durations_s": (2.0,)}
-    orders.places.crf = Mount("world", Pose(rotation_rpy(0.0, 0.0, np.pi / 2), np.ones(3)))
-    fixed = take(orders, PathMotion, **given)
+    commands.frames.crf = Mount("world", Pose(rotation_rpy(0.0, 0.0, np.pi / 2), np.ones(3)))
+    fixed = take(commands, PathMotion, **given)
     assert isinstance(fixed, TwistRoute)
     np.testing.assert_allclose(fixed.segments[0].twist, [-0.2, 0.1, 0, 0, 0, 0.3], atol=1e-12)
-    moving = take(orders, PathMotion, **given, expressed_in=m.Frame.MRF)
+    moving = take(commands, PathMotion, **given, expressed_in=m.Frame.MRF)
     assert moving.moving_axes
     np.testing.assert_array_equal(moving.segments[0].twist, TWIST)
 
 
-def test_pause_resume_and_abort_need_a_path(orders):
+def test_pause_resume_and_abort_need_a_path(commands):
     for action in ("pause", "resume", "abort"):
         with pytest.raises(Refused) as caught:
-            path(orders, action)
+            path(commands, action)
         assert caught.value.reason == Why.NOT_NOW
-    take(orders, PathMotion, waypoints=WAYPOINTS)
-    path(orders, "pause")
-    assert orders.paused
-    path(orders, "resume")
-    assert not orders.paused
-    path(orders, "abort")
-    assert orders.goal is None
+    take(commands, PathMotion, waypoints=WAYPOINTS)
+    path(commands, "pause")
+    assert commands.paused
+    path(commands, "resume")
+    assert not commands.paused
+    path(commands, "abort")
+    assert commands.goal is None
 
 
-def test_a_new_path_is_not_paused(orders):
-    take(orders, PathMotion, waypoints=WAYPOINTS)
-    path(orders, "pause")
-    take(orders, PathMotion, waypoints=WAYPOINTS)
-    assert not orders.paused
+def test_a_new_path_is_not_paused(commands):
+    take(commands, PathMotion, waypoints=WAYPOINTS)
+    path(commands, "pause")
+    take(commands, PathMotion, waypoints=WAYPOINTS)
+    assert not commands.paused
 
 
-def test_taking_up_again_keeps_the_goal(orders):
-    before = take(orders, PathMotion, waypoints=WAYPOINTS)
-    orders.restart_path()
-    assert orders.goal.serial == before.serial
-    assert orders.goal.attempt == before.attempt + 1
+def test_taking_up_again_keeps_the_goal(commands):
+    before = take(commands, PathMotion, waypoints=WAYPOINTS)
+    commands.restart_path()
+    assert commands.goal.serial == before.serial
+    assert commands.goal.attempt == before.attempt + 1
 
 
-def test_a_master_leads_once_engaged_and_stands_when_it_is_not(orders):
-    assert lead(orders) is None
-    clutch(orders, engaged=True)
-    goal = lead(orders)
+def test_a_master_leads_once_engaged_and_stands_when_it_is_not(commands):
+    assert lead(commands) is None
+    clutch(commands, engaged=True)
+    goal = lead(commands)
     assert isinstance(goal, Pursuit)
     np.testing.assert_allclose(goal.T_world_target.p, MRF.p)
-    moved = lead(orders, 0.01, (0.01, 0.0, 0.0))
+    moved = lead(commands, 0.01, (0.01, 0.0, 0.0))
     assert moved.serial == goal.serial
     np.testing.assert_allclose(moved.T_world_target.p - MRF.p, [0.01, 0.0, 0.0], atol=1e-12)
-    clutch(orders, engaged=False)
-    assert orders.goal.T_world_target is None
-    assert orders.goal.serial == goal.serial
+    clutch(commands, engaged=False)
+    assert commands.goal.T_world_target is None
+    assert commands.goal.serial == goal.serial
 
 
-def test_a_masters_silence_is_told_once_and_stops_its_lead(orders):
-    clutch(orders, engaged=True)
-    lead(orders)
-    assert orders.expired(0.1) == []
-    assert orders.expired(0.2) == ["master_pose"]
-    assert orders.goal.T_world_target is None
-    assert orders.expired(0.3) == []
+def test_a_masters_silence_is_told_once_and_stops_its_lead(commands):
+    clutch(commands, engaged=True)
+    lead(commands)
+    assert commands.expired(0.1) == []
+    assert commands.expired(0.2) == ["master_pose"]
+    assert commands.goal.T_world_target is None
+    assert commands.expired(0.3) == []
 
 
 @pytest.mark.parametrize("what", ["target", "path", "posture", "cancel", "clear"])
-def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(orders, what):
-    clutch(orders, engaged=True)
-    lead(orders)
+def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(commands, what):
+    clutch(commands, engaged=True)
+    lead(commands)
     match what:
         case "target":
-            take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
+            take(commands, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
         case "path":
-            take(orders, PathMotion, waypoints=WAYPOINTS)
+            take(commands, PathMotion, waypoints=WAYPOINTS)
         case "posture":
-            take(orders, m.PostureMove, posture="ready")
+            take(commands, m.PostureMove, posture="ready")
         case "cancel":
-            take(orders, m.CancelGoals)
+            take(commands, m.CancelGoals)
         case "clear":
-            orders.clear()
-    before = orders.goal
-    assert lead(orders, 0.01, (0.01, 0, 0)) is before
+            commands.clear()
+    before = commands.goal
+    assert lead(commands, 0.01, (0.01, 0, 0)) is before
     assert not isinstance(before, Pursuit)
-    clutch(orders, engaged=True)
-    lead(orders, 0.02, (0.02, 0, 0))
-    np.testing.assert_allclose(orders.goal.T_world_target.p, MRF.p)
+    clutch(commands, engaged=True)
+    lead(commands, 0.02, (0.02, 0, 0))
+    np.testing.assert_allclose(commands.goal.T_world_target.p, MRF.p)
 
 
-def test_a_master_leads_on_when_the_mrf_is_another_and_turns_the_tool_about_the_new_one(orders):
-    clutch(orders, engaged=True)
-    lead(orders)
-    led = lead(orders, 0.01, (0.01, 0.0, 0.0)).T_world_target
-    old = orders.places.T_wrist_mrf
-    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0.2, 0.1)), MRF)
-    there = old.inverse() @ orders.places.T_wrist_mrf
-    assert orders.T_wrist_goal is orders.places.T_wrist_mrf
-    np.testing.assert_allclose(orders.goal.T_world_target.p, (led @ there).p, atol=1e-12)
+def test_a_master_leads_on_when_the_mrf_is_another_and_turns_the_tool_about_the_new_one(commands):
+    clutch(commands, engaged=True)
+    lead(commands)
+    led = lead(commands, 0.01, (0.01, 0.0, 0.0)).T_world_target
+    old = commands.frames.T_wrist_mrf
+    commands.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0.2, 0.1)), MRF)
+    there = old.inverse() @ commands.frames.T_wrist_mrf
+    assert commands.T_wrist_goal is commands.frames.T_wrist_mrf
+    np.testing.assert_allclose(commands.goal.T_world_target.p, (led @ there).p, atol=1e-12)
     turn = {"xyz": (0.01, 0.0, 0.0), "rpy": (0.0, 0.0, 0.01)}
-    turned = take(orders, MasterPose, 0.02, MRF @ there, **turn).T_world_target
+    turned = take(commands, MasterPose, 0.02, MRF @ there, **turn).T_world_target
     np.testing.assert_allclose(turned.p, (led @ there).p, atol=1e-12)
 
 
-def test_a_stick_goes_through_the_clutch(orders):
-    take(orders, m.JoystickTwist, twist=TWIST)
-    clutch(orders, translation=0.5, rotation=2.0)
-    np.testing.assert_allclose(orders.stick(0.0, MRF).twist, [0.05, 0.1, 0, 0, 0, 0.6])
-    clutch(orders, engaged=False)
-    assert orders.stick(0.0, MRF) is None
+def test_a_stick_goes_through_the_clutch(commands):
+    take(commands, m.JoystickTwist, twist=TWIST)
+    clutch(commands, translation=0.5, rotation=2.0)
+    np.testing.assert_allclose(commands.stick(0.0, MRF).twist, [0.05, 0.1, 0, 0, 0, 0.6])
+    clutch(commands, engaged=False)
+    assert commands.stick(0.0, MRF) is None
 
 
-def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(orders, pa10):
+def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(commands, pa10):
     def ask(**fields):
-        orders.tuning.set_objective(RedundancyRequest(**ENVELOPE, **fields))
+        commands.settings.set_objective(RedundancyRequest(**ENVELOPE, **fields))
 
     ask(objective="posture", gain=2.0, posture="park")
     ask(objective="mid_range", gain=0.0)
-    pulls = orders.settings().pulls
+    pulls = commands.control_settings().pulls
     assert pulls.gains["posture"] == 2.0
     assert pulls.gains["mid_range"] == 0.0
     np.testing.assert_array_equal(pulls.posture, pa10.posture("park"))
     with pytest.raises(Refused) as caught:
         ask(objective="posture", gain=1.0, posture="bed")
     assert caught.value.reason == Why.UNKNOWN_POSTURE
-    assert orders.settings().pulls is pulls or orders.settings().pulls == pulls
+    assert commands.control_settings().pulls is pulls or commands.settings().pulls == pulls

@@ -232,7 +232,7 @@ def test_an_exception_in_the_tick_ends_in_a_quick_stop(pa10):
 
     def poison(s):
         if s.cycle.tick == 120:
-            s.cycle._orders.tuning.speed_factor = None
+            s.cycle._commands.settings.speed_factor = None
 
     simulation.on_tick = poison
     result = simulation.run()

@@ -23,7 +23,7 @@ from ...server.control.task.sources.position import PathGoal
 from ...server.control.task.sources.vision import ViewGoal
 from ...server.control.tick import Control
 from ...server.daemon import guard_of
-from ...server.perception.obstacle_map import World
+from ...server.perception.obstacle_map import ObstacleMap
 from ...server.runtime.events import Events
 from ..host.machine import realtime
 from .figures import Figures, percentiles
@@ -97,7 +97,7 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
     mechanism = Mechanism.from_cell(cell)
     p = Parameters.from_cell(cell)
     control = Control(p, mechanism, guard_of(cell, p))
-    world = World(cell, Events())
+    world = ObstacleMap(cell, Events())
     draw = np.random.default_rng(1)
     q = np.array(cell.config.mechanism.postures["ready"])
     memory = control.seed(q)

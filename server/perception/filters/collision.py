@@ -45,7 +45,7 @@ NOISE = 1.0
 """Jumps of less are the sensor's noise [N]."""
 
 
-class Load(NamedTuple):
+class SensorLoad(NamedTuple):
     """What the force/torque sensor reads, and when it did."""
 
     wrench: Array
@@ -56,7 +56,7 @@ class Load(NamedTuple):
     """How much older the reading is than the joints [s]."""
 
 
-class Doubt(NamedTuple):
+class LoadUncertainty(NamedTuple):
     """By how much the sensor's load may be off."""
 
     force: float
@@ -67,19 +67,19 @@ class Doubt(NamedTuple):
     """By how much its axes may be turned [rad]."""
 
 
-UNKNOWN_LOAD = Doubt(5.0, 0.5, math.radians(6.0))
+UNKNOWN_LOAD = LoadUncertainty(5.0, 0.5, math.radians(6.0))
 """A sensor of which nothing is known: its bias and its mounting."""
 
 
 @dataclass(frozen=True)
-class TouchState:
+class DetectorState:
     """What is remembered from tick to tick; empty at first."""
 
     q: tuple[Array, ...] = ()
     """Measured joints (n,) of the last two ticks, newest first [rad]."""
     tau: Array | None = None
     """The drives' torques (n,) one tick ago [N·m]."""
-    load: Load | None = None
+    load: SensorLoad | None = None
     """What the sensor read one tick ago."""
     external: Array | None = None
     """Low-passed torques (n,) of unseen contact, one tick ago [N·m]; None before it is known."""
@@ -96,7 +96,7 @@ class TouchState:
 
 
 @dataclass(frozen=True)
-class Touched:
+class JointContact:
     """A joint that something pushes."""
 
     joint: int
@@ -106,7 +106,7 @@ class Touched:
     """What means contact [N·m]."""
 
 
-class Touch:
+class CollisionDetector:
     """Judges the drives' torques. `bound` (n,) [N·m] means contact if it lasts `confirm_s`.
 
     `friction` (n,) [N·m] is each joint's Coulomb friction, `doubt` the part of the accelerating
@@ -134,13 +134,13 @@ class Touch:
 
     def measure(
         self,
-        state: TouchState,
+        state: DetectorState,
         q: Array,
         tau: Array,
-        load: Load | None,
+        load: SensorLoad | None,
         time_s: float | None,
-        doubt: Doubt | None = None,
-    ) -> TouchState:
+        doubt: LoadUncertainty | None = None,
+    ) -> DetectorState:
         """Return the state after one reading: joints q (n,) [rad] and torques tau (n,) [N·m].
 
         Without a `load`, nothing but what `dynamics` is told to carry hangs on the arm, and nothing
@@ -186,13 +186,15 @@ class Touch:
         excused = self._smoothed(state.excused, excused)
         beyond = bool((np.abs(external) > self._bound + excused + chatter).any())
         lasting_s = state.lasting_s + T if beyond else 0.0
-        return TouchState((q, q1), tau, load, external, excused, chatter, lasting_s, time_s, step_s)
+        return DetectorState(
+            (q, q1), tau, load, external, excused, chatter, lasting_s, time_s, step_s
+        )
 
     def _smoothed(self, before: Array | None, now: Array) -> Array:
         """Low-pass, from nothing at first: brakes that open leave the drives' torques upset."""
         return self._smoothing * now + (0.0 if before is None else (1.0 - self._smoothing) * before)
 
-    def touched(self, state: TouchState) -> Touched | None:
+    def touched(self, state: DetectorState) -> JointContact | None:
         """Return which joint is pushed most, against its bound, if one is for long enough."""
         if state.external is None or state.excused is None or state.chatter is None:
             return None
@@ -200,9 +202,9 @@ class Touch:
             return None
         bound = self._bound + state.excused + state.chatter
         j = int(np.argmax(np.abs(state.external) / bound))
-        return Touched(j, float(state.external[j]), float(bound[j]))
+        return JointContact(j, float(state.external[j]), float(bound[j]))
 
-    def pushed(self, state: TouchState) -> Pushed | None:
+    def pushed(self, state: DetectorState) -> Pushed | None:
         """Return the estimate that a state holds, None before there is one."""
         if state.external is None or state.excused is None:
             return None
@@ -210,13 +212,13 @@ class Touch:
         return Pushed(state.external, excused, self._bound)
 
 
-def _part_until_then(before: Load, now: Load, step_s: float) -> float:
+def _part_until_then(before: SensorLoad, now: SensorLoad, step_s: float) -> float:
     """Return which part of a load's change was over when the joints were sampled one step ago."""
     between_s = step_s - now.lag_s + before.lag_s
     return min(1.0, max(0.0, before.lag_s / between_s)) if between_s > 0.0 else 0.0
 
 
-def _doubted(doubt: Doubt, wrench: Array, J: Array) -> Array:
+def _doubted(doubt: LoadUncertainty, wrench: Array, J: Array) -> Array:
     """Return the joint torques (n,) [N·m] that a doubtful wrench (6,) may be off by."""
     force, moment = sizes(wrench)
     arms = np.sqrt((J.reshape(2, 3, -1) ** 2).sum(axis=1))

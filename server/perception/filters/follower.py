@@ -26,7 +26,7 @@ GONE = 1e-9
 """Differences below this are rounding [m, rad, and per second]."""
 
 
-class Followed(NamedTuple):
+class FollowerState(NamedTuple):
     """What one tick hands to the next; `now` is what the control is told."""
 
     now: Body
@@ -54,13 +54,13 @@ class Follower:
         self._period_s = period_s
 
     @staticmethod
-    def standing(T: Pose) -> Followed:
+    def standing(T: Pose) -> FollowerState:
         """Return a frame of which nothing was heard, at T in World."""
-        return Followed(Body.standing(T), None, T, Motion.at_rest(np.zeros(6)))
+        return FollowerState(Body.standing(T), None, T, Motion.at_rest(np.zeros(6)))
 
     def step(
-        self, state: Followed, track: Track | None, tick: int, lead_s: float, snap: bool
-    ) -> Followed:
+        self, state: FollowerState, track: Track | None, tick: int, lead_s: float, snap: bool
+    ) -> FollowerState:
         """Return the frame at `lead_s` after `tick`.
 
         `track` is what is known now, None when its news is stale. `snap`: nothing depends on the
@@ -71,7 +71,7 @@ class Follower:
         if track is not state.track:
             now = self._placed(_believed(state, then_s, self._period_s), offset)
             rest = now.T if track is None else state.rest
-            state = Followed(now, track, rest, offset)
+            state = FollowerState(now, track, rest, offset)
             offset = _between(_believed(state, then_s, self._period_s), now, offset.ddq)
         if snap:
             offset = Motion.at_rest(np.zeros(6))
@@ -95,7 +95,7 @@ class Follower:
         held = Body(T, twist)
         return held, _between(believed, held, offset.ddq + (twist - now.twist) / self._period_s)
 
-    def _decayed(self, state: Followed) -> Motion:
+    def _decayed(self, state: FollowerState) -> Motion:
         """Return the difference one period later."""
         q, dq, ddq = state.offset
         home = state.track is not None
@@ -134,7 +134,7 @@ class Follower:
         return Body(T, twist)
 
 
-def _believed(state: Followed, then_s: float, period_s: float) -> Body:
+def _believed(state: FollowerState, then_s: float, period_s: float) -> Body:
     if state.track is None:
         return Body.standing(state.rest)
     return state.track.at(then_s - state.track.tick * period_s)

@@ -25,7 +25,7 @@ NO_ACCELERATION = 3.0
 """A frame that has been known for less than this tells no acceleration yet [smoothing times]."""
 
 
-class Doubt(StrEnum):
+class NewsRejection(StrEnum):
     """Why news was not believed."""
 
     QUALITY = "quality"
@@ -38,10 +38,10 @@ class Doubt(StrEnum):
     NO_NEWS = "no_news"
 
 
-class Doubted(NamedTuple):
+class RejectedNews(NamedTuple):
     """News that was not believed: what of it, and what would have been."""
 
-    doubt: Doubt
+    doubt: NewsRejection
     value: float
     bound: float
     unit: str = ""
@@ -71,7 +71,7 @@ class Track(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Plausible:
+class PlausibleMotion:
     """What a frame may do, and how its news is smoothed."""
 
     period_s: float
@@ -89,33 +89,33 @@ class Plausible:
     """Where it stands in World until there is news of it."""
 
 
-def observed(
+def update_track(
     track: Track | None,
     tick: int,
     T: Pose,
     twist: Array | None,
     quality: float,
-    plausible: Plausible,
-) -> Track | Doubted:
+    plausible: PlausibleMotion,
+) -> Track | RejectedNews:
     """Return what is known after news of `tick`, or why it was not believed.
 
     `T` is the frame's pose in World, `twist` (6,) its own twist in World axes, if it was measured.
     """
     p = plausible
     if quality < p.least_quality:
-        return Doubted(Doubt.QUALITY, quality, p.least_quality)
-    doubted = _beyond(Doubt.EXTENT, pose_error(T, p.home), p.extent, ("m", "rad"))
+        return RejectedNews(NewsRejection.QUALITY, quality, p.least_quality)
+    doubted = _beyond(NewsRejection.EXTENT, pose_error(T, p.home), p.extent, ("m", "rad"))
     if doubted is None and twist is not None:
-        doubted = _beyond(Doubt.SPEED, twist, (p.speed, p.angular_speed), ("m/s", "rad/s"))
+        doubted = _beyond(NewsRejection.SPEED, twist, (p.speed, p.angular_speed), ("m/s", "rad/s"))
     if doubted is not None:
         return doubted
     if track is None:
         return Track(tick, T, np.zeros(6) if twist is None else twist, np.zeros(6), tick)
     if tick <= track.tick:
-        return Doubted(Doubt.OUT_OF_ORDER, tick, track.tick + 1)
+        return RejectedNews(NewsRejection.OUT_OF_ORDER, tick, track.tick + 1)
     dt = (tick - track.tick) * p.period_s
     far = (p.slack + p.speed * dt, p.angular_slack + p.angular_speed * dt)
-    doubted = _beyond(Doubt.JUMP, pose_error(T, track.T), far, ("m", "rad"))
+    doubted = _beyond(NewsRejection.JUMP, pose_error(T, track.T), far, ("m", "rad"))
     if doubted is None and _settled(track, p):
         # What is known and what is true may accelerate in opposite senses.
         far = (
@@ -123,17 +123,17 @@ def observed(
             p.angular_slack + p.angular_acceleration * dt * dt,
         )
         off = pose_error(T, track.at(dt).T)
-        doubted = _beyond(Doubt.ACCELERATION, off, far, ("m", "rad"))
+        doubted = _beyond(NewsRejection.ACCELERATION, off, far, ("m", "rad"))
     return doubted or _filtered(track, tick, T, twist, dt, plausible)
 
 
-def _settled(track: Track, p: Plausible) -> bool:
+def _settled(track: Track, p: PlausibleMotion) -> bool:
     """Return whether a frame has been known for long enough to tell how it moves."""
     return (track.tick - track.since) * p.period_s >= NO_ACCELERATION * p.smoothing_s
 
 
 def _filtered(
-    track: Track, tick: int, T: Pose, twist: Array | None, dt: float, plausible: Plausible
+    track: Track, tick: int, T: Pose, twist: Array | None, dt: float, plausible: PlausibleMotion
 ) -> Track:
     # A memory no longer than what there is to remember: at first, two poses are a velocity.
     known_s = (tick - track.since) * plausible.period_s
@@ -162,13 +162,13 @@ def _filtered(
 
 
 def _beyond(
-    doubt: Doubt, six: Array, most: tuple[float, float], units: tuple[str, str]
-) -> Doubted | None:
+    doubt: NewsRejection, six: Array, most: tuple[float, float], units: tuple[str, str]
+) -> RejectedNews | None:
     """Return the doubt about a (6,) whose linear or angular part is larger than `most`."""
     for part, bound, unit in zip((six[:3], six[3:]), most, units, strict=True):
         size = math.sqrt(part @ part)
         if size > bound:
-            return Doubted(doubt, size, bound, unit)
+            return RejectedNews(doubt, size, bound, unit)
     return None
 
 

@@ -18,7 +18,7 @@ NOISE_PX = 0.15
 """Reprojection errors below this tell nothing [px]."""
 
 
-class Doubt(StrEnum):
+class PictureRejection(StrEnum):
     """Why a picture was not believed."""
 
     NO_TAG = "no_tag"
@@ -31,7 +31,7 @@ class Doubt(StrEnum):
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownTarget:
     """Where a target was last seen."""
 
     T_anchor_target: Pose
@@ -41,7 +41,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Belief:
+class SightingBounds:
     """How much a picture may differ from the last; speeds per second, slack for the noise."""
 
     period_s: float
@@ -54,37 +54,37 @@ class Belief:
 
 
 def judge(
-    known: Known | None,
+    known: KnownTarget | None,
     tick: int,
     poses: tuple[Pose, ...],
     errors_px: tuple[float, ...],
     quality: float,
-    belief: Belief,
-) -> Known | Doubt:
+    belief: SightingBounds,
+) -> KnownTarget | PictureRejection:
     """Return what is known after a picture of `tick`, or why it was not believed.
 
     `poses` are the one or two poses of the target in its anchor that fit the picture, the better
     one first, `errors_px` how well each fits.
     """
     if not poses:
-        return Doubt.NO_TAG
+        return PictureRejection.NO_TAG
     if quality < belief.least_quality:
-        return Doubt.QUALITY
+        return PictureRejection.QUALITY
     apart = len(poses) == 1 or errors_px[1] > AMBIGUOUS_BELOW * max(errors_px[0], NOISE_PX)
     if known is None:
-        return Known(poses[0], tick) if apart else Doubt.AMBIGUOUS
+        return KnownTarget(poses[0], tick) if apart else PictureRejection.AMBIGUOUS
     if tick <= known.tick:
-        return Doubt.OUT_OF_ORDER
+        return PictureRejection.OUT_OF_ORDER
     elapsed = (tick - known.tick) * belief.period_s
     believable = [p for p in (poses[:1] if apart else poses) if _near(known, p, elapsed, belief)]
     if not believable:
-        return Doubt.JUMP
+        return PictureRejection.JUMP
     best = min(believable, key=lambda p: _angle(known.T_anchor_target, p))
     share = 1.0 if belief.smoothing_s == 0.0 else -math.expm1(-elapsed / belief.smoothing_s)
-    return Known(_between(known.T_anchor_target, best, share), tick)
+    return KnownTarget(_between(known.T_anchor_target, best, share), tick)
 
 
-def _near(known: Known, T: Pose, elapsed_s: float, belief: Belief) -> bool:
+def _near(known: KnownTarget, T: Pose, elapsed_s: float, belief: SightingBounds) -> bool:
     way = _norm(T.p - known.T_anchor_target.p)
     return (
         way <= belief.slack + belief.speed * elapsed_s

@@ -8,7 +8,7 @@ from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.motion import PathMotion
 from telerobot.protocols.messages.moving import FrameRequest
-from telerobot.server.commands.commands import Orders
+from telerobot.server.commands.commands import Commands
 from telerobot.server.control.frame_tree import Mount
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.refusals import Refused, Why
@@ -38,29 +38,29 @@ def schema_pose(T):
 
 
 @pytest.fixture
-def orders(pa10):
+def commands(pa10):
     """The PA-10's orders, with Base, CRF and MRF each somewhere else."""
     config = pa10.cell.config
     mechanism = config.mechanism.model_copy(update={"T_world_base": schema_pose(BASE)})
     changes = {"mechanism": mechanism, "T_world_crf": schema_pose(CRF)}
-    orders = Orders(replace(pa10.cell, config=config.model_copy(update=changes)))
-    orders.places.lens = lambda: Mount("wrist", LENS)
-    return orders
+    commands = Commands(replace(pa10.cell, config=config.model_copy(update=changes)))
+    commands.frames.lens = lambda: Mount("wrist", LENS)
+    return commands
 
 
-def take(orders, kind, now_s=0.0, **fields):
-    orders.take(kind(**ENVELOPE, **fields), now_s, MRF)
-    return orders
+def take(commands, kind, now_s=0.0, **fields):
+    commands.take(kind(**ENVELOPE, **fields), now_s, MRF)
+    return commands
 
 
-def refusal(orders, kind, **fields):
+def refusal(commands, kind, **fields):
     with pytest.raises(Refused) as caught:
-        take(orders, kind, **fields)
+        take(commands, kind, **fields)
     return caught.value
 
 
-def target(orders):
-    return orders.goal.T_world_target
+def target(commands):
+    return commands.goal.T_world_target
 
 
 # --- frames ---------------------------------------------------------------------------------------
@@ -69,11 +69,11 @@ def target(orders):
 @pytest.mark.parametrize("relative_to", m.Frame)
 @pytest.mark.parametrize("expressed_in", m.Frame)
 def test_a_target_is_measured_from_one_frame_in_the_axes_of_another(
-    orders, relative_to, expressed_in
+    commands, relative_to, expressed_in
 ):
     xyz, rpy = (0.1, -0.2, 0.3), (0.3, 0.2, -0.4)
     take(
-        orders,
+        commands,
         m.PositionTarget,
         xyz=xyz,
         rpy=rpy,
@@ -81,91 +81,91 @@ def test_a_target_is_measured_from_one_frame_in_the_axes_of_another(
         expressed_in=expressed_in,
     )
     origin, axes = ORIGINS[relative_to], ORIGINS[expressed_in].R
-    np.testing.assert_allclose(axes.T @ (target(orders).p - origin.p), xyz, atol=1e-12)
+    np.testing.assert_allclose(axes.T @ (target(commands).p - origin.p), xyz, atol=1e-12)
     # The turn leads from the origin's attitude, about the axes named.
-    turn = target(orders).R @ origin.R.T
+    turn = target(commands).R @ origin.R.T
     np.testing.assert_allclose(axes.T @ turn @ axes, rotation_rpy(*rpy), atol=1e-12)
 
 
 @pytest.mark.parametrize("frame", m.Frame)
-def test_without_other_axes_a_target_is_a_pose_in_its_frame(orders, frame):
+def test_without_other_axes_a_target_is_a_pose_in_its_frame(commands, frame):
     xyz, rpy = (0.1, -0.2, 0.3), (0.3, 0.2, -0.4)
-    take(orders, m.PositionTarget, xyz=xyz, rpy=rpy, relative_to=frame)
+    take(commands, m.PositionTarget, xyz=xyz, rpy=rpy, relative_to=frame)
     expected = ORIGINS[frame] @ Pose.from_xyz_rpy(xyz, rpy)
-    np.testing.assert_allclose(target(orders).p, expected.p, atol=1e-12)
-    np.testing.assert_allclose(target(orders).R, expected.R, atol=1e-12)
+    np.testing.assert_allclose(target(commands).p, expected.p, atol=1e-12)
+    np.testing.assert_allclose(target(commands).R, expected.R, atol=1e-12)
 
 
-def test_a_target_relative_to_the_mrf_is_a_displacement_from_where_it_is(orders):
-    take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0), relative_to="mrf")
-    np.testing.assert_allclose(target(orders).p, MRF.p, atol=1e-12)
-    np.testing.assert_allclose(target(orders).R, MRF.R, atol=1e-12)
+def test_a_target_relative_to_the_mrf_is_a_displacement_from_where_it_is(commands):
+    take(commands, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0), relative_to="mrf")
+    np.testing.assert_allclose(target(commands).p, MRF.p, atol=1e-12)
+    np.testing.assert_allclose(target(commands).R, MRF.R, atol=1e-12)
 
 
-def test_a_target_is_relative_to_the_crf_when_nothing_else_is_said(orders):
-    take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
-    np.testing.assert_allclose(target(orders).p, CRF.p, atol=1e-12)
+def test_a_target_is_relative_to_the_crf_when_nothing_else_is_said(commands):
+    take(commands, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
+    np.testing.assert_allclose(target(commands).p, CRF.p, atol=1e-12)
 
 
 @pytest.mark.parametrize("frame", m.Frame)
-def test_the_sticks_axes_are_those_of_the_frame_it_names(orders, frame):
+def test_the_sticks_axes_are_those_of_the_frame_it_names(commands, frame):
     twist = (0.1, 0, 0, 0, 0, 0.2)
-    take(orders, m.JoystickTwist, twist=twist, expressed_in=frame)
-    command = orders.stick(0.0, MRF)
+    take(commands, m.JoystickTwist, twist=twist, expressed_in=frame)
+    command = commands.stick(0.0, MRF)
     np.testing.assert_array_equal(command.twist, twist)
     np.testing.assert_allclose(command.R_world_axes, ORIGINS[frame].R, atol=1e-12)
 
 
-def test_a_stick_in_mrf_axes_turns_with_the_tool(orders):
-    take(orders, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0), expressed_in="mrf")
+def test_a_stick_in_mrf_axes_turns_with_the_tool(commands):
+    take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0), expressed_in="mrf")
     turned = Pose(rotation_rpy(1.0, 0.0, 0.0), MRF.p)
-    np.testing.assert_array_equal(orders.stick(0.0, turned).R_world_axes, turned.R)
+    np.testing.assert_array_equal(commands.stick(0.0, turned).R_world_axes, turned.R)
 
 
-def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(orders):
+def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(commands):
     pose = {"xyz": (0.0, 0.0, 0.2), "rpy": (0.0, 0.0, 0.5)}
-    take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
-    wrist = orders.target @ orders.places.T_wrist_mrf.inverse()
-    orders.set_frame(FrameRequest(**ENVELOPE, frame="crf", **pose), MRF)
-    np.testing.assert_allclose(orders.settings().T_world_crf.p, pose["xyz"])
-    goal = orders.goal
-    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
+    take(commands, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
+    wrist = commands.target @ commands.frames.T_wrist_mrf.inverse()
+    commands.set_frame(FrameRequest(**ENVELOPE, frame="crf", **pose), MRF)
+    np.testing.assert_allclose(commands.control_settings().T_world_crf.p, pose["xyz"])
+    goal = commands.goal
+    commands.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
     expected = Pose.from_xyz_rpy(pose["xyz"], pose["rpy"])
-    np.testing.assert_array_equal(orders.settings().T_wrist_mrf.R, expected.R)
-    kept = orders.target @ orders.places.T_wrist_mrf.inverse()
+    np.testing.assert_array_equal(commands.control_settings().T_wrist_mrf.R, expected.R)
+    kept = commands.target @ commands.frames.T_wrist_mrf.inverse()
     np.testing.assert_allclose(kept.p, wrist.p, atol=1e-12)
     np.testing.assert_allclose(kept.R, wrist.R, atol=1e-12)
     # The path goes on as it was: it leads the point of the tool that it was ordered for.
-    assert orders.goal is goal
-    np.testing.assert_array_equal(orders.T_wrist_goal.p, TOOL.p)
+    assert commands.goal is goal
+    np.testing.assert_array_equal(commands.T_wrist_goal.p, TOOL.p)
 
 
-def test_timed_twists_go_on_when_the_mrf_is_another(orders):
-    take(orders, PathMotion, twists=((0.1, 0, 0, 0, 0, 0),), durations_s=(1.0,))
-    goal = orders.goal
-    orders.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0.0, 0.0, 0.2)), MRF)
-    assert orders.goal is goal
-    np.testing.assert_array_equal(orders.T_wrist_goal.p, TOOL.p)
-    take(orders, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
-    np.testing.assert_array_equal(orders.T_wrist_goal.p, [0.0, 0.0, 0.2])
+def test_timed_twists_go_on_when_the_mrf_is_another(commands):
+    take(commands, PathMotion, twists=((0.1, 0, 0, 0, 0, 0),), durations_s=(1.0,))
+    goal = commands.goal
+    commands.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0.0, 0.0, 0.2)), MRF)
+    assert commands.goal is goal
+    np.testing.assert_array_equal(commands.T_wrist_goal.p, TOOL.p)
+    take(commands, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
+    np.testing.assert_array_equal(commands.T_wrist_goal.p, [0.0, 0.0, 0.2])
 
 
 @pytest.mark.parametrize("frame", ["mrf", "crf"])
 @pytest.mark.parametrize("axes", ["mrf", "crf", "world", "base"])
-def test_a_desired_wrench_stays_the_same_load_whatever_frame_is_redefined(orders, frame, axes):
+def test_a_desired_wrench_stays_the_same_load_whatever_frame_is_redefined(commands, frame, axes):
     """A force along the CRF's z does not push sideways because the CRF turned."""
-    take(orders, m.DesiredWrench, wrench=(8.0, -3.0, 5.0, 0.4, 0.0, -0.2), expressed_in=axes)
+    take(commands, m.DesiredWrench, wrench=(8.0, -3.0, 5.0, 0.4, 0.0, -0.2), expressed_in=axes)
 
     def load(T_world_mrf):
         """Return the desired force and its moment about World's origin, in World axes."""
-        R = orders.wrench_axes(T_world_mrf)
+        R = commands.wrench_axes(T_world_mrf)
         R = T_world_mrf.R if R is None else R
-        f, moment = R @ orders.wrench_desired[:3], R @ orders.wrench_desired[3:]
+        f, moment = R @ commands.wrench_desired[:3], R @ commands.wrench_desired[3:]
         return np.concatenate([f, moment + np.cross(T_world_mrf.p, f)])
 
     before, pose = load(MRF), {"xyz": (0.1, -0.2, 0.3), "rpy": (0.4, -0.8, 1.5)}
-    orders.set_frame(FrameRequest(**ENVELOPE, frame=frame, **pose), MRF)
-    np.testing.assert_allclose(load(WRIST @ orders.places.T_wrist_mrf), before, atol=1e-12)
+    commands.set_frame(FrameRequest(**ENVELOPE, frame=frame, **pose), MRF)
+    np.testing.assert_allclose(load(WRIST @ commands.frames.T_wrist_mrf), before, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -177,39 +177,39 @@ def test_a_desired_wrench_stays_the_same_load_whatever_frame_is_redefined(orders
         (PathMotion, {"twists": ((0.1,) * 6,), "durations_s": (1.0,), "expressed_in": "lens"}),
     ],
 )
-def test_a_frame_that_the_cell_lacks_is_refused_with_those_that_it_has(orders, kind, fields):
-    orders.places.lens = lambda: None
-    refused = refusal(orders, kind, **fields)
+def test_a_frame_that_the_cell_lacks_is_refused_with_those_that_it_has(commands, kind, fields):
+    commands.frames.lens = lambda: None
+    refused = refusal(commands, kind, **fields)
     assert refused.reason == Why.UNKNOWN_FRAME
     assert "world, base, carrier, crf, wrist, mrf, sensor" in refused.detail
-    assert orders.goal is None
-    assert orders.stick(0.0, MRF) is None
+    assert commands.goal is None
+    assert commands.stick(0.0, MRF) is None
 
 
 # --- streams --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["joystick", "jog"])
-def test_a_stream_is_true_until_its_news_is_too_old(orders, name, pa10):
+def test_a_stream_is_true_until_its_news_is_too_old(commands, name, pa10):
     kind, fields, read = {
-        "joystick": (m.JoystickTwist, {"twist": (0.1,) * 6}, lambda t: orders.stick(t, MRF)),
-        "jog": (m.JointJog, {"rates": (0.1,) * 7}, orders.jog),
+        "joystick": (m.JoystickTwist, {"twist": (0.1,) * 6}, lambda t: commands.stick(t, MRF)),
+        "jog": (m.JointJog, {"rates": (0.1,) * 7}, commands.jog),
     }[name]
     timeout = pa10.cell.config.timing.stream_timeout_s
-    take(orders, kind, now_s=10.0, **fields)
+    take(commands, kind, now_s=10.0, **fields)
     assert read(10.0 + timeout - 1e-6) is not None
-    assert orders.expired(10.0 + timeout - 1e-6) == []
+    assert commands.expired(10.0 + timeout - 1e-6) == []
     assert read(10.0 + timeout + 1e-6) is None
-    assert orders.expired(10.0 + timeout + 1e-6) == [name]
-    assert orders.expired(10.0 + timeout + 1.0) == []
-    take(orders, kind, now_s=20.0, **fields)
+    assert commands.expired(10.0 + timeout + 1e-6) == [name]
+    assert commands.expired(10.0 + timeout + 1.0) == []
+    take(commands, kind, now_s=20.0, **fields)
     assert read(20.1) is not None
 
 
-def test_a_stick_at_rest_falls_silent_without_a_word(orders):
-    take(orders, m.JoystickTwist, twist=(0.0,) * 6)
-    assert orders.expired(10.0) == []
-    assert orders.stick(10.0, MRF) is None
+def test_a_stick_at_rest_falls_silent_without_a_word(commands):
+    take(commands, m.JoystickTwist, twist=(0.0,) * 6)
+    assert commands.expired(10.0) == []
+    assert commands.stick(10.0, MRF) is None
 
 
 # --- goals ----------------------------------------------------------------------------------------
@@ -217,38 +217,38 @@ def test_a_stick_at_rest_falls_silent_without_a_word(orders):
 POSE = {"xyz": (0.1, 0.2, 0.3), "rpy": (0.0, 0.0, 0.0)}
 
 
-def test_goals_stay_however_old(orders):
-    take(orders, m.PositionTarget, **POSE)
-    take(orders, m.DesiredWrench, wrench=(1, 2, 3, 0, 0, 0))
-    orders.expired(1e6)
-    assert orders.goal is not None
-    np.testing.assert_array_equal(orders.wrench_desired, (1, 2, 3, 0, 0, 0))
+def test_goals_stay_however_old(commands):
+    take(commands, m.PositionTarget, **POSE)
+    take(commands, m.DesiredWrench, wrench=(1, 2, 3, 0, 0, 0))
+    commands.expired(1e6)
+    assert commands.goal is not None
+    np.testing.assert_array_equal(commands.wrench_desired, (1, 2, 3, 0, 0, 0))
 
 
-def test_the_newest_goal_is_the_only_one(orders):
-    take(orders, m.PositionTarget, **POSE)
-    first = orders.goal
-    take(orders, m.PositionTarget, **POSE, speed=0.05)
-    assert orders.goal.serial > first.serial
-    assert orders.goal.speed == 0.05
-    take(orders, m.PostureMove, posture="ready")
-    assert orders.goal is None
-    assert orders.posture is not None
-    take(orders, m.PositionTarget, **POSE)
-    assert orders.posture is None
-    take(orders, m.JointJog, rates=(0.1,) * 7)
-    assert orders.goal is None
+def test_the_newest_goal_is_the_only_one(commands):
+    take(commands, m.PositionTarget, **POSE)
+    first = commands.goal
+    take(commands, m.PositionTarget, **POSE, speed=0.05)
+    assert commands.goal.serial > first.serial
+    assert commands.goal.speed == 0.05
+    take(commands, m.PostureMove, posture="ready")
+    assert commands.goal is None
+    assert commands.posture is not None
+    take(commands, m.PositionTarget, **POSE)
+    assert commands.posture is None
+    take(commands, m.JointJog, rates=(0.1,) * 7)
+    assert commands.goal is None
 
 
-def test_a_stick_that_moves_ends_a_posture_and_never_a_target(orders):
-    take(orders, m.PostureMove, posture="ready")
-    take(orders, m.JoystickTwist, twist=(0.0,) * 6)
-    assert orders.posture is not None
-    take(orders, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
-    assert orders.posture is None
-    take(orders, m.PositionTarget, **POSE)
-    take(orders, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
-    assert orders.goal is not None
+def test_a_stick_that_moves_ends_a_posture_and_never_a_target(commands):
+    take(commands, m.PostureMove, posture="ready")
+    take(commands, m.JoystickTwist, twist=(0.0,) * 6)
+    assert commands.posture is not None
+    take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
+    assert commands.posture is None
+    take(commands, m.PositionTarget, **POSE)
+    take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
+    assert commands.goal is not None
 
 
 @pytest.mark.parametrize(
@@ -259,73 +259,75 @@ def test_a_stick_that_moves_ends_a_posture_and_never_a_target(orders):
         (m.PositionTarget, POSE, "cmd/position"),
     ],
 )
-def test_a_posture_that_is_dropped_for_something_else_is_told(orders, message, fields, key):
-    take(orders, m.PostureMove, posture="ready")
-    assert orders.dropped == []
-    take(orders, message, **fields)
-    assert orders.dropped == [("posture", key)]
+def test_a_posture_that_is_dropped_for_something_else_is_told(commands, message, fields, key):
+    take(commands, m.PostureMove, posture="ready")
+    assert commands.dropped == []
+    take(commands, message, **fields)
+    assert commands.dropped == [("posture", key)]
 
 
-def test_a_goal_that_a_jog_drops_is_told_and_what_is_cancelled_or_replaced_is_not(orders):
-    take(orders, m.PositionTarget, **POSE)
-    take(orders, m.PositionTarget, **POSE)
-    take(orders, m.CancelGoals)
-    take(orders, m.PostureMove, posture="ready")
-    take(orders, m.JoystickTwist, twist=(0.0,) * 6)
-    take(orders, m.CancelGoals)
-    assert orders.dropped == []
-    take(orders, m.PositionTarget, **POSE)
-    take(orders, m.JointJog, rates=(0.1, 0, 0, 0, 0, 0, 0))
-    assert orders.dropped == [("goal", "cmd/jog")]
+def test_a_goal_that_a_jog_drops_is_told_and_what_is_cancelled_or_replaced_is_not(commands):
+    take(commands, m.PositionTarget, **POSE)
+    take(commands, m.PositionTarget, **POSE)
+    take(commands, m.CancelGoals)
+    take(commands, m.PostureMove, posture="ready")
+    take(commands, m.JoystickTwist, twist=(0.0,) * 6)
+    take(commands, m.CancelGoals)
+    assert commands.dropped == []
+    take(commands, m.PositionTarget, **POSE)
+    take(commands, m.JointJog, rates=(0.1, 0, 0, 0, 0, 0, 0))
+    assert commands.dropped == [("goal", "cmd/jog")]
 
 
-def test_nothing_is_asked_of_an_arm_until_a_command_asks_for_motion(orders):
-    orders.clear()
-    take(orders, m.JoystickTwist, twist=(0.0,) * 6)
-    take(orders, m.JointJog, rates=(0.0,) * 7)
-    take(orders, m.CancelGoals)
-    assert orders.at_rest
-    take(orders, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
-    assert not orders.at_rest
-    orders.clear()
-    assert orders.at_rest
+def test_nothing_is_asked_of_an_arm_until_a_command_asks_for_motion(commands):
+    commands.clear()
+    take(commands, m.JoystickTwist, twist=(0.0,) * 6)
+    take(commands, m.JointJog, rates=(0.0,) * 7)
+    take(commands, m.CancelGoals)
+    assert commands.at_rest
+    take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
+    assert not commands.at_rest
+    commands.clear()
+    assert commands.at_rest
 
 
-def test_a_posture_that_is_reached_gives_way_and_is_said_to_be_until_the_next_goal(orders):
-    take(orders, m.PostureMove, posture="ready")
-    orders.finish_posture()
-    assert orders.posture is None
-    assert orders.posture_reached
-    take(orders, m.PositionTarget, **POSE)
-    assert not orders.posture_reached
+def test_a_posture_that_is_reached_gives_way_and_is_said_to_be_until_the_next_goal(commands):
+    take(commands, m.PostureMove, posture="ready")
+    commands.finish_posture()
+    assert commands.posture is None
+    assert commands.posture_reached
+    take(commands, m.PositionTarget, **POSE)
+    assert not commands.posture_reached
 
 
-def test_cancel_drops_every_goal_and_clear_the_streams_as_well(orders):
+def test_cancel_drops_every_goal_and_clear_the_streams_as_well(commands):
     def order_everything():
-        take(orders, m.PositionTarget, **POSE)
-        take(orders, m.DesiredWrench, wrench=(1, 2, 3, 0, 0, 0))
-        take(orders, m.JoystickTwist, twist=(0.1,) * 6)
+        take(commands, m.PositionTarget, **POSE)
+        take(commands, m.DesiredWrench, wrench=(1, 2, 3, 0, 0, 0))
+        take(commands, m.JoystickTwist, twist=(0.1,) * 6)
 
     order_everything()
-    take(orders, m.CancelGoals)
-    assert orders.goal is None
-    assert not orders.wrench_desired.any()
-    assert orders.stick(0.0, MRF) is not None
+    take(commands, m.CancelGoals)
+    assert commands.goal is None
+    assert not commands.wrench_desired.any()
+    assert commands.stick(0.0, MRF) is not None
     order_everything()
-    take(orders, m.PostureMove, q=(0.1,) * 7)
-    orders.clear()
-    assert orders.goal is orders.posture is orders.stick(0.0, MRF) is orders.jog(0.0) is None
-    assert not orders.wrench_desired.any()
+    take(commands, m.PostureMove, q=(0.1,) * 7)
+    commands.clear()
+    assert (
+        commands.goal is commands.posture is commands.stick(0.0, MRF) is commands.jog(0.0) is None
+    )
+    assert not commands.wrench_desired.any()
 
 
-def test_a_path_that_is_begun_anew_leads_to_the_same_target(orders):
-    orders.restart_path()
-    assert orders.goal is None
-    take(orders, m.PositionTarget, **POSE)
-    before = orders.goal
-    orders.restart_path()
-    assert orders.goal.attempt > before.attempt
-    assert orders.goal.T_world_target is before.T_world_target
+def test_a_path_that_is_begun_anew_leads_to_the_same_target(commands):
+    commands.restart_path()
+    assert commands.goal is None
+    take(commands, m.PositionTarget, **POSE)
+    before = commands.goal
+    commands.restart_path()
+    assert commands.goal.attempt > before.attempt
+    assert commands.goal.T_world_target is before.T_world_target
 
 
 # --- what does not fit the cell -------------------------------------------------------------------
@@ -333,81 +335,81 @@ def test_a_path_that_is_begun_anew_leads_to_the_same_target(orders):
 
 @pytest.mark.parametrize(("kind", "field"), [(m.JointJog, "rates"), (m.PostureMove, "q")])
 @pytest.mark.parametrize("count", [1, 6, 8])
-def test_as_many_numbers_as_joints_or_none(orders, kind, field, count):
-    refused = refusal(orders, kind, **{field: (0.0,) * count})
+def test_as_many_numbers_as_joints_or_none(commands, kind, field, count):
+    refused = refusal(commands, kind, **{field: (0.0,) * count})
     assert refused.reason == Why.WRONG_JOINTS
     assert f"{count} values for 7 joints" in refused.detail
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_jog_faster_than_a_joint_is_refused_with_joint_value_and_bound(orders, pa10, sign):
+def test_a_jog_faster_than_a_joint_is_refused_with_joint_value_and_bound(commands, pa10, sign):
     rates = np.zeros(7)
     rates[3] = sign * pa10.p.joints.velocity[3]
-    take(orders, m.JointJog, rates=tuple(rates))
-    refused = refusal(orders, m.JointJog, rates=tuple(1.001 * rates))
+    take(commands, m.JointJog, rates=tuple(rates))
+    refused = refusal(commands, m.JointJog, rates=tuple(1.001 * rates))
     assert refused.reason == Why.OUT_OF_RANGE
     assert "e1" in refused.detail
     assert "1.8" in refused.detail
-    np.testing.assert_array_equal(orders.jog(0.0), rates)
+    np.testing.assert_array_equal(commands.jog(0.0), rates)
 
 
 @pytest.mark.parametrize("bound", ["lower", "upper"])
-def test_a_posture_beyond_a_limit_is_refused_and_the_goal_before_it_stays(orders, pa10, bound):
+def test_a_posture_beyond_a_limit_is_refused_and_the_goal_before_it_stays(commands, pa10, bound):
     limit = getattr(pa10.p.joints, bound)
     q = np.zeros(7)
     q[1] = limit[1]
-    take(orders, m.PostureMove, q=tuple(q))
+    take(commands, m.PostureMove, q=tuple(q))
     q[1] += np.copysign(1e-6, limit[1])
-    refused = refusal(orders, m.PostureMove, q=tuple(q))
+    refused = refusal(commands, m.PostureMove, q=tuple(q))
     assert refused.reason == Why.OUT_OF_RANGE
     assert "s2" in refused.detail
-    assert orders.posture[1] == limit[1]
+    assert commands.posture[1] == limit[1]
 
 
-def test_an_unknown_posture_is_refused_with_those_there_are(orders):
-    refused = refusal(orders, m.PostureMove, posture="reday")
+def test_an_unknown_posture_is_refused_with_those_there_are(commands):
+    refused = refusal(commands, m.PostureMove, posture="reday")
     assert refused.reason == Why.UNKNOWN_POSTURE
     assert "ready" in refused.detail
 
 
 def test_every_posture_of_the_cell_can_be_ordered(arm):
-    orders = Orders(arm.cell)
+    commands = Commands(arm.cell)
     for name, q in arm.cell.config.mechanism.postures.items():
-        take(orders, m.PostureMove, posture=name)
-        np.testing.assert_array_equal(orders.posture, q)
+        take(commands, m.PostureMove, posture=name)
+        np.testing.assert_array_equal(commands.posture, q)
 
 
 # --- settings -------------------------------------------------------------------------------------
 
 
-def test_a_source_that_is_off_has_no_gain_and_gets_back_its_own(orders):
-    own = orders.settings().gains["force"]
+def test_a_source_that_is_off_has_no_gain_and_gets_back_its_own(commands):
+    own = commands.control_settings().gains["force"]
     assert own.all()
-    orders.tuning.on["force"] = False
-    assert not orders.settings().gains["force"].any()
-    orders.tuning.on["force"] = True
-    np.testing.assert_array_equal(orders.settings().gains["force"], own)
+    commands.settings.on["force"] = False
+    assert not commands.control_settings().gains["force"].any()
+    commands.settings.on["force"] = True
+    np.testing.assert_array_equal(commands.control_settings().gains["force"], own)
 
 
 def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
     block = "\n[mechanism.payloads]\nempty = { mass = 0.4 }\n\n[mechanism.force_torque]"
     cell = load_cell(small.replace("\n[mechanism.force_torque]", block))
-    orders = Orders(cell)
-    assert orders.settings().payload.mass == 0.0
+    commands = Commands(cell)
+    assert commands.control_settings().payload.mass == 0.0
     envelope = {"seen_tick": 0}
-    orders.tuning.set_payload(requests.PayloadRequest(**envelope, name="empty"))
-    assert orders.settings().payload.mass == 0.4
+    commands.settings.set_payload(requests.PayloadRequest(**envelope, name="empty"))
+    assert commands.control_settings().payload.mass == 0.4
 
 
 def test_a_cell_without_a_sensor_takes_no_payload(small):
     bare = small.replace("[mechanism.force_torque]\nrate_hz = 200", "")
-    orders = Orders(load_cell(bare))
+    commands = Commands(load_cell(bare))
     envelope = {"seen_tick": 0}
     with pytest.raises(Refused) as refused:
-        orders.tuning.set_payload(requests.PayloadRequest(**envelope, mass=1.0))
+        commands.settings.set_payload(requests.PayloadRequest(**envelope, mass=1.0))
     assert refused.value.reason == Why.NOT_NOW
 
 
-def test_the_bias_of_the_cell_file_is_the_sensors_and_turned_to_what_the_arm_exerts(orders, pa10):
+def test_the_bias_of_the_cell_file_is_the_sensors_and_turned_to_what_the_arm_exerts(commands, pa10):
     bias = pa10.cell.config.mechanism.force_torque.bias
-    np.testing.assert_array_equal(orders.settings().wrench_bias, -np.array(bias))
+    np.testing.assert_array_equal(commands.control_settings().wrench_bias, -np.array(bias))

@@ -12,7 +12,7 @@ from telerobot.server.control.scene import Scene
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import StickCommand
 from telerobot.server.control.tick import Control
-from telerobot.server.perception.obstacle_map import World
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 from ..conftest import Arm, Run
@@ -36,7 +36,7 @@ class Kept:
         config = arm.cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
         cell = Cell(arm.cell.path, config, arm.cell.robot)
         self.guard = Guard(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
-        self.world = World(cell, Events())
+        self.world = ObstacleMap(cell, Events())
         control = Control(arm.p, arm.mechanism, self.guard)
         arm = replace(arm, control=control, settings=replace(arm.settings, avoid=True))
         self.run = Run(arm, arm.posture("ready") if q is None else q)

@@ -12,7 +12,7 @@ from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Settings
 from telerobot.server.control.tick import Control
-from telerobot.server.perception.obstacle_map import World
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 from ..conftest import SOURCES, Arm, Run
@@ -41,7 +41,7 @@ def led_past_the_pole(case):
         wrench_bias=np.zeros(6),
     )
     arm = Arm(cell, p, mechanism, Control(p, mechanism), settings)
-    scene, run = World(cell, Events()).scene(0), Run(arm, arm.posture("start"))
+    scene, run = ObstacleMap(cell, Events()).scene(0), Run(arm, arm.posture("start"))
     for i in range(round(7.0 / p.period_s)):
         t = i * p.period_s
         hand = np.array([0.0, 4.0, 0.0]) * math.sin(math.pi * t / 6.0) ** 2 * (t < 6.0)

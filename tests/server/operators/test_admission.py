@@ -3,11 +3,11 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.proof import prove
-from telerobot.server.operators.admission import Admission, Now
+from telerobot.server.operators.admission import Admission, Instant
 from telerobot.server.refusals import Refused, Why
 
 ANNS, BOBS = b"a" * 32, b"b" * 32
-NOW = Now(time_s=100.0, tick=1000, enabled_since=900)
+NOW = Instant(time_s=100.0, tick=1000, enabled_since=900)
 
 
 @pytest.fixture
@@ -58,14 +58,14 @@ def test_what_the_holder_sends_in_time_is_admitted_and_noted(admission):
 @pytest.mark.parametrize(
     ("changes", "now", "reason"),
     [
-        ({}, Now(100.5, 1000, 900), Why.NO_LEASE),
+        ({}, Instant(100.5, 1000, 900), Why.NO_LEASE),
         ({"secret": BOBS}, NOW, Why.WRONG_PROOF),
         ({"epoch": 0}, NOW, Why.OLD_EPOCH),
         ({"epoch": 2}, NOW, Why.OLD_EPOCH),
         ({"seen_tick": 949}, NOW, Why.OLD_PICTURE),
         ({"seen_tick": 1001}, NOW, Why.FUTURE_PICTURE),
-        ({"seen_tick": 998}, Now(100.0, 1000, 999), Why.BEFORE_ENABLE),
-        ({}, Now(100.0, 1000, None), Why.NOT_ENABLED),
+        ({"seen_tick": 998}, Instant(100.0, 1000, 999), Why.BEFORE_ENABLE),
+        ({}, Instant(100.0, 1000, None), Why.NOT_ENABLED),
     ],
 )
 def test_each_reason_to_refuse(admission, changes, now, reason):
@@ -76,7 +76,7 @@ def test_at_its_very_limits_a_command_is_still_admitted(admission):
     admit(admission, command(seq=0, seen_tick=950))
     assert admission.age_ticks == 50
     admit(admission, command(seq=1, seen_tick=1000))
-    admit(admission, command(seq=2), Now(100.499, 1000, 998))
+    admit(admission, command(seq=2), Instant(100.499, 1000, 998))
 
 
 @pytest.mark.parametrize("seq", [0, 4, 5])
@@ -93,16 +93,16 @@ def test_order_is_kept_for_each_topic_on_its_own(admission):
 
 @pytest.mark.parametrize("topic", [t.KEEPALIVE, t.MODE, t.SPEED])
 def test_keepalives_and_requests_need_the_lease_but_no_enabled_arm(admission, topic):
-    admit(admission, command(topic), Now(100.0, 1000, None), topic)
+    admit(admission, command(topic), Instant(100.0, 1000, None), topic)
     guess = command(topic, seq=6, secret=BOBS)
     assert refusal(admission, guess, NOW, topic) == Why.WRONG_PROOF
 
 
 def test_a_link_that_delivers_everything_in_order_and_late_is_noticed(admission):
     for tick in range(1000, 1100):
-        admission.renew(Now(100.0, tick, 900))
+        admission.renew(Instant(100.0, tick, 900))
         payload = command(seq=tick, seen_tick=tick - 60)
-        assert refusal(admission, payload, Now(100.0, tick, 900)) == Why.OLD_PICTURE
+        assert refusal(admission, payload, Instant(100.0, tick, 900)) == Why.OLD_PICTURE
 
 
 def test_bytes_that_are_no_message_are_refused_by_the_codecs_name(admission):
@@ -136,8 +136,8 @@ def test_no_part_of_a_command_can_be_altered_or_moved_to_another_key(admission):
 
 def test_a_command_that_was_heard_is_of_no_use_even_if_it_was_refused(admission):
     early = command(seen_tick=999)
-    assert refusal(admission, early, Now(100.0, 1000, None)) == Why.NOT_ENABLED
-    assert refusal(admission, early, Now(100.0, 1000, 999)) == Why.OUT_OF_ORDER
+    assert refusal(admission, early, Instant(100.0, 1000, None)) == Why.NOT_ENABLED
+    assert refusal(admission, early, Instant(100.0, 1000, 999)) == Why.OUT_OF_ORDER
 
 
 def test_no_forged_number_locks_the_holder_out_nor_one_of_its_own(admission):
@@ -162,16 +162,16 @@ def test_while_a_lease_lives_nobody_else_gets_one(admission):
         admission.grant("bob", BOBS, NOW)
     assert caught.value.reason == Why.LEASE_TAKEN
     assert "ann" in caught.value.detail
-    admission.renew(Now(100.4, 1040, 900))
+    admission.renew(Instant(100.4, 1040, 900))
     with pytest.raises(Refused):
-        admission.grant("bob", BOBS, Now(100.8, 1080, 900))
+        admission.grant("bob", BOBS, Instant(100.8, 1080, 900))
 
 
 def test_after_it_ran_out_or_was_given_back_the_next_one_gets_a_new_epoch(admission):
     admit(admission, command(seq=70))
-    lease = admission.grant("bob", BOBS, Now(100.5, 1050, 900))
+    lease = admission.grant("bob", BOBS, Instant(100.5, 1050, 900))
     assert (lease.holder, lease.epoch) == ("bob", 2)
-    late = Now(100.5, 1050, 900)
+    late = Instant(100.5, 1050, 900)
     assert refusal(admission, command(seq=71, seen_tick=1049), late) == Why.OLD_EPOCH
     assert refusal(admission, command(seq=71, seen_tick=1049, epoch=2), late) == Why.WRONG_PROOF
     # Its sequence numbers begin anew.

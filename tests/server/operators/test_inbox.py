@@ -14,10 +14,10 @@ from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.moving import FrameNews
 from telerobot.protocols.proof import prove
-from telerobot.server.operators.admission import Admission, Now
-from telerobot.server.operators.inbox import ANSWERED, PART, Reception
+from telerobot.server.operators.admission import Admission, Instant
+from telerobot.server.operators.inbox import ANSWERED, PART, Inbox
 from telerobot.server.operators.link import RING
-from telerobot.server.operators.link import Parcel as Asked
+from telerobot.server.operators.link import RawMessage as Asked
 from telerobot.server.operators.memory_link import MemoryLink
 from telerobot.server.refusals import Why
 
@@ -59,19 +59,19 @@ class Huge:
         raise AssertionError("copied")
 
 
-class Desk:
+class Network:
     """The reception with a lease's holder and others before it."""
 
     def __init__(self, parcel):
         self.clock, self.link = Clock(), MemoryLink()
         self.admission = Admission(CELL, PERIOD_S, 0.5, 0.5)
-        self.reception = Reception(self.link, self.admission, self.clock, PERIOD_S)
+        self.inbox = Inbox(self.link, self.admission, self.clock, PERIOD_S)
         self.parcel, self.tick, self.seq, self.answers = parcel, 0, 0, []
         self.admission.grant("ann", SECRET, self.now)
 
     @property
     def now(self):
-        return Now(self.clock.time_s, self.tick, 0)
+        return Instant(self.clock.time_s, self.tick, 0)
 
     def send(self, topic, payload, proof=b""):
         if topic in t.REQUESTS:
@@ -90,30 +90,30 @@ class Desk:
 
     def sort(self):
         self.admission.renew(self.now)
-        self.reception.sort(self.now)
+        self.inbox.sort(self.now)
 
     def turn(self):
         """Take in what has come in one tick; return the letters."""
         self.tick += 1
         self.sort()
-        letters = [
-            *self.reception.requests(),
-            *self.reception.commands(),
-            *self.reception.sensors(),
+        messages = [
+            *self.inbox.requests(),
+            *self.inbox.commands(),
+            *self.inbox.sensors(),
         ]
-        self.refusals = self.reception.refusals()
-        return letters
+        self.refusals = self.inbox.refusals()
+        return messages
 
     def of(self, topic):
-        return [letter for letter in self.turn() if letter.topic is topic]
+        return [queued for queued in self.turn() if queued.topic is topic]
 
 
 @pytest.fixture
-def desk():
+def network():
     class Counted(Parcel):
         copied = 0
 
-    made = Desk(Counted)
+    made = Network(Counted)
     Counted.clock = made.clock
     return made
 
@@ -135,46 +135,46 @@ def junk_of(kind, rng, heard):
 
 @pytest.mark.parametrize("kind", ["random", "forged", "replayed", "renumbered"])
 @pytest.mark.parametrize("topic", [t.KEEPALIVE, t.JOYSTICK, t.MODE], ids=lambda x: x.key)
-def test_no_junk_pushes_out_what_the_holder_sent(desk, kind, topic):
+def test_no_junk_pushes_out_what_the_holder_sent(network, kind, topic):
     """10,000 a second on one key: 100 between two ticks, and all of the holder's arrive."""
     rng = random.Random(7)
     fields = {t.JOYSTICK: {"twist": (0.0,) * 6}, t.MODE: {"action": "hold"}}.get(topic, {})
-    heard = [desk.hold(topic, **fields)]
-    assert len(desk.of(topic)) == 1
+    heard = [network.hold(topic, **fields)]
+    assert len(network.of(topic)) == 1
     for _ in range(50):
-        mine = desk.hold(topic, **fields)
+        mine = network.hold(topic, **fields)
         for _ in range(100):
-            desk.send(topic, *junk_of(kind, rng, heard))
-        assert [letter.payload for letter in desk.of(topic)] == [mine[0]]
+            network.send(topic, *junk_of(kind, rng, heard))
+        assert [queued.payload for queued in network.of(topic)] == [mine[0]]
         heard.append(mine)
 
 
-def test_what_waits_in_the_mailbox_is_not_pushed_out_by_junk_that_comes_after_it(desk):
+def test_what_waits_in_the_mailbox_is_not_pushed_out_by_junk_that_comes_after_it(network):
     """Between two ticks the rings are emptied more than once: that is as often as junk likes."""
-    desk.hold(t.KEEPALIVE)
+    network.hold(t.KEEPALIVE)
     for _ in range(20):
-        desk.sort()
+        network.sort()
         for _ in range(RING):
-            desk.send(t.KEEPALIVE, os.urandom(40), os.urandom(32))
-    assert len(desk.of(t.KEEPALIVE)) == 1
+            network.send(t.KEEPALIVE, os.urandom(40), os.urandom(32))
+    assert len(network.of(t.KEEPALIVE)) == 1
 
 
-def test_a_payload_that_is_too_long_is_never_copied(desk):
+def test_a_payload_that_is_too_long_is_never_copied(network):
     for topic in (*t.COMMANDS, *t.SENSORS, *t.REQUESTS):
-        desk.send(topic, Huge(), os.urandom(32))
-        desk.send(topic, Huge())
-    assert desk.turn() == []
-    assert {str(refusal.refused.reason) for refusal in desk.refusals} == {"too_large"}
-    assert len(desk.refusals) == len(t.COMMANDS) + len(t.SENSORS) + len(t.REQUESTS)
+        network.send(topic, Huge(), os.urandom(32))
+        network.send(topic, Huge())
+    assert network.turn() == []
+    assert {str(refusal.refused.reason) for refusal in network.refusals} == {"too_large"}
+    assert len(network.refusals) == len(t.COMMANDS) + len(t.SENSORS) + len(t.REQUESTS)
 
 
-def test_a_proof_that_is_too_long_is_never_copied(desk):
-    desk.send(t.KEEPALIVE, encode(m.Keepalive(seen_tick=0)), Huge())
-    assert desk.turn() == []
-    assert [refusal.refused.reason for refusal in desk.refusals] == [Why.WRONG_PROOF]
+def test_a_proof_that_is_too_long_is_never_copied(network):
+    network.send(t.KEEPALIVE, encode(m.Keepalive(seen_tick=0)), Huge())
+    assert network.turn() == []
+    assert [refusal.refused.reason for refusal in network.refusals] == [Why.WRONG_PROOF]
 
 
-def test_nothing_is_decoded_that_needs_a_proof_and_has_none(desk, monkeypatch):
+def test_nothing_is_decoded_that_needs_a_proof_and_has_none(network, monkeypatch):
     decoded = []
     monkeypatch.setattr(
         "telerobot.server.operators.admission.decode", lambda topic, payload: decoded.append(topic)
@@ -183,124 +183,124 @@ def test_nothing_is_decoded_that_needs_a_proof_and_has_none(desk, monkeypatch):
     for topic in NEEDS_PROOF:
         for kind in ("random", "forged"):
             for _ in range(50):
-                desk.send(topic, *junk_of(kind, rng, ()))
-    assert desk.turn() == []
+                network.send(topic, *junk_of(kind, rng, ()))
+    assert network.turn() == []
     assert decoded == []
 
 
-def test_the_bytes_looked_at_in_a_tick_are_bounded_by_what_messages_can_be(desk):
+def test_the_bytes_looked_at_in_a_tick_are_bounded_by_what_messages_can_be(network):
     for topic in (*t.COMMANDS, *t.SENSORS, *t.REQUESTS):
         for size in range(0, 16_000, 100):
-            desk.send(topic, desk.parcel(size))
-    desk.turn()
-    rings = sum(desk.link.room(x) * x.max_bytes for x in (*t.COMMANDS, *t.SENSORS, *t.REQUESTS))
-    assert 0 < desk.parcel.copied < rings
-    desk.parcel.copied = 0
-    desk.turn()
-    assert desk.parcel.copied == 0
+            network.send(topic, network.parcel(size))
+    network.turn()
+    rings = sum(network.link.room(x) * x.max_bytes for x in (*t.COMMANDS, *t.SENSORS, *t.REQUESTS))
+    assert 0 < network.parcel.copied < rings
+    network.parcel.copied = 0
+    network.turn()
+    assert network.parcel.copied == 0
 
 
 @pytest.mark.parametrize("cost_s", [1e-6, 1e-5, 1e-4])
-def test_junk_on_every_key_takes_no_more_than_its_budget_and_the_holder_is_heard(desk, cost_s):
-    desk.parcel.cost_s = cost_s
+def test_junk_on_every_key_takes_no_more_than_its_budget_and_the_holder_is_heard(network, cost_s):
+    network.parcel.cost_s = cost_s
     for tick in range(30):
-        mine = desk.hold(t.KEEPALIVE)
+        mine = network.hold(t.KEEPALIVE)
         for topic in (*t.COMMANDS, *t.SENSORS, *t.REQUESTS):
             for _ in range(20):
-                desk.send(topic, desk.parcel(b"\xc1" * 8), os.urandom(32))
-        start_s = desk.clock.time_s
-        letters = desk.turn()
-        spent_s = desk.clock.time_s - start_s
-        assert [x.payload for x in letters if x.topic is t.KEEPALIVE] == [mine[0]], tick
+                network.send(topic, network.parcel(b"\xc1" * 8), os.urandom(32))
+        start_s = network.clock.time_s
+        messages = network.turn()
+        spent_s = network.clock.time_s - start_s
+        assert [x.payload for x in messages if x.topic is t.KEEPALIVE] == [mine[0]], tick
         # the four first topics completely, and what was begun when a budget ended
         assert spent_s <= 4 * 21 * cost_s + 2 * PART * PERIOD_S + 2 * cost_s
 
 
-def test_under_a_flood_on_all_keys_the_holder_is_heard_on_each(desk):
+def test_under_a_flood_on_all_keys_the_holder_is_heard_on_each(network):
     """What is cut off by the budget in one tick comes first in a later one."""
-    desk.parcel.cost_s = 1e-4  # ten messages to a budget
+    network.parcel.cost_s = 1e-4  # ten messages to a budget
     waiting = {t.CANCEL.key, t.FORCE.key, t.SPEED.key, t.TARE.key}
     for _ in range(60):
         for topic in (*t.COMMANDS, *t.REQUESTS):
             for _ in range(10):
-                desk.send(topic, desk.parcel(b"\xc1" * 8), os.urandom(32))
+                network.send(topic, network.parcel(b"\xc1" * 8), os.urandom(32))
         for topic, fields in (
             (t.CANCEL, {}),
             (t.FORCE, {"wrench": (0.0,) * 6}),
             (t.SPEED, {"factor": 0.5}),
             (t.TARE, {}),
         ):
-            desk.hold(topic, **fields)
-        waiting -= {letter.topic.key for letter in desk.turn()}
+            network.hold(topic, **fields)
+        waiting -= {queued.topic.key for queued in network.turn()}
     assert waiting == set()
 
 
-def test_no_sensors_flood_starves_another_sensor(desk):
-    desk.parcel.cost_s = 2e-4  # five messages to a budget
+def test_no_sensors_flood_starves_another_sensor(network):
+    network.parcel.cost_s = 2e-4  # five messages to a budget
     news = FrameNews(name="base", tick=1, xyz=(0, 0, 0), rpy=(0, 0, 0))
     for _ in range(10):
         for _ in range(100):
-            desk.send(t.OBSTACLE, desk.parcel(b"junk"))
-        desk.send(t.FRAME_NEWS, desk.parcel(encode(news)))
-        assert len(desk.of(t.FRAME_NEWS)) == 1
+            network.send(t.OBSTACLE, network.parcel(b"junk"))
+        network.send(t.FRAME_NEWS, network.parcel(encode(news)))
+        assert len(network.of(t.FRAME_NEWS)) == 1
 
 
-def test_what_the_holder_sends_beyond_the_budget_waits_and_keeps_its_order(desk):
+def test_what_the_holder_sends_beyond_the_budget_waits_and_keeps_its_order(network):
     for _ in range(4):
-        desk.hold(t.POSITION, xyz=(0, 0, 0), rpy=(0, 0, 0))
-        desk.hold(t.CANCEL)
+        network.hold(t.POSITION, xyz=(0, 0, 0), rpy=(0, 0, 0))
+        network.hold(t.CANCEL)
     taken = []
     for _ in range(4):
-        desk.tick += 1
-        desk.sort()
-        for letter in desk.reception.commands():
-            taken.append(letter.proof.seq)
-            desk.clock.time_s += 0.6 * PART * PERIOD_S  # what it costs to act on it
+        network.tick += 1
+        network.sort()
+        for queued in network.inbox.commands():
+            taken.append(queued.proof.seq)
+            network.clock.time_s += 0.6 * PART * PERIOD_S  # what it costs to act on it
     assert taken == list(range(1, 9))
 
 
-def test_within_a_tick_requests_are_taken_as_they_were_sent_and_a_stop_wins(desk):
-    desk.send(t.PROTECTIVE_STOP, encode(requests.ProtectiveStop(operator="bystander")))
-    desk.send(t.LEASE, encode(requests.LeaseRequest(operator="bob", key=b"k" * 32)))
-    desk.hold(t.SPEED, factor=0.5)
-    desk.hold(t.MODE, action="resume")
-    desk.hold(t.RELEASE)
-    keys = [letter.topic for letter in desk.turn()]
+def test_within_a_tick_requests_are_taken_as_they_were_sent_and_a_stop_wins(network):
+    network.send(t.PROTECTIVE_STOP, encode(requests.ProtectiveStop(operator="bystander")))
+    network.send(t.LEASE, encode(requests.LeaseRequest(operator="bob", key=b"k" * 32)))
+    network.hold(t.SPEED, factor=0.5)
+    network.hold(t.MODE, action="resume")
+    network.hold(t.RELEASE)
+    keys = [queued.topic for queued in network.turn()]
     assert keys == [t.SPEED, t.MODE, t.RELEASE, t.LEASE, t.PROTECTIVE_STOP]
 
 
-def test_a_stop_is_heard_among_junk_on_its_own_key(desk):
+def test_a_stop_is_heard_among_junk_on_its_own_key(network):
     for _ in range(50):
-        desk.send(t.PROTECTIVE_STOP, b"\xc1")
-    desk.send(t.PROTECTIVE_STOP, encode(requests.ProtectiveStop(operator="bystander")))
+        network.send(t.PROTECTIVE_STOP, b"\xc1")
+    network.send(t.PROTECTIVE_STOP, encode(requests.ProtectiveStop(operator="bystander")))
     for _ in range(50):
-        desk.send(t.PROTECTIVE_STOP, msgpack.packb({"v": 2, "operator": 7}))
-    assert len(desk.of(t.PROTECTIVE_STOP)) == 1
+        network.send(t.PROTECTIVE_STOP, msgpack.packb({"v": 2, "operator": 7}))
+    assert len(network.of(t.PROTECTIVE_STOP)) == 1
 
 
-def test_few_refused_requests_are_answered_and_none_is_kept(desk):
+def test_few_refused_requests_are_answered_and_none_is_kept(network):
     for _ in range(20):
         ended = []
         for topic in t.REQUESTS:
             for _ in range(RING):
                 parcel = Asked(b"junk", os.urandom(32), ended.append)
-                desk.link._ring(topic).append(parcel)
-        desk.turn()
-        answers = [answer for refusal in desk.refusals for answer in refusal.answers]
+                network.link._ring(topic).append(parcel)
+        network.turn()
+        answers = [answer for refusal in network.refusals for answer in refusal.answers]
         assert 0 < len(answers) <= ANSWERED
         assert ended == [None] * (len(t.REQUESTS) * RING - len(answers))
 
 
-def test_a_flood_is_told_in_one_entry_for_each_key_and_looked_at_more_often(desk):
-    desk.hold(t.KEEPALIVE)
-    desk.turn()
-    assert not desk.reception.pressed
+def test_a_flood_is_told_in_one_entry_for_each_key_and_looked_at_more_often(network):
+    network.hold(t.KEEPALIVE)
+    network.turn()
+    assert not network.inbox.pressed
     for _ in range(100):
-        desk.send(t.KEEPALIVE, b"junk")
-    desk.turn()
-    (refusal,) = desk.refusals
+        network.send(t.KEEPALIVE, b"junk")
+    network.turn()
+    (refusal,) = network.refusals
     assert (refusal.topic, refusal.count) == (t.KEEPALIVE, 100)
     assert refusal.refused.reason == Why.WRONG_PROOF
-    assert desk.reception.pressed
-    desk.turn()
-    assert not desk.reception.pressed
+    assert network.inbox.pressed
+    network.turn()
+    assert not network.inbox.pressed

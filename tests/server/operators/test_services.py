@@ -10,16 +10,16 @@ from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
 from telerobot.protocols.proof import prove
-from telerobot.server.commands.commands import Orders
+from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose
 from telerobot.server.mode import Mode, Wish
-from telerobot.server.operators.admission import Admission, Now
+from telerobot.server.operators.admission import Admission, Instant
 from telerobot.server.operators.grants import Grants
-from telerobot.server.operators.inbox import Letter, refusal_reply
-from telerobot.server.operators.services import ENABLE_TIMEOUT_S, Desk, View
-from telerobot.server.perception.cameras import VisionWatch
-from telerobot.server.perception.moving_frames import FrameWatch
-from telerobot.server.perception.obstacle_map import World
+from telerobot.server.operators.inbox import QueuedMessage, refusal_reply
+from telerobot.server.operators.services import ENABLE_TIMEOUT_S, RequestContext, Services
+from telerobot.server.perception.cameras import VisionTracker
+from telerobot.server.perception.moving_frames import FrameTracker
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events
 from telerobot.tools.simulation.seeded_keys import seeded_keys
@@ -33,11 +33,11 @@ SEAL = sha256(OPENS).digest()
 class Counter:
     """A desk with everything behind it, and an operator in front of it."""
 
-    desk: Desk
+    services: Services
     admission: Admission
-    orders: Orders
+    commands: Commands
     events: Events
-    view: View
+    context: RequestContext
     replies: list[requests.Reply] = field(default_factory=list)
     seq: int = 0
     secret: bytes = b""
@@ -46,7 +46,7 @@ class Counter:
     def ask(self, topic, **fields):
         """Ask as the lease's holder; return the answer, or None while it waits."""
         if issubclass(topic.message, m.Command):
-            fields = {"seen_tick": self.view.now.tick, **fields}
+            fields = {"seen_tick": self.context.now.tick, **fields}
             return self.ask_proving(topic, **fields)
         return self.put(topic, encode(topic.message(**fields)))
 
@@ -61,10 +61,12 @@ class Counter:
         before = len(self.replies)
         answer = lambda reply: self.replies.append(decode_as(requests.Reply, reply))  # noqa: E731
         try:
-            proven = self.admission.prove(topic, payload, proof, self.view.now) if proof else None
+            proven = (
+                self.admission.prove(topic, payload, proof, self.context.now) if proof else None
+            )
         except Refused as refused:
-            return refusal_reply(refused, self.view.now)
-        self.desk.serve(Letter(topic, payload, proven, answer), self.view)
+            return refusal_reply(refused, self.context.now)
+        self.services.serve(QueuedMessage(topic, payload, proven, answer), self.context)
         return self.replies[-1] if len(self.replies) > before else None
 
     def lease(self, operator="ann"):
@@ -76,37 +78,37 @@ class Counter:
         return reply
 
     def see(self, **changes):
-        self.view = replace(self.view, **changes)
+        self.context = replace(self.context, **changes)
 
     def pass_time(self, seconds, mode=None):
         """Let time go by, with the lease kept alive; settle in a mode."""
-        now = self.view.now
-        self.see(now=Now(now.time_s + seconds, now.tick + round(100 * seconds), None))
-        self.admission.renew(self.view.now)
+        now = self.context.now
+        self.see(now=Instant(now.time_s + seconds, now.tick + round(100 * seconds), None))
+        self.admission.renew(self.context.now)
         if mode is not None:
             self.see(mode=mode)
-        self.desk.begin_tick()
-        self.desk.settle(self.view.mode, self.view)
+        self.services.begin_tick()
+        self.services.settle(self.context.mode, self.context)
 
 
 @pytest.fixture
 def counter(pa10):
-    admission, orders, events = Admission(CELL, 0.01, 0.5, 0.5), Orders(pa10.cell), Events()
+    admission, commands, events = Admission(CELL, 0.01, 0.5, 0.5), Commands(pa10.cell), Events()
     grants = Grants(CELL, admission, seeded_keys("daemon"))
-    view = View(
-        now=Now(10.0, 1000, None),
+    context = RequestContext(
+        now=Instant(10.0, 1000, None),
         mode=Mode.READY,
         unloaded=np.arange(6.0),
         still=True,
         essential_stale=(),
         gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
-        vision=VisionWatch(pa10.cell, events),
-        world=World(pa10.cell, events),
-        frames=FrameWatch(pa10.cell, events),
+        vision=VisionTracker(pa10.cell, events),
+        obstacles=ObstacleMap(pa10.cell, events),
+        moving_frames=FrameTracker(pa10.cell, events),
         T_world_mrf=Pose.identity(),
     )
-    desk = Desk(admission, orders, events, grants)
-    return Counter(desk, admission, orders, events, view)
+    services = Services(admission, commands, events, grants)
+    return Counter(services, admission, commands, events, context)
 
 
 @pytest.fixture
@@ -171,11 +173,11 @@ def test_without_the_lease_nothing_is_changed(counter, topic):
         t.FRAME: {"frame": "mrf", "xyz": (0, 0, 0.1), "rpy": (0, 0, 0)},
         t.SPEED: {"factor": 0.5},
     }.get(topic, {})
-    before = counter.orders.settings()
+    before = counter.commands.control_settings()
     reply = counter.ask(topic, **fields)
     assert (reply.ok, reply.reason) == (False, Why.NO_LEASE)
-    assert counter.desk.wish is Wish.NONE
-    after = counter.orders.settings()
+    assert counter.services.wish is Wish.NONE
+    after = counter.commands.control_settings()
     assert after.speed_factor == before.speed_factor
     assert after.T_wrist_mrf is before.T_wrist_mrf
     np.testing.assert_array_equal(after.gains["joystick"], before.gains["joystick"])
@@ -194,23 +196,23 @@ def test_rubbish_is_answered_too(counter):
 
 def test_enable_is_answered_when_the_arm_is_enabled(ann):
     assert ann.ask(t.MODE, action="enable") is None
-    assert ann.desk.wish is Wish.ENABLE
+    assert ann.services.wish is Wish.ENABLE
     ann.pass_time(0.5)
     assert len(ann.replies) == 1
     ann.pass_time(0.1, Mode.ENABLED)
     assert ann.replies[-1].ok
-    assert ann.replies[-1].tick == ann.view.now.tick
-    assert ann.desk.wish is Wish.NONE
+    assert ann.replies[-1].tick == ann.context.now.tick
+    assert ann.services.wish is Wish.NONE
 
 
 def test_drives_that_do_not_come_up_are_not_waited_for_for_ever(ann):
     ann.ask(t.MODE, action="enable")
     ann.pass_time(ENABLE_TIMEOUT_S - 0.1)
-    assert ann.desk.wish is Wish.ENABLE
+    assert ann.services.wish is Wish.ENABLE
     ann.pass_time(0.2)
     reply = ann.replies[-1]
     assert (reply.ok, reply.reason) == (False, Why.STILL_WRONG)
-    assert ann.desk.wish is Wish.NONE
+    assert ann.services.wish is Wish.NONE
     assert "enable_failed" in names(ann)
 
 
@@ -219,7 +221,7 @@ def test_a_fault_on_the_way_ends_the_wish_to_enable(ann):
     ann.pass_time(0.1, Mode.FAULT)
     reply = ann.replies[-1]
     assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
-    assert ann.desk.wish is Wish.NONE
+    assert ann.services.wish is Wish.NONE
 
 
 @pytest.mark.parametrize(
@@ -239,18 +241,18 @@ def test_disable_and_reset_are_answered_once_ready(ann, action, mode, reached):
 def test_resume_is_a_wish_of_one_tick(ann, action):
     ann.see(mode=Mode.HOLD)
     assert ann.ask(t.MODE, action=action).ok
-    assert ann.desk.resume
-    ann.desk.begin_tick()
-    assert not ann.desk.resume
-    assert ann.desk.wish is Wish.NONE
+    assert ann.services.resume
+    ann.services.begin_tick()
+    assert not ann.services.resume
+    assert ann.services.wish is Wish.NONE
 
 
 def test_hold_is_at_once_and_for_one_tick(ann):
     ann.see(mode=Mode.ENABLED)
     assert ann.ask(t.MODE, action="hold").ok
-    assert ann.desk.hold
-    ann.desk.begin_tick()
-    assert not ann.desk.hold
+    assert ann.services.hold
+    ann.services.begin_tick()
+    assert not ann.services.hold
 
 
 @pytest.mark.parametrize(
@@ -269,9 +271,9 @@ def test_each_action_is_refused_in_every_mode_but_its_own(ann, action, modes):
         reply = ann.ask(t.MODE, action=action)
         assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
         assert mode in reply.detail
-    assert ann.desk.wish is Wish.NONE
-    assert not ann.desk.hold
-    assert not ann.desk.resume
+    assert ann.services.wish is Wish.NONE
+    assert not ann.services.hold
+    assert not ann.services.resume
 
 
 def test_one_wish_at_a_time(ann):
@@ -297,7 +299,7 @@ def test_a_disable_takes_the_place_of_an_enable_that_is_under_way(ann):
     assert ann.ask(t.MODE, action="enable") is None
     ann.see(drives_off=False)
     ann.ask(t.MODE, action="disable")
-    assert ann.desk.wish is Wish.DISABLE
+    assert ann.services.wish is Wish.DISABLE
     assert [(r.ok, r.reason) for r in ann.replies[1:]] == [(False, Why.NOT_NOW)]
     ann.see(drives_off=True)
     ann.pass_time(0.1)
@@ -310,7 +312,7 @@ def test_an_enable_while_drives_switch_off_is_taken_and_waits(ann):
     ann.see(drives_off=False)
     ann.pass_time(0.02, Mode.READY)
     ann.ask(t.MODE, action="enable")
-    assert ann.desk.wish is Wish.ENABLE
+    assert ann.services.wish is Wish.ENABLE
     assert [r.ok for r in ann.replies[1:]] == [True]
     ann.pass_time(0.2, Mode.ENABLED)
     assert [r.ok for r in ann.replies[1:]] == [True, True]
@@ -322,7 +324,7 @@ def test_a_fault_ends_the_wish_to_disable_so_that_a_reset_need_not_wait(ann):
     ann.pass_time(0.02, Mode.FAULT)
     assert (ann.replies[-1].ok, ann.replies[-1].reason) == (False, Why.NOT_NOW)
     assert ann.ask(t.MODE, action="reset") is None
-    assert ann.desk.wish is Wish.RESET
+    assert ann.services.wish is Wish.RESET
 
 
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
@@ -331,7 +333,7 @@ def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
     reply = ann.ask(t.MODE, action=action)
     assert (reply.ok, reply.reason) == (False, Why.SENSOR_STALE)
     assert "force_torque" in reply.detail
-    assert not ann.desk.resume
+    assert not ann.services.resume
 
 
 # --- the protective stop --------------------------------------------------------------------------
@@ -339,9 +341,9 @@ def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
 
 def test_anybody_may_ask_for_the_protective_stop_and_it_stays(ann):
     assert ann.ask(t.PROTECTIVE_STOP, operator="bystander").ok
-    assert ann.desk.protective_stop == "bystander"
+    assert ann.services.protective_stop == "bystander"
     ann.pass_time(60.0)
-    assert ann.desk.protective_stop == "bystander"
+    assert ann.services.protective_stop == "bystander"
 
 
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
@@ -353,20 +355,20 @@ def test_nothing_moves_while_the_protective_stop_is_latched(ann, action, mode):
     assert "bystander" in reply.detail
     ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
     ann.ask(t.MODE, action=action)
-    assert ann.desk.resume or ann.desk.wish is Wish.ENABLE
+    assert ann.services.resume or ann.services.wish is Wish.ENABLE
 
 
 def test_who_asked_may_clear_it_by_opening_its_seal(ann):
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
     assert ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS).ok
-    assert ann.desk.protective_stop is None
+    assert ann.services.protective_stop is None
 
 
 def test_the_lease_holder_may_clear_all_of_them_by_proof(ann):
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
     ann.ask(t.PROTECTIVE_STOP, operator="another")
     assert ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
-    assert ann.desk.protective_stop is None
+    assert ann.services.protective_stop is None
 
 
 @pytest.mark.parametrize("opens", [None, b"g" * 32, SEAL])
@@ -375,7 +377,7 @@ def test_no_name_clears_it_and_no_guess_nor_what_was_heard(ann, operator, opens)
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
     reply = ann.ask(t.PROTECTIVE_CLEAR, operator=operator, opens=opens)
     assert (reply.ok, reply.reason) == (False, Why.NOT_YOURS)
-    assert ann.desk.protective_stop == "bystander"
+    assert ann.services.protective_stop == "bystander"
 
 
 def test_a_clear_that_was_heard_opens_no_later_stop(ann):
@@ -383,7 +385,7 @@ def test_a_clear_that_was_heard_opens_no_later_stop(ann):
     ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=sha256(b"p" * 32).digest())
     assert not ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS).ok
-    assert ann.desk.protective_stop == "bystander"
+    assert ann.services.protective_stop == "bystander"
 
 
 def test_a_holders_clear_that_was_heard_clears_no_later_stop(ann):
@@ -394,7 +396,7 @@ def test_a_holders_clear_that_was_heard_clears_no_later_stop(ann):
     assert ann.put(t.PROTECTIVE_CLEAR, heard, proof).ok
     ann.ask(t.PROTECTIVE_STOP, operator="bystander")
     assert not ann.put(t.PROTECTIVE_CLEAR, heard, proof).ok
-    assert ann.desk.protective_stop == "bystander"
+    assert ann.services.protective_stop == "bystander"
 
 
 def test_who_asks_for_a_stop_and_clears_it_clears_nobody_elses(ann):
@@ -404,7 +406,7 @@ def test_who_asks_for_a_stop_and_clears_it_clears_nobody_elses(ann):
     reply = ann.ask(t.PROTECTIVE_CLEAR, operator="attacker", opens=theirs)
     assert reply.ok
     assert "bystander" in reply.detail
-    assert ann.desk.protective_stop == "bystander"
+    assert ann.services.protective_stop == "bystander"
 
 
 def test_a_flood_of_stops_is_remembered_in_little_and_lets_nobody_clear_another(ann):
@@ -414,54 +416,54 @@ def test_a_flood_of_stops_is_remembered_in_little_and_lets_nobody_clear_another(
         ann.ask(t.PROTECTIVE_STOP, operator="attacker", seal=sha256(opens).digest())
     for opens in theirs:
         ann.ask(t.PROTECTIVE_CLEAR, operator="attacker", opens=opens)
-    assert ann.desk.protective_stop is not None
+    assert ann.services.protective_stop is not None
     ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
-    assert ann.desk.protective_stop == "attacker"  # one beyond those that are kept apart
+    assert ann.services.protective_stop == "attacker"  # one beyond those that are kept apart
     assert ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
-    assert ann.desk.protective_stop is None
+    assert ann.services.protective_stop is None
 
 
 def test_the_proof_of_a_lease_that_ran_out_clears_nothing(ann):
     ann.ask(t.PROTECTIVE_STOP, operator="bystander")
-    ann.see(now=Now(ann.view.now.time_s + 5.0, 1500, None))
+    ann.see(now=Instant(ann.context.now.time_s + 5.0, 1500, None))
     assert not ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
-    assert ann.desk.protective_stop == "bystander"
+    assert ann.services.protective_stop == "bystander"
 
 
 # --- settings -------------------------------------------------------------------------------------
 
 
 def test_gains_are_set_unless_they_would_be_unstable(ann):
-    before = ann.orders.tuning.gains["position"]
+    before = ann.commands.settings.gains["position"]
     reply = ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(6.0,) * 6)
     assert (reply.ok, reply.reason, reply.detail) == (False, Why.UNSTABLE_GAIN, "too high")
-    assert ann.orders.tuning.gains["position"] is before
+    assert ann.commands.settings.gains["position"] is before
     assert ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(3.0,) * 6).ok
-    np.testing.assert_array_equal(ann.orders.settings().gains["position"], [3.0] * 6)
+    np.testing.assert_array_equal(ann.commands.control_settings().gains["position"], [3.0] * 6)
 
 
 def test_a_source_is_switched_off_and_on(ann):
     assert ann.ask(t.SWITCH, source=m.SourceName.JOYSTICK, on=False).ok
-    assert not ann.orders.settings().gains["joystick"].any()
+    assert not ann.commands.control_settings().gains["joystick"].any()
     assert ann.ask(t.SWITCH, source=m.SourceName.JOYSTICK, on=True).ok
-    assert ann.orders.settings().gains["joystick"].all()
+    assert ann.commands.control_settings().gains["joystick"].all()
 
 
 def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
     envelope = {"seen_tick": 1}
     target = m.PositionTarget(**envelope, xyz=(0.1, 0, 0), rpy=(0, 0, 0))
-    ann.orders.take(target, 0.0, ann.orders.places.T_world_crf)
-    attempt = ann.orders.goal.attempt
+    ann.commands.take(target, 0.0, ann.commands.frames.T_world_crf)
+    attempt = ann.commands.goal.attempt
     ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=False)
-    assert ann.orders.goal.attempt == attempt
+    assert ann.commands.goal.attempt == attempt
     ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=True)
-    assert ann.orders.goal.attempt > attempt
+    assert ann.commands.goal.attempt > attempt
 
 
 def test_frame_and_speed_are_set(ann):
     assert ann.ask(t.FRAME, frame="mrf", xyz=(0.0, 0.0, 0.3), rpy=(0.0, 0.0, 0.0)).ok
     assert ann.ask(t.SPEED, factor=0.25).ok
-    settings = ann.orders.settings()
+    settings = ann.commands.control_settings()
     np.testing.assert_array_equal(settings.T_wrist_mrf.p, (0.0, 0.0, 0.3))
     assert settings.speed_factor == 0.25
 
@@ -471,7 +473,7 @@ def test_gains_that_would_be_unstable_can_be_forced_and_that_is_told(ann):
     ann.events.take()
     reply = ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(6.0,) * 6, forced=True)
     assert reply.ok
-    np.testing.assert_array_equal(ann.orders.tuning.gains["force"], [6.0] * 6)
+    np.testing.assert_array_equal(ann.commands.settings.gains["force"], [6.0] * 6)
     assert "gain_forced" in names(ann)
     assert ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(3.0,) * 6, forced=True).ok
     assert "gain_forced" not in names(ann)
@@ -480,13 +482,13 @@ def test_gains_that_would_be_unstable_can_be_forced_and_that_is_told(ann):
 def test_a_payload_is_switched_by_mass_and_centre(ann):
     bias = (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
     assert ann.ask(t.PAYLOAD, mass=2.5, com=(0.0, 0.01, 0.1), bias=bias).ok
-    settings = ann.orders.settings()
+    settings = ann.commands.control_settings()
     assert settings.payload.mass == 2.5
     np.testing.assert_array_equal(settings.payload.com, (0.0, 0.01, 0.1))
     np.testing.assert_array_equal(settings.wrench_bias, -np.array(bias))
     assert names(ann)[-1] == "payload_set"
     assert ann.ask(t.PAYLOAD, mass=0.0).ok
-    np.testing.assert_array_equal(ann.orders.settings().wrench_bias, -np.array(bias))
+    np.testing.assert_array_equal(ann.commands.control_settings().wrench_bias, -np.array(bias))
 
 
 def test_a_payload_heavier_than_the_arm_is_rated_for_is_refused(ann):
@@ -498,24 +500,24 @@ def test_a_payload_heavier_than_the_arm_is_rated_for_is_refused(ann):
 
 def test_an_operator_says_that_a_load_is_unknown_and_that_one_may_act(ann):
     ann.lease()
-    before = ann.orders.tuning.payload
+    before = ann.commands.settings.payload
     assert ann.ask(t.PAYLOAD, unknown=True).ok
-    assert ann.orders.tuning.payload is before
-    assert ann.orders.tuning.load_heard == "unknown"
+    assert ann.commands.settings.payload is before
+    assert ann.commands.settings.load_heard == "unknown"
     assert ann.ask(t.ACKNOWLEDGE_LOAD).ok
-    assert ann.orders.tuning.load_heard == "acknowledged"
+    assert ann.commands.settings.load_heard == "acknowledged"
 
 
 def test_a_payload_that_the_cell_does_not_name_is_refused(ann):
-    before = ann.orders.settings().payload
+    before = ann.commands.control_settings().payload
     reply = ann.ask(t.PAYLOAD, name="anvil")
     assert (reply.ok, reply.reason) == (False, Why.UNKNOWN_PAYLOAD)
-    assert ann.orders.settings().payload is before
+    assert ann.commands.control_settings().payload is before
 
 
 def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
     assert ann.ask(t.TARE).ok
-    np.testing.assert_array_equal(ann.orders.settings().wrench_bias, np.arange(6.0))
+    np.testing.assert_array_equal(ann.commands.control_settings().wrench_bias, np.arange(6.0))
 
 
 @pytest.mark.parametrize(
@@ -523,8 +525,8 @@ def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
     [({"still": False}, Why.NOT_NOW), ({"unloaded": None}, Why.SENSOR_STALE)],
 )
 def test_a_tare_is_refused_while_the_arm_moves_or_the_sensor_is_silent(ann, changes, reason):
-    before = ann.orders.settings().wrench_bias
+    before = ann.commands.control_settings().wrench_bias
     ann.see(**changes)
     reply = ann.ask(t.TARE)
     assert (reply.ok, reply.reason) == (False, reason)
-    assert ann.orders.settings().wrench_bias is before
+    assert ann.commands.control_settings().wrench_bias is before

@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.load import Cell, load_cell
 from telerobot.protocols.messages.sightings import Sighting
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log, rotation_rpy
-from telerobot.server.perception.cameras import VisionWatch
+from telerobot.server.perception.cameras import VisionTracker
 from telerobot.server.refusals import Refused
 from telerobot.server.runtime.events import Events
 
@@ -36,7 +36,7 @@ class Watching:
 
     def __post_init__(self) -> None:
         self.events = Events()
-        self.watch = VisionWatch(self.cell, self.events)
+        self.watch = VisionTracker(self.cell, self.events)
         place = self.cell.config.cameras[0].T_wrist_lens
         self.lens = Pose.from_xyz_rpy(place.xyz, place.rpy)
 
@@ -49,7 +49,7 @@ class Watching:
             self.wrists[self.tick] = Pose(rotation_exp(0.01 * w) @ last.R, last.p + 0.01 * v)
             self.events.at(self.tick, 0.01 * self.tick)
             self.watch.remember(self.tick, self.wrists[self.tick], BASE)
-            self.watch.look(self.tick)
+            self.watch.update(self.tick)
 
     def sighting(self, tick: int, **changes) -> Sighting:
         seen = (self.wrists[tick] @ self.lens).inverse() @ self.target
@@ -196,7 +196,7 @@ def test_a_view_is_stored_only_of_a_camera_that_sees_something(watching):
 
 
 def test_a_cell_without_cameras_has_no_view():
-    watch = VisionWatch(load_cell("pa10"), Events())
+    watch = VisionTracker(load_cell("pa10"), Events())
     assert not watch.watching
     assert watch.goal(BASE) is None
     with pytest.raises(Refused, match="the cell has no camera"):
@@ -264,7 +264,7 @@ def test_a_camera_on_a_base_that_moves_places_what_it_sees_by_the_base_of_its_ti
     T_base_lens = beside.T_world_lens
     moved = beside.model_copy(update={"T_world_lens": None, "T_base_lens": T_base_lens})
     config = cell.config.model_copy(update={"cameras": (moved,)})
-    watch = VisionWatch(Cell(cell.path, config, cell.robot), Events())
+    watch = VisionTracker(Cell(cell.path, config, cell.robot), Events())
     lens = Pose.from_xyz_rpy(T_base_lens.xyz, T_base_lens.rpy)
     then = Pose(rotation_rpy(0.0, 0.0, 0.2), np.array([0.1, -0.05, 0.0]))
     T_wrist_target = Pose(rotation_rpy(0.3, 0.0, 0.0), np.array([0.0, -0.06, 0.02]))

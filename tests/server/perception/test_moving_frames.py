@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols.messages.moving import FrameNews
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp
-from telerobot.server.perception.moving_frames import FrameWatch
+from telerobot.server.perception.moving_frames import FrameTracker
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events
 
@@ -24,7 +24,7 @@ def events():
 
 @pytest.fixture
 def watch(cell, events):
-    return FrameWatch(cell, events)
+    return FrameTracker(cell, events)
 
 
 def news(name, tick, pose, **more):
@@ -81,7 +81,7 @@ def test_news_of_the_future_and_of_what_does_not_move_is_refused_by_name(watch, 
     frames = cell.config.frames.model_copy(update={"base": None})
     fixed = replace(cell, config=cell.config.model_copy(update={"frames": frames}))
     with pytest.raises(Refused) as caught:
-        FrameWatch(fixed, events).take(news("base", 9, Pose.identity()), 10)
+        FrameTracker(fixed, events).take(news("base", 9, Pose.identity()), 10)
     assert caught.value.reason == Why.UNKNOWN_FRAME
     assert "carrier" in caught.value.detail
 

@@ -8,7 +8,7 @@ from telerobot.config.load import Cell, load_cell
 from telerobot.config.schema.obstacles import Obstacle
 from telerobot.protocols.codec import CodecError, decode_as, encode
 from telerobot.protocols.messages.obstacles import ObstacleNews
-from telerobot.server.perception.obstacle_map import MOST, World
+from telerobot.server.perception.obstacle_map import MOST, ObstacleMap
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events
 
@@ -29,7 +29,7 @@ class Knowing:
     def __post_init__(self) -> None:
         cell = load_cell("pa10")
         config = cell.config.model_copy(update={"obstacles": self.obstacles})
-        self.world = World(Cell(cell.path, config, cell.robot), self.events)
+        self.world = ObstacleMap(Cell(cell.path, config, cell.robot), self.events)
 
     def tell(self, name: str, **news) -> None:
         self.world.take(ObstacleNews(name=name, **{"tick": self.tick, **news}), self.tick)
@@ -38,7 +38,7 @@ class Knowing:
         for _ in range(ticks):
             self.tick += 1
             self.events.at(self.tick, 0.01 * self.tick)
-            self.world.look(self.tick)
+            self.world.update(self.tick)
 
     @property
     def scene(self):

@@ -6,7 +6,7 @@ from telerobot.config.load import load_cell
 from telerobot.protocols.messages.motion import ClutchRequest, MasterPose
 from telerobot.protocols.messages.reflection import ReflectionRequest
 from telerobot.server.commands.clutch import Master
-from telerobot.server.commands.commands import Orders
+from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.reflection.force_reflection import Reflector, pose_stiffness
 from telerobot.server.refusals import Refused
@@ -166,16 +166,16 @@ def test_unprotected_a_master_leads_all_the_way(reflector, cell):
 
 
 def test_enabling_anew_protects_again(cell):
-    orders = Orders(cell)
-    orders.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
-    assert not orders.reflector.protected
-    orders.clear()
-    assert orders.reflector.protected
+    commands = Commands(cell)
+    commands.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
+    assert not commands.reflector.protected
+    commands.clear()
+    assert commands.reflector.protected
 
 
 def test_a_cell_without_reflection_refuses_the_switch_and_tells_nothing(cell):
     config = cell.config.model_copy(update={"reflection": None})
-    orders = Orders(replace(cell, config=config))
+    commands = Commands(replace(cell, config=config))
     with pytest.raises(Refused, match="reflects no forces"):
-        orders.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
-    assert orders.reflection(1) is None
+        commands.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
+    assert commands.reflection(1) is None

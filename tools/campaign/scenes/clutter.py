@@ -18,7 +18,7 @@ from ....config.schema.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
 from ....drivers.rig.physics.world import World
 from ....server.control.proximity.capsules import Links
 from ....server.control.proximity.pairs import Around
-from ....server.perception.obstacle_map import World as Known
+from ....server.perception.obstacle_map import ObstacleMap as Known
 from ....server.runtime.events import Events
 from ...oracle.arm import Arm
 from ...scripts.script import Script, Step

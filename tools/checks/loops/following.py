@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from ....config.load import Cell
 from ....server.stability.following import delays, stiffest_hand
-from ....server.stability.payloads import PayloadJudge, told
+from ....server.stability.payloads import PayloadBounds, payload_words
 from ..findings import Finding, Status, graded
 
 COMFORT = 0.5
@@ -37,11 +37,11 @@ def following(cell: Cell) -> Iterator[Finding]:
         f"{source.stiffest_hand:g} N/m expected, stable below {bound:.3g} N/m with {name}",
         {"stiffest_hand": source.stiffest_hand, "bound": bound},
     )
-    heaviest = PayloadJudge(cell).following
+    heaviest = PayloadBounds(cell).following
     yield Finding(
         "following payload",
         graded(mass, COMFORT * heaviest, heaviest),
-        f"{name} of {mass:g} kg, the tool stands by itself {told(heaviest)} at M = "
+        f"{name} of {mass:g} kg, the tool stands by itself {payload_words(heaviest)} at M = "
         f"{source.mass:g} kg, B = {source.damping:g} N·s/m",
         {"payload": mass, "bound": heaviest},
     )

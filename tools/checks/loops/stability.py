@@ -10,7 +10,7 @@ from ....server.stability.force_loop import (
     force_axis,
     vision_periods,
 )
-from ....server.stability.payloads import PayloadJudge, told
+from ....server.stability.payloads import PayloadBounds, payload_words
 from ..findings import Finding, Status, Value, graded
 from .following import payloads
 
@@ -72,11 +72,12 @@ def _payload(cell: Cell) -> Iterator[Finding]:
     name, mass = max(payloads(cell).items(), key=lambda item: item[1])
     if gain <= 0.0 or mass <= 0.0:
         return
-    bound = PayloadJudge(cell).force / gain
+    bound = PayloadBounds(cell).force / gain
     yield Finding(
         "force payload",
         graded(mass, COMFORT * bound, bound),
-        f"{name} of {mass:g} kg, the tool stands by itself {told(bound)} at K_F = {gain:g} m/s/N",
+        f"{name} of {mass:g} kg, the tool stands by itself {payload_words(bound)} "
+        f"at K_F = {gain:g} m/s/N",
         {"payload": mass, "bound": bound},
     )
 

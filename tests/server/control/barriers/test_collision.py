@@ -7,7 +7,7 @@ from telerobot.config.schema.obstacles import Avoidance, Obstacle
 from telerobot.server.control.barriers.collision import ORDERED, Guard, Situation
 from telerobot.server.control.evolve import evolve
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.obstacle_map import World
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 TABLE = Obstacle(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1))
@@ -21,7 +21,7 @@ def watched(pa10):
     config = pa10.cell.config.model_copy(update={"obstacles": (TABLE, POST), "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
     guard = Guard(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk)
-    scene, q = World(cell, Events()).scene(0), pa10.posture("ready")
+    scene, q = ObstacleMap(cell, Events()).scene(0), pa10.posture("ready")
     k = pa10.mechanism.kinematics(q, Pose.identity())
 
     def watch(asked, dq, clearance=0.02):

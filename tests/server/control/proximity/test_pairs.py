@@ -10,7 +10,7 @@ from telerobot.server.control.proximity.capsules import Links
 from telerobot.server.control.proximity.pairs import Around
 from telerobot.server.control.scene import Scene
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.obstacle_map import World
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 BOXES = tuple(
@@ -35,7 +35,7 @@ class Near:
         cell = Cell(cell.path, config, cell.robot)
         self.links = Links(cell)
         self.around = Around(cell, self.links)
-        self.scene = World(cell, Events()).scene(0)
+        self.scene = ObstacleMap(cell, Events()).scene(0)
 
     def look(self, q, room=EVERYWHERE, scene: Scene | None = None, ahead_s=0.0, base=None):
         rooms = np.full(len(self.links.capsules), room)

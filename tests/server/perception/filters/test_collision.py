@@ -8,7 +8,11 @@ from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.server.control.mechanism.dynamics import Dynamics
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.filters.collision import Load, Touch, TouchState
+from telerobot.server.perception.filters.collision import (
+    CollisionDetector,
+    DetectorState,
+    SensorLoad,
+)
 
 T = 0.01
 
@@ -67,7 +71,7 @@ def follow(touch, dynamics, push, friction, seconds=1.0, missed=(), late=None, u
     Ticks in `missed` are not served, those in `late` so much after their time [s]; of those in
     `unknown` nobody knows when they were, and they were late.
     """
-    state = TouchState()
+    state = DetectorState()
     dynamics.carry(0.0, np.zeros(3))
     phase, size = np.arange(7), np.full(7, 0.1)
     for k in range(int(seconds / T)):
@@ -86,7 +90,7 @@ def follow(touch, dynamics, push, friction, seconds=1.0, missed=(), late=None, u
 
 
 def test_the_estimate_is_the_push(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
     push = np.array([0.0, 5.0, 0.0, -2.0, 0.0, 0.0, 0.0])
     state = follow(touch, dynamics, push, 0.0)
     np.testing.assert_allclose(state.external, push, atol=0.05)
@@ -97,21 +101,21 @@ def test_the_estimate_is_the_push(dynamics):
 
 def test_friction_alone_is_no_push_not_even_where_its_sign_turns(dynamics):
     friction = np.full(7, 4.0)
-    touch = Touch(dynamics, friction, np.full(7, 0.5), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, friction, np.full(7, 0.5), 0.0, 6.0, 0.0, T)
     for seconds in np.arange(0.1, 3.2, 0.1):
         state = follow(touch, dynamics, np.zeros(7), friction, seconds)
         assert touch.touched(state) is None
 
 
 def test_a_short_knock_is_not_contact_yet(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 50.0, 0.05, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 50.0, 0.05, T)
     state = follow(touch, dynamics, np.full(7, 10.0), 0.0, 0.06)
     assert np.abs(state.external).max() > 3.0
     assert touch.touched(state) is None
 
 
 def test_a_tick_that_was_missed_in_motion_is_no_push(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     for last in range(41, 50):
         state = follow(touch, dynamics, np.zeros(7), 0.0, last * T, missed=(40,))
         assert touch.touched(state) is None
@@ -121,7 +125,7 @@ def test_a_tick_that_was_missed_in_motion_is_no_push(dynamics):
 @pytest.mark.parametrize("late_s", [0.0005, 0.002, 0.004, 0.0049, 0.006])
 def test_a_tick_that_was_late_in_motion_and_the_one_after_are_no_push(dynamics, late_s):
     """Taken as even, 6 ms of lateness are 12 rad/s² at 0.2 rad/s."""
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     for last in range(41, 50):
         state = follow(touch, dynamics, np.zeros(7), 0.0, last * T, late={40: late_s})
         assert touch.touched(state) is None
@@ -129,7 +133,7 @@ def test_a_tick_that_was_late_in_motion_and_the_one_after_are_no_push(dynamics, 
 
 
 def test_a_sample_of_no_known_instant_is_no_push(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     for last in range(41, 50):
         state = follow(touch, dynamics, np.zeros(7), 0.0, last * T, unknown=(40, 44))
         assert touch.touched(state) is None
@@ -137,7 +141,7 @@ def test_a_sample_of_no_known_instant_is_no_push(dynamics):
 
 
 def test_the_first_estimate_is_no_more_certain_than_one_that_follows(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     push = np.full(7, 5.0)
     first, second = (follow(touch, dynamics, push, 0.0, n * T).external for n in (3, 4))
     assert (np.abs(first) < 0.5 * push).all()
@@ -145,7 +149,7 @@ def test_the_first_estimate_is_no_more_certain_than_one_that_follows(dynamics):
 
 
 def test_a_push_is_felt_through_a_missed_tick(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     state = follow(touch, dynamics, np.full(7, 5.0), 0.0, 1.0, missed=(98,))
     assert touch.touched(state) is not None
 
@@ -161,7 +165,7 @@ def stand(touch, dynamics, wrench, lag_s=0.002, push=None, seconds=1.0):
     The sensor gives the means of two samples, 5 ms apart, the newest `lag_s` before the joints;
     drives report the mean of the period before. Returns every state.
     """
-    state, states = TouchState(), []
+    state, states = DetectorState(), []
     dynamics.carry(0.0, np.zeros(3))
     J, still, samples = dynamics.sensor_jacobian(REACH), np.zeros(7), []
     gravity = dynamics.torque(REACH, still, still)
@@ -173,7 +177,7 @@ def stand(touch, dynamics, wrench, lag_s=0.002, push=None, seconds=1.0):
             key=np.linalg.norm,
             default=np.zeros(6),
         )
-        load = Load(np.mean(samples[-2:], axis=0), jump, lag_s + T / 4)
+        load = SensorLoad(np.mean(samples[-2:], axis=0), jump, lag_s + T / 4)
         seen = np.mean([wrench(t - s) for s in np.arange(0.0005, T, 0.001)], axis=0)
         tau = gravity + seen @ J - (0.0 if push is None else push)
         state = touch.measure(state, REACH, tau, load, t)
@@ -188,14 +192,14 @@ def pressing(force):
 @pytest.mark.parametrize("lag_s", [0.0, 0.002, 0.005])
 def test_a_contact_that_grows_quickly_is_no_push_when_the_sensor_sees_it(dynamics, lag_s):
     """To 60 N at 1.2 N a millisecond: 16 ms of lateness would be 15 N·m at the shoulder."""
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     states = stand(touch, dynamics, lambda t: pressing(1200.0 * np.clip(t - 0.5, 0, 0.05)), lag_s)
     assert max(np.abs(s.external).max() for s in states[50:] if s.external is not None) < 3.0
     assert not any(touch.touched(s) for s in states)
 
 
 def test_what_hangs_on_the_sensor_need_not_be_known(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     states = stand(touch, dynamics, lambda _t: np.array([50.0, 30.0, -80.0, 5.0, -8.0, 1.0]))
     assert np.abs(states[-1].external).max() < 1e-6
 
@@ -208,14 +212,14 @@ def test_contact_that_chatters_between_the_sensors_samples_is_no_push(dynamics, 
     def chattering(t):
         return pressing(15.0 / closed if t > 0.3 and closes[int(t * 1e3 + 0.5)] else 0.0)
 
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
     states = stand(touch, dynamics, chattering, seconds=3.5)
     assert max(np.abs(s.external).max() for s in states[40:]) > 3.0
     assert not any(touch.touched(s) for s in states)
 
 
 def test_a_push_is_felt_while_the_tool_presses(dynamics):
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.02, T)
     push = np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     states = stand(touch, dynamics, lambda _t: pressing(60.0), push=push)
     assert touch.touched(states[-1]).joint == 1
@@ -224,7 +228,7 @@ def test_a_push_is_felt_while_the_tool_presses(dynamics):
 
 def test_a_sensor_that_falls_silent_is_no_push(dynamics):
     """What it read is then what the arm is told to carry."""
-    touch = Touch(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
+    touch = CollisionDetector(dynamics, np.zeros(7), np.full(7, 3.0), 0.0, 6.0, 0.0, T)
     weight = pressing(0.0)
     state = stand(touch, dynamics, lambda _t: weight)[-1]
     tau = dynamics.torque(REACH, np.zeros(7), np.zeros(7))

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp
 from telerobot.server.perception.filters.follower import Follower
-from telerobot.server.perception.filters.frame_tracking import Doubt, Doubted, Plausible, observed
+from telerobot.server.perception.filters.frame_tracking import (
+    NewsRejection,
+    PlausibleMotion,
+    RejectedNews,
+    update_track,
+)
 
 T = 0.01
 LATE, EVERY = 6, 3
 """Ticks from measurement to hearing, and between two measurements."""
-PLAUSIBLE = Plausible(
+PLAUSIBLE = PlausibleMotion(
     T, 0.3, 1.0, 2.0, 0.02, 0.05, 0.06, 2.0, 6.0, (np.inf, np.inf), Pose.identity()
 )
 A, J = np.repeat([2.0, 6.0], 3), np.repeat([40.0, 120.0], 3)
@@ -48,8 +53,8 @@ class Listener:
                     n = self.rng.normal(size=6) * self.noise
                     pose = Pose(rotation_exp(n[3:]) @ pose.R, pose.p + n[:3])
                 twist = None if self.twist is None else self.twist(measured * T)
-                found = observed(self.track, measured, pose, twist, 1.0, self.plausible)
-                assert not isinstance(found, Doubted), f"{found} at {tick}"
+                found = update_track(self.track, measured, pose, twist, 1.0, self.plausible)
+                assert not isinstance(found, RejectedNews), f"{found} at {tick}"
                 self.track = found
             self.state = self.follower.step(self.state, self.track, tick, T, snap)
             self.told.append(self.state.now)
@@ -127,8 +132,8 @@ def test_no_news_makes_a_frame_faster_or_accelerate_more_than_it_may(rng):
         if tick % 20 == 0:
             way = np.repeat([0.019, 0.045], 3) / np.sqrt(3.0) * rng.choice([-1.0, 0.0, 1.0], 6)
         place = Pose(rotation_exp(way[3:]) @ place.R, place.p + way[:3])
-        found = observed(listener.track, tick - LATE, place, None, 1.0, PLAUSIBLE)
-        if isinstance(found, Doubted):
+        found = update_track(listener.track, tick - LATE, place, None, 1.0, PLAUSIBLE)
+        if isinstance(found, RejectedNews):
             place = listener.track.T
         else:
             listener.track = found
@@ -152,23 +157,25 @@ def test_where_nothing_depends_on_it_the_frame_is_told_as_it_is_believed():
 @pytest.mark.parametrize(
     ("doubt", "news"),
     [
-        (Doubt.QUALITY, {"quality": 0.2}),
-        (Doubt.SPEED, {"twist": np.array([1.1, 0, 0, 0, 0, 0])}),
-        (Doubt.OUT_OF_ORDER, {"tick": 10}),
-        (Doubt.JUMP, {"T": Pose(np.eye(3), np.array([0.2, 0.0, 0.0]))}),
-        (Doubt.JUMP, {"T": Pose(rotation_exp(np.array([0.3, 0, 0])), np.zeros(3))}),
-        (Doubt.ACCELERATION, {"T": Pose(np.eye(3), np.array([0.03, 0.0, 0.0]))}),
-        (Doubt.EXTENT, {"T": Pose(np.eye(3), np.array([0.5, 0.0, 0.0]))}),
-        (Doubt.EXTENT, {"T": Pose(rotation_exp(np.array([0.5, 0, 0])), np.zeros(3))}),
+        (NewsRejection.QUALITY, {"quality": 0.2}),
+        (NewsRejection.SPEED, {"twist": np.array([1.1, 0, 0, 0, 0, 0])}),
+        (NewsRejection.OUT_OF_ORDER, {"tick": 10}),
+        (NewsRejection.JUMP, {"T": Pose(np.eye(3), np.array([0.2, 0.0, 0.0]))}),
+        (NewsRejection.JUMP, {"T": Pose(rotation_exp(np.array([0.3, 0, 0])), np.zeros(3))}),
+        (NewsRejection.ACCELERATION, {"T": Pose(np.eye(3), np.array([0.03, 0.0, 0.0]))}),
+        (NewsRejection.EXTENT, {"T": Pose(np.eye(3), np.array([0.5, 0.0, 0.0]))}),
+        (NewsRejection.EXTENT, {"T": Pose(rotation_exp(np.array([0.5, 0, 0])), np.zeros(3))}),
     ],
 )
 def test_what_is_not_plausible_is_not_believed_and_told_with_value_and_bound(doubt, news):
     track = None
     near = replace(PLAUSIBLE, extent=(0.4, 0.4))
     for tick in (4, 6, 8, 10, 30):
-        track = observed(track, tick, Pose.identity(), None, 1.0, near)
+        track = update_track(track, tick, Pose.identity(), None, 1.0, near)
     given = {"tick": 32, "T": Pose.identity(), "twist": None, "quality": 1.0, **news}
-    found = observed(track, plausible=near, **given)
+    found = update_track(track, plausible=near, **given)
     assert found.doubt is doubt
-    assert (found.value < found.bound) == (doubt in (Doubt.QUALITY, Doubt.OUT_OF_ORDER))
+    assert (found.value < found.bound) == (
+        doubt in (NewsRejection.QUALITY, NewsRejection.OUT_OF_ORDER)
+    )
     assert str(doubt) in found.words

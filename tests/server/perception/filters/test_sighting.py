@@ -3,9 +3,14 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log
-from telerobot.server.perception.filters.sighting import Belief, Doubt, Known, judge
+from telerobot.server.perception.filters.sighting import (
+    KnownTarget,
+    PictureRejection,
+    SightingBounds,
+    judge,
+)
 
-BELIEF = Belief(
+BELIEF = SightingBounds(
     period_s=0.01,
     least_quality=0.3,
     speed=0.5,
@@ -24,7 +29,7 @@ def told(known, *poses, errors=(0.05, 2.0), tick=105, quality=0.9, belief=BELIEF
     return judge(known, tick, poses, errors[: len(poses)], quality, belief)
 
 
-KNOWN = Known(at(), 100)
+KNOWN = KnownTarget(at(), 100)
 
 
 def test_the_first_picture_is_believed():
@@ -32,37 +37,37 @@ def test_the_first_picture_is_believed():
 
 
 def test_a_picture_without_a_tag_or_of_poor_quality_is_not_believed():
-    assert told(KNOWN) is Doubt.NO_TAG
-    assert told(KNOWN, at(), quality=0.29) is Doubt.QUALITY
+    assert told(KNOWN) is PictureRejection.NO_TAG
+    assert told(KNOWN, at(), quality=0.29) is PictureRejection.QUALITY
 
 
 def test_a_target_that_jumps_is_not_believed_and_one_that_moves_is():
     # five ticks: 0.02 m of noise and 0.05 s at 0.5 m/s
-    assert isinstance(told(KNOWN, at(x=0.044)), Known)
-    assert told(KNOWN, at(x=0.046)) is Doubt.JUMP
-    assert isinstance(told(KNOWN, at(turn=0.19)), Known)
-    assert told(KNOWN, at(turn=0.21)) is Doubt.JUMP
-    assert isinstance(told(KNOWN, at(x=0.046), tick=110), Known)
+    assert isinstance(told(KNOWN, at(x=0.044)), KnownTarget)
+    assert told(KNOWN, at(x=0.046)) is PictureRejection.JUMP
+    assert isinstance(told(KNOWN, at(turn=0.19)), KnownTarget)
+    assert told(KNOWN, at(turn=0.21)) is PictureRejection.JUMP
+    assert isinstance(told(KNOWN, at(x=0.046), tick=110), KnownTarget)
 
 
 def test_two_poses_that_fit_alike_are_ambiguous_until_one_is_known():
     alike = (0.4, 0.5)
-    assert told(None, at(turn=0.5), at(turn=-0.5), errors=alike) is Doubt.AMBIGUOUS
-    known = Known(at(turn=-0.5), 100)
+    assert told(None, at(turn=0.5), at(turn=-0.5), errors=alike) is PictureRejection.AMBIGUOUS
+    known = KnownTarget(at(turn=-0.5), 100)
     kept = told(known, at(turn=0.5), at(turn=-0.48), errors=alike)
     np.testing.assert_allclose(kept.T_anchor_target.R, at(turn=-0.48).R, atol=1e-12)
 
 
 def test_errors_inside_the_noise_tell_no_pose_from_another():
-    assert told(None, at(turn=0.5), at(turn=-0.5), errors=(0.01, 0.2)) is Doubt.AMBIGUOUS
+    assert told(None, at(turn=0.5), at(turn=-0.5), errors=(0.01, 0.2)) is PictureRejection.AMBIGUOUS
 
 
 def test_a_pose_that_clearly_fits_worse_is_never_taken():
-    assert told(KNOWN, at(turn=0.8), at(), errors=(0.1, 5.0)) is Doubt.JUMP
+    assert told(KNOWN, at(turn=0.8), at(), errors=(0.1, 5.0)) is PictureRejection.JUMP
 
 
 def test_an_older_picture_is_not_believed():
-    assert told(KNOWN, at(), tick=100) is Doubt.OUT_OF_ORDER
+    assert told(KNOWN, at(), tick=100) is PictureRejection.OUT_OF_ORDER
 
 
 @pytest.mark.parametrize("ticks", [1, 5, 20])

@@ -13,7 +13,7 @@ from .....server.control.state import Inputs, Intent
 from .....server.control.task.sources.position import PathGoal
 from .....server.control.tick import Control
 from .....server.daemon import guard_of
-from .....server.perception.obstacle_map import World
+from .....server.perception.obstacle_map import ObstacleMap
 from .....server.runtime.events import Events
 from ...tick import settings_of
 from ..scenes import Scene, Thing
@@ -40,7 +40,7 @@ class Telerobot:
             p := Parameters.from_cell(cell), Mechanism.from_cell(cell), guard_of(cell, p)
         )
         self._memory = self._control.seed(np.array(scene.start))
-        self._world = World(cell, Events())
+        self._world = ObstacleMap(cell, Events())
         self._moving = tuple(thing for thing in scene.things if thing.moves)
         for thing in scene.things:
             self._world.take(_news(thing, 0, self._period_s), 0)

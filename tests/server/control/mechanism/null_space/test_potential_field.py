@@ -17,7 +17,7 @@ from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Settings
 from telerobot.server.control.task.paths.goals import PathGoal
 from telerobot.server.control.tick import Control
-from telerobot.server.perception.obstacle_map import World
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 from ....conftest import SOURCES, Arm
@@ -46,7 +46,7 @@ def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
         T_world_crf=Pose.identity(),
         wrench_bias=np.zeros(6),
     )
-    scene = World(cell, Events()).scene(0)
+    scene = ObstacleMap(cell, Events()).scene(0)
     return Arm(cell, p, mechanism, Control(p, mechanism), settings), scene
 
 

@@ -17,7 +17,7 @@ from telerobot.server.control.mechanism.null_space.priority import (
 )
 from telerobot.server.control.proximity.control_points import ALIKE, Spheres
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.obstacle_map import World
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 from telerobot.tools.bench.load import chain
 
@@ -35,7 +35,7 @@ def priority_of(cell=CELL, **changes):
 
 def scene_of(*obstacles):
     config = CELL.config.model_copy(update={"obstacles": obstacles})
-    return World(dataclasses.replace(CELL, config=config), Events()).scene(0)
+    return ObstacleMap(dataclasses.replace(CELL, config=config), Events()).scene(0)
 
 
 def null_at(q):
