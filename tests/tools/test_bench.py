@@ -2,7 +2,6 @@
 
 import json
 import math
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from telerobot.config.load import load_cell
 from telerobot.tools.bench import cli, growth, load, tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.figures import machine, percentiles
-from telerobot.tools.bench.growth_plot import BOTTOM, svg
+from telerobot.tools.bench.growth_plot import drawn
 from telerobot.tools.bench.plant import without_self_motion
 from telerobot.tools.cli import main
 
@@ -71,15 +70,21 @@ def test_growth_is_drawn_with_lines_for_each_percentile_and_panel():
         "limited_us": {"p50": 120.0, "p99": 200.0},
         "back_to_back_us": {"p50": 60.0, "p99": 90.0},
     }
-    picture = ElementTree.fromstring(svg({"obstacles": {1: row, 64: row}, "joints": {6: row}}))
-    lines = [e for e in picture.iter() if e.tag.endswith("polyline")]
-    assert len(lines) == 8
-    # What took twice as long stands twice as high above the axis.
-    above = [
-        BOTTOM - float(line.attrib["points"].split()[0].partition(",")[2]) for line in lines[:4]
+    panels = drawn({"obstacles": {1: row, 64: row}, "joints": {6: row}}).axes
+    assert [panel.get_title() for panel in panels] == [
+        "one tick [µs] against obstacles",
+        "one tick [µs] against joints",
     ]
-    times = [120.0, 60.0, 200.0, 90.0]
-    assert above == pytest.approx([above[0] * us / times[0] for us in times], rel=0.01)
+    for panel in panels:
+        lines = {line.get_label(): line.get_ydata()[0] for line in panel.lines}
+        expected = {
+            "p50": 120.0,
+            "p50, back to back": 60.0,
+            "p99": 200.0,
+            "p99, back to back": 90.0,
+        }
+        assert expected.items() <= lines.items()
+        assert panel.get_ylim()[0] == 0.0
 
 
 def test_an_unknown_benchmark_is_bad_usage():

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from ...config.load import Cell, load_cell
+from ...drivers.device import DeviceError
 from ..host.local_plant import ChildDied
 from ..operator.client.operator import OperatorError
 from . import latency, simulate, sync, tick
 from .figures import Figures, machine
 from .growth import growth
-from .growth_plot import svg
 from .load import OBSTACLES, among
 
 Bench = Callable[[Cell, bool], Figures]
@@ -61,14 +61,16 @@ def run(args: argparse.Namespace) -> int:
     facts = machine()
     print(f"{facts['cores']} cores, {facts['processor']}, Python {facts['python']}")
     if args.growth:
+        draw = _drawing() if args.growth.suffix == ".svg" else None
         grown = growth(load_cell("pa10"), args.quick)
         for of, rows in grown.items():
             for count, figures in rows.items():
                 for line in table(f"{count} {of}", figures):
                     print(line)
-        drawn = args.growth.suffix == ".svg"
-        words = svg(grown) if drawn else json.dumps({"machine": facts, **grown}, indent=1)
-        args.growth.write_text(words, encoding="utf-8")
+        if draw is None:
+            args.growth.write_text(json.dumps({"machine": facts, **grown}, indent=1))
+        else:
+            draw(grown, args.growth)
         return 0
     results: dict[str, dict[str, Figures]] = {}
     failed = False
@@ -88,6 +90,17 @@ def run(args: argparse.Namespace) -> int:
             json.dumps({"machine": facts, "quick": args.quick, **results}, indent=1)
         )
     return 1 if failed else 0
+
+
+def _drawing() -> Callable[[Figures, Path], None]:
+    """Return what draws the growth into a file; raises `DeviceError` where matplotlib is not installed."""
+    try:
+        from .growth_plot import draw
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        raise DeviceError("nothing to draw with: pip install 'telerobot[plot]'") from None
+    return draw
 
 
 def table(title: str, figures: Figures) -> Iterator[str]:
