@@ -7,9 +7,9 @@ from telerobot.server.control.mechanism.null_space.potentials.potential import (
     Strengths,
     Value,
 )
-from telerobot.server.control.mechanism.null_space.potentials.search import Place
 
 from .around import points
+from .search import Place
 
 LOWER, UPPER = -np.pi * np.ones(3), np.pi * np.ones(3)
 START = np.array([0.0, np.pi / 2, -np.pi / 2])

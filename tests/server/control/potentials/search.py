@@ -1,4 +1,4 @@
-"""The least potential that self-motion reaches: a search downhill that keeps the tool's pose.
+"""The least potential that self-motion reaches: what the tick's one step per tick is held against.
 
 Scott & Carignan, eqs. 2 and 5–7, with three differences. Steps follow the slope projected to the
 self-motions, Pτ, over its own curvature, and are shortened until the potential falls. Each is
@@ -11,9 +11,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-
-from ....spatial import Array
-from .curvature import curvature
+from telerobot.server.control.mechanism.null_space.potentials.curvature import curvature
+from telerobot.server.control.spatial import Array
 
 LONGEST = 0.1
 """Longest step [rad]."""
