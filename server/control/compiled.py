@@ -37,6 +37,15 @@ def _array(dtype: Any, dimensions: int) -> Any:
     return types.Array(dtype, dimensions, "A", readonly=True)
 
 
+def record(*fields: Any) -> Any:
+    """Return the type of a plain tuple of arrays and numbers: a named record goes in as `it[:]`.
+
+    Numba takes no named tuple whose arrays may have any strides. The kernel unpacks the tuple, in
+    the order that the record's class states.
+    """
+    return types.Tuple(fields)  # type: ignore[no-untyped-call]  # numba's
+
+
 VECTOR: Final = _array(types.float64, 1)
 MATRIX: Final = _array(types.float64, 2)
 ARRAY3: Final = _array(types.float64, 3)

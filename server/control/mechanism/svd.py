@@ -1,8 +1,10 @@
 """Singular values of a small matrix, by one-sided Jacobi rotations (Hestenes 1958).
 
 Rotations make the rows of a matrix orthogonal, pair by pair: Uᵀ A = S Vᵀ. For a Jacobian of six
-rows that takes a third of what a general library takes, and a small singular value comes out with
-all the digits that the matrix gives it (Demmel and Veselić 1992).
+rows and up to twelve columns that takes 0.6 to 0.8 of LAPACK's time inside a kernel, half of it
+when caches are cold, and needs no SciPy, which Numba's LAPACK does; at thirty columns LAPACK is
+quicker. A small singular value comes out with all the digits that the matrix gives it (Demmel and
+Veselić 1992).
 """
 
 import math
