@@ -2,7 +2,8 @@
 
 from ...protocols.messages.moving import FrameRequest
 from ..control.frame_tree import Tree
-from ..control.spatial import Array, Pose, rotate_twist, rotation_rpy, wrench_to
+from ..control.rigid_body import wrench_to
+from ..control.spatial import Array, Pose, rotate_twist, rotation_rpy
 
 
 def placed_frame(request: FrameRequest, tree: Tree, parent: str) -> Pose:

@@ -1,8 +1,9 @@
-"""One rigid body's motion, told at another of its points (Williams 1997, eq. 1)."""
+"""Twists and wrenches of one rigid body at another of its points (Williams 1997, eqs. 1 and 5)."""
 
 import numpy as np
 
-from .spatial import Array, cross, sizes, skew
+from .compiled import MATRIX, VECTOR, compiled
+from .spatial import Array, Pose, cross, sizes, skew
 from .stop.trajectory import Motion
 
 
@@ -11,6 +12,14 @@ def twist_at(twist: Array, lever: Array) -> Array:
     moved = twist.copy()
     moved[:3] += cross(twist[3:], lever)
     return moved
+
+
+def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
+    """Return a wrench (6,) given at b's origin in b's axes, at a's origin in a's axes.
+
+    Williams 1997, eq. 5, with a the MRF and b the Sensor.
+    """
+    return _wrench_to(T_a_b.R, T_a_b.p, wrench_b)
 
 
 def jacobian_at(J: Array, lever: Array) -> Array:
@@ -51,3 +60,15 @@ def within(twist: Array, most: tuple[float, float]) -> Array:
     v, w = sizes(twist)
     share = min(1.0, most[0] / max(v, 1e-12), most[1] / max(w, 1e-12))
     return twist if share == 1.0 else share * twist
+
+
+@compiled(MATRIX, VECTOR, VECTOR)
+def _wrench_to(R: Array, p: Array, wrench: Array) -> Array:
+    out = np.empty(6)
+    for i in range(3):
+        out[i] = R[i, 0] * wrench[0] + R[i, 1] * wrench[1] + R[i, 2] * wrench[2]
+        out[3 + i] = R[i, 0] * wrench[3] + R[i, 1] * wrench[4] + R[i, 2] * wrench[5]
+    out[3] += p[1] * out[2] - p[2] * out[1]
+    out[4] += p[2] * out[0] - p[0] * out[2]
+    out[5] += p[0] * out[1] - p[1] * out[0]
+    return out

@@ -1,4 +1,4 @@
-"""Poses, twists and wrenches, and how they change with frame and point.
+"""Poses, rotations and twists, and how they change with frame.
 
 A pose `T_a_b` maps coordinates in frame b to frame a. Twists are `[v; ω]`, wrenches `[f; m]`.
 Rotations by logarithm (Williams 1997, section 2.3, with the geodesic in place of Euler rates).
@@ -228,23 +228,6 @@ def rotate_twist(R: Array, twist: Array) -> Array:
     return out
 
 
-def twist_at_wrist(twist_mrf: Array, R_k_j: Array, R_k_wrist: Array, p_wrist_mrf: Array) -> Array:
-    """Return the Wrist's twist in axes k for a twist of the MRF in axes j (Williams 1997, eq. 1).
-
-    `p_wrist_mrf` (3,) is the MRF origin seen from Wrist, in Wrist axes [m].
-    """
-    v, w = R_k_j @ twist_mrf[:3], R_k_j @ twist_mrf[3:]
-    return np.concatenate([v + cross(R_k_wrist @ p_wrist_mrf, w), w])
-
-
-def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
-    """Return a wrench (6,) given at b's origin in b's axes, at a's origin in a's axes.
-
-    Williams 1997, eq. 5, with a the MRF and b the Sensor.
-    """
-    return _moved_wrench(T_a_b.R, T_a_b.p, wrench_b)
-
-
 def pose_error(T_target: Pose, T: Pose) -> Array:
     """Return the twist (6,) in World axes that leads from T to T_target in one second.
 
@@ -270,15 +253,6 @@ def _composed(R_a_b: Array, p_a_b: Array, R_b_c: Array, p_b_c: Array) -> tuple[A
             R[i, j] = x * R_b_c[0, j] + y * R_b_c[1, j] + z * R_b_c[2, j]
         p[i] = x * p_b_c[0] + y * p_b_c[1] + z * p_b_c[2] + p_a_b[i]
     return R, p
-
-
-@compiled(MATRIX, VECTOR, VECTOR)
-def _moved_wrench(R: Array, p: Array, wrench: Array) -> Array:
-    out = rotate_twist(R, wrench)
-    out[3] += p[1] * out[2] - p[2] * out[1]
-    out[4] += p[2] * out[0] - p[0] * out[2]
-    out[5] += p[0] * out[1] - p[1] * out[0]
-    return out
 
 
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR)

@@ -14,8 +14,8 @@ from .mechanism.kinematics import Kinematics
 from .mechanism.payload import Payload
 from .parameters import Parameters
 from .redefinition import carried, differ, goal_point, led
-from .rigid_body import twist_at
-from .spatial import GRAVITY, Array, Pose, rotate_twist, wrench_to
+from .rigid_body import twist_at, wrench_to
+from .spatial import GRAVITY, Array, Pose, rotate_twist
 from .state import Inputs, Intent, Memory, Settings
 from .task.gains import GAIN_TIME_S
 from .task.sources.feedforward import About, Frames, FramesState

@@ -9,6 +9,7 @@ from telerobot.config.schema.mechanism import Payload
 from telerobot.config.schema.section import Pose
 from telerobot.server.control import spatial
 from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.rigid_body import wrench_to
 from telerobot.tools.identify.attitudes import attitudes
 from telerobot.tools.identify.guide import Guide
 from telerobot.tools.identify.run import identify_simulated, judge
@@ -72,7 +73,7 @@ def residuals(simulation):
     start = simulation.player.start_s + 0.1
     wrenches = np.array(
         [
-            spatial.wrench_to(T_sensor_mrf, np.array(s.wrench_mrf))
+            wrench_to(T_sensor_mrf, np.array(s.wrench_mrf))
             for s in simulation.states
             if s.mode == "enabled" and s.time_s > start
         ]

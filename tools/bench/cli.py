@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _drawing() -> Callable[[Figures, Path], None]:
-    """Return what draws the growth into a file; raises `DeviceError` where matplotlib is not installed."""
+    """Return a function that draws the growth; raises `DeviceError` without matplotlib."""
     try:
         from .growth_plot import draw
     except ModuleNotFoundError as error:

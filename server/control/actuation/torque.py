@@ -24,7 +24,8 @@ from ....config.schema.torque import Torque
 from ..compiled import VECTOR, compiled
 from ..mechanism.dynamics import Dynamics
 from ..mechanism.kinematics import Kinematics
-from ..spatial import Array, Pose, pose_error, wrench_to
+from ..rigid_body import wrench_to
+from ..spatial import Array, Pose, pose_error
 from ..stop.trajectory import Motion
 from .computed_torque import computed_torque
 from .load_doubt import LASTS_HZ, held_back, share_at_once

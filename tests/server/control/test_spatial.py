@@ -1,6 +1,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from telerobot.server.control.rigid_body import twist_at, wrench_to
 from telerobot.server.control.spatial import (
     Pose,
     cross,
@@ -15,9 +16,7 @@ from telerobot.server.control.spatial import (
     sizes,
     skew,
     turned,
-    twist_at_wrist,
     vector_rate,
-    wrench_to,
 )
 
 ANGLES = (0.0, 1e-12, 1e-8, 1e-6, 1e-4, 0.1, 1.0, 2.0, 3.0, 3.1, np.pi - 1e-4, np.pi - 1e-7)
@@ -120,19 +119,23 @@ def test_the_quick_cross_product_is_the_cross_product(rng):
         np.testing.assert_allclose(skew(a) @ b, np.cross(a, b), atol=1e-15)
 
 
+def at_wrist(twist_mrf, T_wrist_mrf):
+    """The Wrist's twist in its own axes, of the MRF's in its own: eq. 1."""
+    return twist_at(rotate_twist(T_wrist_mrf.R, twist_mrf), -T_wrist_mrf.p)
+
+
 def test_eq_1_agrees_with_pinocchio(rng, random_pose):
     for _ in range(30):
         T_wrist_mrf, twist = random_pose(), rng.normal(size=6)
         expected = pin.SE3(T_wrist_mrf.R, T_wrist_mrf.p).act(pin.Motion(twist))
-        found = twist_at_wrist(twist, T_wrist_mrf.R, np.eye(3), T_wrist_mrf.p)
-        np.testing.assert_allclose(found, expected.vector, atol=1e-13)
+        np.testing.assert_allclose(at_wrist(twist, T_wrist_mrf), expected.vector, atol=1e-13)
 
 
 def test_eq_1_means_the_same_motion_in_whatever_axes(rng, random_pose):
     for _ in range(30):
         T_wrist_mrf, R_k_wrist, twist = random_pose(), random_pose().R, rng.normal(size=6)
-        in_wrist = twist_at_wrist(twist, T_wrist_mrf.R, np.eye(3), T_wrist_mrf.p)
-        in_k = twist_at_wrist(twist, R_k_wrist @ T_wrist_mrf.R, R_k_wrist, T_wrist_mrf.p)
+        in_k = twist_at(rotate_twist(R_k_wrist @ T_wrist_mrf.R, twist), -R_k_wrist @ T_wrist_mrf.p)
+        in_wrist = at_wrist(twist, T_wrist_mrf)
         np.testing.assert_allclose(in_k, rotate_twist(R_k_wrist, in_wrist), atol=1e-13)
 
 
@@ -146,7 +149,7 @@ def test_eq_5_agrees_with_pinocchio(rng, random_pose):
 def test_eqs_1_and_5_are_dual_in_power(rng, random_pose):
     for _ in range(100):
         T_wrist_mrf, twist_mrf, wrench_wrist = random_pose(), rng.normal(size=6), rng.normal(size=6)
-        twist_wrist = twist_at_wrist(twist_mrf, T_wrist_mrf.R, np.eye(3), T_wrist_mrf.p)
+        twist_wrist = at_wrist(twist_mrf, T_wrist_mrf)
         wrench_mrf = wrench_to(T_wrist_mrf.inverse(), wrench_wrist)
         assert wrench_mrf @ twist_mrf == pytest.approx(wrench_wrist @ twist_wrist, abs=1e-12)
 

@@ -23,7 +23,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...compiled import ARRAY3, FLAG, MATRIX, NUMBER, VECTOR, compiled
-from ...spatial import GRAVITY, Array, Pose, rotate_twist, wrench_to
+from ...rigid_body import wrench_to
+from ...spatial import GRAVITY, Array, Pose, rotate_twist
 
 INERTIA_PERIODS = 0.5
 """Delay of the wrench where inertial forces are taken off [periods]."""

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from telerobot.server.control.rigid_body import twist_at
 from telerobot.server.control.spatial import (
     Pose,
     pose_error,
     rotation_exp,
     rotation_log,
     rotation_rpy,
-    twist_at_wrist,
 )
 from telerobot.server.control.task.sources.vision import ViewGoal, Vision, VisionState
 
@@ -40,7 +40,7 @@ def settled(goal, wrist=WRIST, gain=ONE, factor=1.0):
 def lens_rate(rate):
     """Return the Lens's twist for one of the MRF, both in World axes."""
     p_lens_mrf = P_MRF - (WRIST @ LENS).p
-    return twist_at_wrist(rate, np.eye(3), np.eye(3), p_lens_mrf)
+    return twist_at(rate, -p_lens_mrf)
 
 
 def small(rng):
