@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from ..errors import ConfigError, nearest
+from ..joint_bounds import joint_bounds
 from ..schema.cell import CellConfig
 from ..schema.mechanism import Drive, Mechanism
 from ..urdf import Robot, UrdfJoint
@@ -121,7 +122,7 @@ def _drive(where: str, drive: Drive, joint: UrdfJoint) -> Iterator[str]:
 
 def _postures(config: CellConfig, robot: Robot) -> Iterator[str]:
     postures = config.mechanism.postures
-    margin = {d.joint: d.position_margin for d in config.mechanism.drives}
+    bounds = joint_bounds(robot.joints, config.mechanism.drives)
     for name in REQUIRED_POSTURES:
         if name not in postures:
             yield f"mechanism.postures.{name}: missing: 'start' and 'ready' are required"
@@ -130,8 +131,7 @@ def _postures(config: CellConfig, robot: Robot) -> Iterator[str]:
         if len(q) != len(robot.joints):
             yield f"{where}: {len(q)} values: must be {len(robot.joints)}: one per joint"
             continue
-        for i, (angle, joint) in enumerate(zip(q, robot.joints, strict=True)):
-            low, high = joint.lower + margin[joint.name], joint.upper - margin[joint.name]
+        for i, (angle, joint, low, high) in enumerate(zip(q, robot.joints, *bounds, strict=True)):
             if not low <= angle <= high:
                 yield (
                     f"{where}[{i}]: value {angle:g}: joint '{joint.name}' must be within {low:g} "

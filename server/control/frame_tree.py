@@ -86,7 +86,7 @@ class Mount(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Tree:
+class FrameTree:
     """Every frame at one instant."""
 
     moved: Moved

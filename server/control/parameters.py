@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...config.schema.cell import CellConfig, Limits, Redundancy, Resolve, Schedule
 from ...config.schema.following import Following
@@ -101,9 +102,8 @@ class Parameters:
         on none of the arm's links.
         """
         c: CellConfig = cell.config
-        drives = {d.joint: d for d in c.mechanism.drives}
-        ordered = [drives[j.name] for j in cell.robot.joints]
-        margin = np.array([d.position_margin for d in ordered])
+        ordered = c.mechanism.drives
+        bounds = joint_bounds(cell.robot.joints, ordered)
         sensor = c.mechanism.force_torque
         smoothing = 1.0
         if sensor is not None:
@@ -114,8 +114,8 @@ class Parameters:
             period_s=c.timing.period_s,
             joints=Joints(
                 names=tuple(j.name for j in cell.robot.joints),
-                lower=np.array([j.lower for j in cell.robot.joints]) + margin,
-                upper=np.array([j.upper for j in cell.robot.joints]) - margin,
+                lower=np.array(bounds.lower),
+                upper=np.array(bounds.upper),
                 velocity=np.array([d.max_velocity for d in ordered]),
                 acceleration=np.array([d.max_acceleration for d in ordered]),
                 jerk=np.array([d.max_jerk for d in ordered]),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...config.errors import ConfigError
+from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.spatial import Array, Pose
@@ -57,10 +58,8 @@ class _Space:
         self._mechanism = Mechanism.from_cell(cell)
         self._tool = Pose.from_xyz_rpy(config.T_wrist_mrf.xyz, config.T_wrist_mrf.rpy)
         self._home, self._room = home, room
-        margin = {d.joint: d.position_margin for d in config.drives}
-        kept = np.array([margin[j.name] + FROM_LIMIT for j in cell.robot.joints])
-        self._lower = np.array([j.lower for j in cell.robot.joints]) + kept
-        self._upper = np.array([j.upper for j in cell.robot.joints]) - kept
+        bounds = joint_bounds(cell.robot.joints, config.drives, FROM_LIMIT)
+        self._lower, self._upper = np.array(bounds.lower), np.array(bounds.upper)
         self._centre = self._tip(home)
 
     def up(self, q: Array) -> Array:

@@ -21,6 +21,7 @@ from typing import Self
 
 import numpy as np
 
+from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from .arm import Arm
 from .poses import Array, difference, rotation
@@ -54,15 +55,14 @@ class Judge:
     def of(cls, cell: Cell) -> Self:
         """Read the bounds of a cell."""
         config = cell.config
-        drives = {d.joint: d for d in config.mechanism.drives}
-        ordered = [drives[j.name] for j in cell.robot.joints]
-        margin = np.array([d.position_margin for d in ordered]) + LIMIT_ROOM
+        drives = config.mechanism.drives
+        bounds = joint_bounds(cell.robot.joints, drives, LIMIT_ROOM)
         length = config.resolve.characteristic_length
         return cls(
             Arm.of(cell),
-            np.array([j.lower for j in cell.robot.joints]) + margin,
-            np.array([j.upper for j in cell.robot.joints]) - margin,
-            np.array([d.max_velocity for d in ordered]),
+            np.array(bounds.lower),
+            np.array(bounds.upper),
+            np.array([d.max_velocity for d in drives]),
             np.array([1.0] * 3 + [length] * 3),
             SINGULAR_ROOM * config.resolve.singular_region,
             (config.sources.position.speed, config.sources.position.angular_speed),

@@ -19,6 +19,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
+from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...drivers.rig.physics.world import World
 from .arm import Arm
@@ -69,11 +70,10 @@ class _Search:
     """The tree, and what its postures keep; joint arrays are (n,)."""
 
     def __init__(self, cell: Cell, world: World, q: Array, promise: float, held: float) -> None:
-        margins = {d.joint: d.position_margin for d in cell.config.mechanism.drives}
-        joints = cell.robot.joints
+        bounds = joint_bounds(cell.robot.joints, cell.config.mechanism.drives)
         self._arm, self._world = Arm.of(cell), world
-        self._low = np.minimum(q, [j.lower + margins[j.name] for j in joints])
-        self._high = np.maximum(q, [j.upper - margins[j.name] for j in joints])
+        self._low = np.minimum(q, bounds.lower)
+        self._high = np.maximum(q, bounds.upper)
         gaps = self._gaps(q)
         promised = np.full(len(gaps), promise)
         promised[-1] = cell.config.avoidance.self_clearance

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.frame_tree import FRAMES, Body, Mount, Moved, Tree, UnknownFrame
+from telerobot.server.control.frame_tree import FRAMES, Body, FrameTree, Mount, Moved, UnknownFrame
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp, rotation_rpy
 
 STEP_S = 1e-5
@@ -27,7 +27,7 @@ def world(rng):
     def at(seconds):
         b, c, w = (moved_on(body, seconds) for body in (base, carrier, wrist))
         moved = Moved(b, c, b.T)
-        return Tree(moved, w.T @ T_wrist_mrf, T_wrist_mrf, crf, sensor, lens, wrist.twist)
+        return FrameTree(moved, w.T @ T_wrist_mrf, T_wrist_mrf, crf, sensor, lens, wrist.twist)
 
     return at
 
@@ -54,7 +54,9 @@ def test_a_tool_that_does_what_its_ground_carries_stands_still_on_it(world):
 
 def test_a_frame_that_is_not_there_is_named_with_those_that_are(world):
     tree = world(0.0)
-    bare = Tree(tree.moved, tree.T_world_mrf, tree.T_wrist_mrf, Mount("world", Pose.identity()))
+    bare = FrameTree(
+        tree.moved, tree.T_world_mrf, tree.T_wrist_mrf, Mount("world", Pose.identity())
+    )
     for name in ("lens", "sensor", "hand"):
         with pytest.raises(UnknownFrame) as caught:
             bare.pose(name)
@@ -63,5 +65,5 @@ def test_a_frame_that_is_not_there_is_named_with_those_that_are(world):
 
 def test_what_the_arm_carries_moves_with_a_base_that_moves_an_arm_at_rest(world):
     tree = world(0.0)
-    resting = Tree(tree.moved, tree.T_world_mrf, tree.T_wrist_mrf, tree.crf)
+    resting = FrameTree(tree.moved, tree.T_world_mrf, tree.T_wrist_mrf, tree.crf)
     np.testing.assert_allclose(resting.twist("mrf", "base"), 0.0, atol=1e-12)

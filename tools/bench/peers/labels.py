@@ -9,6 +9,7 @@ whom. So *feasible* is a proof, by example; *not feasible* says that no example 
 
 import numpy as np
 
+from ....config.joint_bounds import joint_bounds
 from ....config.load import Cell
 from ....server.control.spatial import Array, Pose, pose_error
 from .geometry import Geometry
@@ -37,11 +38,8 @@ Draw = np.random.Generator
 
 def room(cell: Cell) -> tuple[Array, Array]:
     """Return the joint angles (n,) [rad] that postures are looked for between."""
-    drives = {drive.joint: drive for drive in cell.config.mechanism.drives}
-    margin = np.array([drives[j.name].position_margin for j in cell.robot.joints]) + LIMIT_ROOM
-    low = np.array([j.lower for j in cell.robot.joints]) + margin
-    high = np.array([j.upper for j in cell.robot.joints]) - margin
-    return low, high
+    bounds = joint_bounds(cell.robot.joints, cell.config.mechanism.drives, LIMIT_ROOM)
+    return np.array(bounds.lower), np.array(bounds.upper)
 
 
 def labelled(cell: Cell, scene: Scene, copies: int) -> Scene:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ....config.joint_bounds import joint_bounds
 from ....config.load import Cell
 from ....config.schema.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
 from ....drivers.rig.physics.world import World
@@ -150,9 +151,7 @@ def _start(
 ) -> tuple[Cell, float, float] | None:
     """Return the cell with a start whose clearance is between two bounds, if one is found."""
     mechanism = cell.config.mechanism
-    margins = {d.joint: d.position_margin for d in mechanism.drives}
-    low = np.array([j.lower + margins[j.name] for j in cell.robot.joints])
-    high = np.array([j.upper - margins[j.name] for j in cell.robot.joints])
+    low, high = joint_bounds(cell.robot.joints, mechanism.drives)
     world, own = World(cell), Arm.of(cell)
     around = Around(cell, Links(cell))
     ready = np.array(mechanism.postures["ready"])
