@@ -86,7 +86,7 @@ class Cycle:
         self._admission = Admission(
             cell.config.name, timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
         )
-        self._commands = Commands(cell)
+        self._commands = Commands.from_cell(cell)
         grants = Grants(cell.config.name, self._admission, new_key)
         self._services = Services(self._admission, self._commands, self._events, grants)
         self._power = DrivePower(cell, plant, self._events)
@@ -340,28 +340,29 @@ class Cycle:
         T_world_mrf = self._control.pose_mrf(
             self._memory, commands.frames.T_wrist_mrf, None if moved is None else moved.base.T
         )
+        asked, obstacles = commands.in_force(now_s, T_world_mrf), perception.obstacles
         inputs = Inputs(
             time_s=now_s,
             intent=intent,
             q_measured=q,
-            settings=commands.control_settings(),
+            settings=asked.settings,
             energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
             wrench_sensor=reading.wrench,
             wrench_age_s=reading.wrench_lag_s,
             wrench_mean=reading.wrench_over_period,
-            stick=commands.stick(now_s, T_world_mrf) if moving else None,
-            jog=commands.jog(now_s) if moving else None,
-            goal=commands.goal if moving else None,
-            paused=commands.paused,
+            stick=asked.stick if moving else None,
+            jog=asked.jog if moving else None,
+            goal=asked.goal if moving else None,
+            paused=asked.paused,
             view=perception.vision.goal(commands.frames.moved.base.T) if moving else None,
-            posture=commands.posture if moving else None,
-            at_posture=commands.at_rest,
-            wrench_desired=commands.wrench_desired,
-            scene=perception.obstacles.scene(self.tick) if perception.obstacles.known else None,
-            R_world_wrench=commands.wrench_axes(T_world_mrf),
+            posture=asked.posture if moving else None,
+            at_posture=asked.at_posture,
+            wrench_desired=asked.wrench_desired,
+            scene=obstacles.scene(self.tick) if obstacles.known else None,
+            R_world_wrench=asked.R_world_wrench,
             moved=moved,
-            ground="world" if moved is None else commands.ground(now_s),
-            T_wrist_goal=commands.T_wrist_goal,
+            ground="world" if moved is None else asked.ground,
+            T_wrist_goal=asked.T_wrist_goal,
             pushed=None if moving else perception.collisions.pushed,
         )
         start = time.perf_counter()
@@ -376,11 +377,11 @@ class Cycle:
             self._quick_stop(refused, "gate_refused")
         self.plant.write(self.output.command)
         self.plant.grip(commands.settings.gripper_closed)
-        if self.output.at_goal and commands.posture is not None:
-            commands.finish_posture()
+        if self.output.at_goal and commands.goals.posture is not None:
+            commands.goals.finish_posture()
             self._events.info("posture_reached")
-        elif commands.at_rest and np.abs(self.output.twists["following"]).max() > LED:
-            commands.led_by_hand()
+        elif commands.goals.at_rest and np.abs(self.output.twists["following"]).max() > LED:
+            commands.goals.led_by_hand()
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
         """Tell that an obstacle came too near for any stop, and which is nearest."""
@@ -412,7 +413,7 @@ class Cycle:
             self._perception.collisions.external,
         )
         self._link.publish(STATE, encode(state))
-        reflection = self._commands.reflection(self.tick)
+        reflection = self._commands.handle.message(self.tick)
         if reflection is not None:
             self._link.publish(REFLECTION, encode(reflection))
         if self.tick % DESCRIBE_EVERY == 1:

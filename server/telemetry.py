@@ -3,6 +3,7 @@
 import math
 from importlib import metadata
 
+from ..config.joint_bounds import joint_bounds
 from ..config.load import Cell
 from ..protocols.messages.messages import VERSION, Description, State, Vector6
 from .commands.commands import Commands
@@ -23,9 +24,9 @@ from .plant import PlantReading
 def describe(cell: Cell) -> Description:
     """Return the description of a cell."""
     config = cell.config
-    drives = {d.joint: d for d in config.mechanism.drives}
+    drives = config.mechanism.drives
     joints = cell.robot.joints
-    margins = [drives[j.name].position_margin for j in joints]
+    bounds = joint_bounds(joints, drives)
     sources = config.sources
     return Description(
         cell=config.name,
@@ -33,9 +34,9 @@ def describe(cell: Cell) -> Description:
         network=network(cell),
         period_s=config.timing.period_s,
         joints=tuple(j.name for j in joints),
-        lower=tuple(j.lower + m for j, m in zip(joints, margins, strict=True)),
-        upper=tuple(j.upper - m for j, m in zip(joints, margins, strict=True)),
-        max_velocity=tuple(drives[j.name].max_velocity for j in joints),
+        lower=bounds.lower,
+        upper=bounds.upper,
+        max_velocity=tuple(d.max_velocity for d in drives),
         postures=config.mechanism.postures,
         sources=("joystick", "position", "vision", "force", "following"),
         gains={
@@ -118,7 +119,7 @@ def report(
         spheres={} if output.near is None else sphere_distances(output.near),
         priority=None if output.near is None else output.near.alpha,
         gaps=tuple((g.link, g.other, g.gap, g.active) for g in output.gaps),
-        at_goal=output.at_goal or commands.posture_reached,
+        at_goal=output.at_goal or commands.goals.posture_reached,
         speed_factor=commands.settings.speed_factor,
         drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
         protective_stop=protective_stop,

@@ -1,4 +1,4 @@
-"""Computes and encodes a little of nothing, so that the first real ticks are not the slow ones."""
+"""Warm-up: ticks and messages with dummy inputs, so that the first real ones are not slow."""
 
 from dataclasses import replace
 
@@ -22,12 +22,12 @@ TICKS = 20
 
 
 def warm_up(cell: Cell, control: Control) -> None:
-    """Run through the code that a tick runs through; changes nothing."""
+    """Run the tick with every kind of input, so that all of its code is loaded; keeps nothing."""
     q = np.array(cell.config.mechanism.postures["start"])
-    settings = Commands(cell).control_settings()
+    commands = Commands.from_cell(cell)
+    settings = commands.control_settings()
     every = Pulls(dict.fromkeys(OBJECTIVES, 0.1), q)
     settings = replace(settings, pulls=every)
-    commands = Commands(cell)
     moved = commands.frames.moved if cell.config.frames.moving else None
     stick = StickCommand(np.full(6, 0.01), np.eye(3))
     for intent in Intent:

@@ -1,10 +1,12 @@
-"""Where every frame is: the MRF and CRF that are in force, and what Base and Carrier do."""
+"""The frames of a cell: the MRF and CRF in force, and where Base and Carrier are."""
 
 from collections.abc import Callable
 
-from ...config.load import Cell
+from ...config.schema.mechanism import Mechanism
+from ...config.schema.moving import Frames
+from ...config.schema.section import Pose as Place
 from ...protocols.messages.moving import FrameRequest
-from ..control.frame_tree import Body, Mount, Moved, Tree, UnknownFrame
+from ..control.frame_tree import Body, FrameTree, Mount, Moved, UnknownFrame
 from ..control.spatial import Pose
 from .redefinition import placed_frame
 
@@ -12,22 +14,24 @@ from .redefinition import placed_frame
 class FrameSet:
     """The frames of one cell, redefined as operators ask."""
 
-    def __init__(self, cell: Cell, T_wrist_sensor: Pose | None) -> None:
-        config, frames = cell.config, cell.config.frames
-        place = config.mechanism.T_world_base
+    def __init__(self, mechanism: Mechanism, frames: Frames, T_world_crf: Place) -> None:
+        place, sensor = mechanism.T_world_base, mechanism.force_torque
         base = Body.standing(Pose.from_xyz_rpy(place.xyz, place.rpy))
         self.moved = Moved(base, Body.standing(Pose.identity()), base.T)
         """Where Base and Carrier are now."""
-        mrf, crf = config.mechanism.T_wrist_mrf, config.T_world_crf
+        mrf = mechanism.T_wrist_mrf
         self.T_wrist_mrf = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy)
-        on_ground = crf if frames.crf_on == "world" else frames.T_ground_crf
+        on_ground = T_world_crf if frames.crf_on == "world" else frames.T_ground_crf
         self.crf = Mount(frames.crf_on, Pose.from_xyz_rpy(on_ground.xyz, on_ground.rpy))
         self.redefined = 0
         """How often MRF or CRF were redefined."""
         self.lens: Callable[[], Mount | None] = lambda: None
-        """Where the Lens of the camera is whose view is kept."""
+        """Returns the mount of the Lens whose view is kept."""
         self._movable = frozenset(frames.moving)
-        self._T_wrist_sensor = T_wrist_sensor
+        self._T_wrist_sensor = None
+        if sensor is not None:
+            place = sensor.T_wrist_sensor
+            self._T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)
 
     @property
     def T_world_crf(self) -> Pose:
@@ -43,13 +47,13 @@ class FrameSet:
         """Return the ground by that name; World for one that stands."""
         return name if name in self._movable else "world"
 
-    def tree(self, T_world_mrf: Pose) -> Tree:
-        """Return every frame, with the MRF at a pose in World."""
-        return Tree(
+    def tree(self, T_world_mrf: Pose) -> FrameTree:
+        """Return the tree of all frames, with the MRF at a pose in World."""
+        return FrameTree(
             self.moved, T_world_mrf, self.T_wrist_mrf, self.crf, self._T_wrist_sensor, self.lens()
         )
 
-    def redefine(self, request: FrameRequest, tree: Tree) -> Pose | None:
+    def redefine(self, request: FrameRequest, tree: FrameTree) -> Pose | None:
         """Put a new MRF or CRF in force; return T_old_new of the MRF, None for the CRF.
 
         Raises `UnknownFrame`; then all is as before.

@@ -1,4 +1,4 @@
-"""From a commanded path to a goal: every waypoint placed in World, every twist in its axes."""
+"""Goals from commanded targets and paths: waypoints placed in World, twists in its axes."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ def placed(
     return Pose(turn @ origin.R, origin.p + axes.R @ np.array(xyz))
 
 
-def goal_of(message: PathMotion, serial: int, pose_of: PoseOf) -> Route | TwistRoute:
+def path_goal(message: PathMotion, serial: int, pose_of: PoseOf) -> Route | TwistRoute:
     """Return the goal that a path means."""
     if message.waypoints:
         speeds = message.speeds or (None,) * len(message.waypoints)

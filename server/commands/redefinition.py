@@ -1,12 +1,12 @@
-"""What a new MRF or CRF makes of what was ordered before: the same motion of the rigid body."""
+"""Redefinition of MRF and CRF: their new pose, and a wrench that stays the same load."""
 
 from ...protocols.messages.moving import FrameRequest
-from ..control.frame_tree import Tree
+from ..control.frame_tree import FrameTree
 from ..control.rigid_body import wrench_to
 from ..control.spatial import Array, Pose, rotate_twist, rotation_rpy
 
 
-def placed_frame(request: FrameRequest, tree: Tree, parent: str) -> Pose:
+def placed_frame(request: FrameRequest, tree: FrameTree, parent: str) -> Pose:
     """Return the frame's new pose in `parent`. Raises `UnknownFrame`."""
     there = request.relative_to or ("wrist" if request.frame == "mrf" else "world")
     asked = Pose.from_xyz_rpy(request.xyz, request.rpy)

@@ -1,25 +1,30 @@
-"""What an operator tunes: gains, switches, the payload, the gripper, objectives, reduced speed."""
+"""Settings of operators: gains, switches, payload, gripper, objectives, reduced speed."""
+
+from typing import Self
 
 import numpy as np
 
 from ...config.load import Cell
+from ...config.schema.cell import CellConfig
 from ...protocols.messages import requests
 from ...protocols.messages.motion import RedundancyRequest
 from ..control.mechanism.null_space.redundancy import Pulls
 from ..control.mechanism.payload import Payload
 from ..control.spatial import Array, Pose
+from ..control.state import Settings
 from ..refusals import Refused, Why
 from ..stability.payloads import PayloadBounds
+from .frame_set import FrameSet
 
 WRENCH_SOURCES = ("following", "force")
 """The sources that move the tool for what the sensor reads."""
 
 
 class OperatorSettings:
-    """The settings in force that are no frames; at first those of the cell."""
+    """The settings in force, but for the frames; at first those of the cell file."""
 
-    def __init__(self, cell: Cell) -> None:
-        config, sources = cell.config, cell.config.sources
+    def __init__(self, config: CellConfig, payload_bounds: PayloadBounds) -> None:
+        sources = config.sources
         self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
         self.gains = {
             "joystick": np.array(sources.joystick.gain),
@@ -56,14 +61,33 @@ class OperatorSettings:
             name: Payload(p.mass, np.array(p.com)) for name, p in config.mechanism.payloads.items()
         }
         self.load_told, self.load_heard = 0, ""
-        """How often operators said something of the load, and what it was last."""
+        """Number of requests about the load, and the kind of the last one."""
         self.sensor_share = 1.0
         """Part of their gains that the sources of the force/torque sensor act with [1]."""
         self._rated_payload = config.mechanism.rated_payload
         self._gripper = config.mechanism.gripper
         self.gripper_closed: bool | None = None
-        """None until an operator has said so: what it holds at start is held on."""
-        self.payload_bounds = PayloadBounds(cell)
+        """None until an operator has said so: what it held at start stays held."""
+        self.payload_bounds = payload_bounds
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self:
+        """Return the settings of a loaded cell."""
+        return cls(cell.config, PayloadBounds(cell))
+
+    def for_control(self, frames: FrameSet) -> Settings:
+        """Return the settings that a tick uses, with the frames in force."""
+        return Settings(
+            gains=self.gains_in_force,
+            T_wrist_mrf=frames.T_wrist_mrf,
+            T_world_crf=frames.T_world_crf,
+            redefined=frames.redefined,
+            wrench_bias=self.wrench_bias,
+            speed_factor=self.speed_factor,
+            payload=self.payload,
+            pulls=self.pulls,
+            avoid=self.avoid,
+        )
 
     @property
     def gains_in_force(self) -> dict[str, Array]:
@@ -80,7 +104,7 @@ class OperatorSettings:
         return {name: gain if self.on[name] else off for name, gain in self.gains.items()}
 
     def hear_of_load(self, what: str) -> None:
-        """Note that an operator said something of the load: `LoadMonitor` looks at it anew."""
+        """Count a request about the load, so that `LoadMonitor` judges it anew."""
         self.load_told, self.load_heard = self.load_told + 1, what
 
     def posture(self, name: str) -> Array:

@@ -107,7 +107,7 @@ class Dispatcher:
         self._commands.dropped.clear()
 
     def _look_at_energy(self) -> None:
-        reflector = self._commands.reflector
+        reflector = self._commands.handle.reflector
         if reflector is not None and reflector.take_trip():
             held = ": the force is held back" if reflector.protected else ""
             self._events.warning(

@@ -200,9 +200,9 @@ class Services:
                 if message.on and message.source is m.SourceName.VISION:
                     context.vision.require_view()
                 self._commands.settings.switch(message.source, message.on)
-                self._commands.idle = self._commands.idle and not message.on
+                self._commands.goals.idle = self._commands.goals.idle and not message.on
                 if message.on and message.source is m.SourceName.POSITION:
-                    self._commands.restart_path()
+                    self._commands.goals.restart_path()
                 self._events.info("source_switched", message.source, on=message.on)
             case FrameRequest():
                 T_world_mrf = context.placed(self._commands.frames.T_wrist_mrf)
@@ -222,7 +222,7 @@ class Services:
                 self._events.info("gripper_closed" if message.closed else "gripper_opened")
             case motion.RedundancyRequest():
                 self._commands.settings.set_objective(message)
-                self._commands.idle = False
+                self._commands.goals.idle = False
                 self._events.info("objective_set", message.objective, gain=message.gain)
             case motion.ClutchRequest():
                 self._commands.set_clutch(message)
@@ -235,11 +235,11 @@ class Services:
                     rotation=master.rotation,
                 )
             case ReflectionRequest():
-                self._commands.set_protection(message)
+                self._commands.handle.set_protection(message)
                 tell = self._events.info if message.protected else self._events.warning
                 tell("reflection_protected" if message.protected else "reflection_unprotected")
             case motion.PathRequest():
-                self._commands.set_path(message)
+                self._commands.goals.control_path(message)
                 self._events.info("path_" + _PAST[message.action])
             case AvoidanceRequest():
                 if message.on and not self._commands.settings.can_avoid:

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ...config.load import Cell
+from ...config.schema.reflection import Reflection as ReflectionSection
 from ...protocols.messages.reflection import Reflection
 from ..control.spatial import Array, rotate_twist
 from ..control.task.gains import GAIN_TIME_S
@@ -42,14 +42,12 @@ def pose_stiffness(
 class Reflector:
     """Scales the MRF's wrench for the handle; keeps the arm's port and the ledger of energy."""
 
-    def __init__(self, cell: Cell) -> None:
-        config, sensor = cell.config.reflection, cell.config.mechanism.force_torque
-        if config is None or sensor is None:
-            raise ValueError("the cell reflects no forces")
+    def __init__(self, config: ReflectionSection, contact: float, period_s: float) -> None:
+        """Begin at rest; `contact` is the stiffness of the stiffest environment [N/m]."""
         self._config = config
-        self._contact = sensor.stiffest_environment
+        self._contact = contact
         self._K_FR = np.array(config.gain)
-        self._period_s = cell.config.timing.period_s
+        self._period_s = period_s
         self._ramp = -math.expm1(-self._period_s / GAIN_TIME_S)
         self._gain = np.zeros(6)
         self._wrench_mrf = np.zeros(6)

@@ -25,14 +25,14 @@ TWIST = (0.1, 0.2, 0.0, 0.0, 0.0, 0.3)
 
 @pytest.fixture
 def commands(pa10):
-    commands = Commands(pa10.cell)
+    commands = Commands.from_cell(pa10.cell)
     commands.frames.lens = lambda: Mount("wrist", MRF)
     return commands
 
 
 def take(commands, kind, now_s=0.0, T=MRF, **fields):
     commands.take(kind(**ENVELOPE, **fields), now_s, T)
-    return commands.goal
+    return commands.goals.goal
 
 
 def lead(commands, now_s=0.0, xyz=(0.0, 0.0, 0.0), T=MRF):
@@ -40,7 +40,7 @@ def lead(commands, now_s=0.0, xyz=(0.0, 0.0, 0.0), T=MRF):
 
 
 def path(commands, action):
-    commands.set_path(PathRequest(**ENVELOPE, action=action))
+    commands.goals.control_path(PathRequest(**ENVELOPE, action=action))
 
 
 def clutch(commands, **fields):
@@ -78,25 +78,25 @@ def test_pause_resume_and_abort_need_a_path(commands):
         assert caught.value.reason == Why.NOT_NOW
     take(commands, PathMotion, waypoints=WAYPOINTS)
     path(commands, "pause")
-    assert commands.paused
+    assert commands.goals.paused
     path(commands, "resume")
-    assert not commands.paused
+    assert not commands.goals.paused
     path(commands, "abort")
-    assert commands.goal is None
+    assert commands.goals.goal is None
 
 
 def test_a_new_path_is_not_paused(commands):
     take(commands, PathMotion, waypoints=WAYPOINTS)
     path(commands, "pause")
     take(commands, PathMotion, waypoints=WAYPOINTS)
-    assert not commands.paused
+    assert not commands.goals.paused
 
 
 def test_taking_up_again_keeps_the_goal(commands):
     before = take(commands, PathMotion, waypoints=WAYPOINTS)
-    commands.restart_path()
-    assert commands.goal.serial == before.serial
-    assert commands.goal.attempt == before.attempt + 1
+    commands.goals.restart_path()
+    assert commands.goals.goal.serial == before.serial
+    assert commands.goals.goal.attempt == before.attempt + 1
 
 
 def test_a_master_leads_once_engaged_and_stands_when_it_is_not(commands):
@@ -109,8 +109,8 @@ def test_a_master_leads_once_engaged_and_stands_when_it_is_not(commands):
     assert moved.serial == goal.serial
     np.testing.assert_allclose(moved.T_world_target.p - MRF.p, [0.01, 0.0, 0.0], atol=1e-12)
     clutch(commands, engaged=False)
-    assert commands.goal.T_world_target is None
-    assert commands.goal.serial == goal.serial
+    assert commands.goals.goal.T_world_target is None
+    assert commands.goals.goal.serial == goal.serial
 
 
 def test_a_masters_silence_is_told_once_and_stops_its_lead(commands):
@@ -118,7 +118,7 @@ def test_a_masters_silence_is_told_once_and_stops_its_lead(commands):
     lead(commands)
     assert commands.expired(0.1) == []
     assert commands.expired(0.2) == ["master_pose"]
-    assert commands.goal.T_world_target is None
+    assert commands.goals.goal.T_world_target is None
     assert commands.expired(0.3) == []
 
 
@@ -137,12 +137,12 @@ def test_another_goal_ends_the_masters_lead_until_it_is_engaged_anew(commands, w
             take(commands, m.CancelGoals)
         case "clear":
             commands.clear()
-    before = commands.goal
+    before = commands.goals.goal
     assert lead(commands, 0.01, (0.01, 0, 0)) is before
     assert not isinstance(before, Pursuit)
     clutch(commands, engaged=True)
     lead(commands, 0.02, (0.02, 0, 0))
-    np.testing.assert_allclose(commands.goal.T_world_target.p, MRF.p)
+    np.testing.assert_allclose(commands.goals.goal.T_world_target.p, MRF.p)
 
 
 def test_a_master_leads_on_when_the_mrf_is_another_and_turns_the_tool_about_the_new_one(commands):
@@ -152,8 +152,8 @@ def test_a_master_leads_on_when_the_mrf_is_another_and_turns_the_tool_about_the_
     old = commands.frames.T_wrist_mrf
     commands.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0, 0.2, 0.1)), MRF)
     there = old.inverse() @ commands.frames.T_wrist_mrf
-    assert commands.T_wrist_goal is commands.frames.T_wrist_mrf
-    np.testing.assert_allclose(commands.goal.T_world_target.p, (led @ there).p, atol=1e-12)
+    assert commands.goals.T_wrist_goal is commands.frames.T_wrist_mrf
+    np.testing.assert_allclose(commands.goals.goal.T_world_target.p, (led @ there).p, atol=1e-12)
     turn = {"xyz": (0.01, 0.0, 0.0), "rpy": (0.0, 0.0, 0.01)}
     turned = take(commands, MasterPose, 0.02, MRF @ there, **turn).T_world_target
     np.testing.assert_allclose(turned.p, (led @ there).p, atol=1e-12)
@@ -162,9 +162,9 @@ def test_a_master_leads_on_when_the_mrf_is_another_and_turns_the_tool_about_the_
 def test_a_stick_goes_through_the_clutch(commands):
     take(commands, m.JoystickTwist, twist=TWIST)
     clutch(commands, translation=0.5, rotation=2.0)
-    np.testing.assert_allclose(commands.stick(0.0, MRF).twist, [0.05, 0.1, 0, 0, 0, 0.6])
+    np.testing.assert_allclose(commands.in_force(0.0, MRF).stick.twist, [0.05, 0.1, 0, 0, 0, 0.6])
     clutch(commands, engaged=False)
-    assert commands.stick(0.0, MRF) is None
+    assert commands.in_force(0.0, MRF).stick is None
 
 
 def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(commands, pa10):

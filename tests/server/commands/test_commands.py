@@ -43,7 +43,7 @@ def commands(pa10):
     config = pa10.cell.config
     mechanism = config.mechanism.model_copy(update={"T_world_base": schema_pose(BASE)})
     changes = {"mechanism": mechanism, "T_world_crf": schema_pose(CRF)}
-    commands = Commands(replace(pa10.cell, config=config.model_copy(update=changes)))
+    commands = Commands.from_cell(replace(pa10.cell, config=config.model_copy(update=changes)))
     commands.frames.lens = lambda: Mount("wrist", LENS)
     return commands
 
@@ -60,7 +60,7 @@ def refusal(commands, kind, **fields):
 
 
 def target(commands):
-    return commands.goal.T_world_target
+    return commands.goals.goal.T_world_target
 
 
 # --- frames ---------------------------------------------------------------------------------------
@@ -111,7 +111,7 @@ def test_a_target_is_relative_to_the_crf_when_nothing_else_is_said(commands):
 def test_the_sticks_axes_are_those_of_the_frame_it_names(commands, frame):
     twist = (0.1, 0, 0, 0, 0, 0.2)
     take(commands, m.JoystickTwist, twist=twist, expressed_in=frame)
-    command = commands.stick(0.0, MRF)
+    command = commands.in_force(0.0, MRF).stick
     np.testing.assert_array_equal(command.twist, twist)
     np.testing.assert_allclose(command.R_world_axes, ORIGINS[frame].R, atol=1e-12)
 
@@ -119,7 +119,7 @@ def test_the_sticks_axes_are_those_of_the_frame_it_names(commands, frame):
 def test_a_stick_in_mrf_axes_turns_with_the_tool(commands):
     take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0), expressed_in="mrf")
     turned = Pose(rotation_rpy(1.0, 0.0, 0.0), MRF.p)
-    np.testing.assert_array_equal(commands.stick(0.0, turned).R_world_axes, turned.R)
+    np.testing.assert_array_equal(commands.in_force(0.0, turned).stick.R_world_axes, turned.R)
 
 
 def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(commands):
@@ -128,7 +128,7 @@ def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(co
     wrist = commands.target @ commands.frames.T_wrist_mrf.inverse()
     commands.set_frame(FrameRequest(**ENVELOPE, frame="crf", **pose), MRF)
     np.testing.assert_allclose(commands.control_settings().T_world_crf.p, pose["xyz"])
-    goal = commands.goal
+    goal = commands.goals.goal
     commands.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
     expected = Pose.from_xyz_rpy(pose["xyz"], pose["rpy"])
     np.testing.assert_array_equal(commands.control_settings().T_wrist_mrf.R, expected.R)
@@ -136,18 +136,18 @@ def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(co
     np.testing.assert_allclose(kept.p, wrist.p, atol=1e-12)
     np.testing.assert_allclose(kept.R, wrist.R, atol=1e-12)
     # The path goes on as it was: it leads the point of the tool that it was ordered for.
-    assert commands.goal is goal
-    np.testing.assert_array_equal(commands.T_wrist_goal.p, TOOL.p)
+    assert commands.goals.goal is goal
+    np.testing.assert_array_equal(commands.goals.T_wrist_goal.p, TOOL.p)
 
 
 def test_timed_twists_go_on_when_the_mrf_is_another(commands):
     take(commands, PathMotion, twists=((0.1, 0, 0, 0, 0, 0),), durations_s=(1.0,))
-    goal = commands.goal
+    goal = commands.goals.goal
     commands.set_frame(FrameRequest(**ENVELOPE, frame="mrf", xyz=(0.0, 0.0, 0.2)), MRF)
-    assert commands.goal is goal
-    np.testing.assert_array_equal(commands.T_wrist_goal.p, TOOL.p)
+    assert commands.goals.goal is goal
+    np.testing.assert_array_equal(commands.goals.T_wrist_goal.p, TOOL.p)
     take(commands, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
-    np.testing.assert_array_equal(commands.T_wrist_goal.p, [0.0, 0.0, 0.2])
+    np.testing.assert_array_equal(commands.goals.T_wrist_goal.p, [0.0, 0.0, 0.2])
 
 
 @pytest.mark.parametrize("frame", ["mrf", "crf"])
@@ -158,9 +158,9 @@ def test_a_desired_wrench_stays_the_same_load_whatever_frame_is_redefined(comman
 
     def load(T_world_mrf):
         """Return the desired force and its moment about World's origin, in World axes."""
-        R = commands.wrench_axes(T_world_mrf)
+        R = commands.in_force(0.0, T_world_mrf).R_world_wrench
         R = T_world_mrf.R if R is None else R
-        f, moment = R @ commands.wrench_desired[:3], R @ commands.wrench_desired[3:]
+        f, moment = R @ commands.wrench.value[:3], R @ commands.wrench.value[3:]
         return np.concatenate([f, moment + np.cross(T_world_mrf.p, f)])
 
     before, pose = load(MRF), {"xyz": (0.1, -0.2, 0.3), "rpy": (0.4, -0.8, 1.5)}
@@ -182,8 +182,8 @@ def test_a_frame_that_the_cell_lacks_is_refused_with_those_that_it_has(commands,
     refused = refusal(commands, kind, **fields)
     assert refused.reason == Why.UNKNOWN_FRAME
     assert "world, base, carrier, crf, wrist, mrf, sensor" in refused.detail
-    assert commands.goal is None
-    assert commands.stick(0.0, MRF) is None
+    assert commands.goals.goal is None
+    assert commands.in_force(0.0, MRF).stick is None
 
 
 # --- streams --------------------------------------------------------------------------------------
@@ -192,8 +192,12 @@ def test_a_frame_that_the_cell_lacks_is_refused_with_those_that_it_has(commands,
 @pytest.mark.parametrize("name", ["joystick", "jog"])
 def test_a_stream_is_true_until_its_news_is_too_old(commands, name, pa10):
     kind, fields, read = {
-        "joystick": (m.JoystickTwist, {"twist": (0.1,) * 6}, lambda t: commands.stick(t, MRF)),
-        "jog": (m.JointJog, {"rates": (0.1,) * 7}, commands.jog),
+        "joystick": (
+            m.JoystickTwist,
+            {"twist": (0.1,) * 6},
+            lambda t: commands.in_force(t, MRF).stick,
+        ),
+        "jog": (m.JointJog, {"rates": (0.1,) * 7}, lambda t: commands.in_force(t, MRF).jog),
     }[name]
     timeout = pa10.cell.config.timing.stream_timeout_s
     take(commands, kind, now_s=10.0, **fields)
@@ -209,7 +213,7 @@ def test_a_stream_is_true_until_its_news_is_too_old(commands, name, pa10):
 def test_a_stick_at_rest_falls_silent_without_a_word(commands):
     take(commands, m.JoystickTwist, twist=(0.0,) * 6)
     assert commands.expired(10.0) == []
-    assert commands.stick(10.0, MRF) is None
+    assert commands.in_force(10.0, MRF).stick is None
 
 
 # --- goals ----------------------------------------------------------------------------------------
@@ -221,34 +225,34 @@ def test_goals_stay_however_old(commands):
     take(commands, m.PositionTarget, **POSE)
     take(commands, m.DesiredWrench, wrench=(1, 2, 3, 0, 0, 0))
     commands.expired(1e6)
-    assert commands.goal is not None
-    np.testing.assert_array_equal(commands.wrench_desired, (1, 2, 3, 0, 0, 0))
+    assert commands.goals.goal is not None
+    np.testing.assert_array_equal(commands.wrench.value, (1, 2, 3, 0, 0, 0))
 
 
 def test_the_newest_goal_is_the_only_one(commands):
     take(commands, m.PositionTarget, **POSE)
-    first = commands.goal
+    first = commands.goals.goal
     take(commands, m.PositionTarget, **POSE, speed=0.05)
-    assert commands.goal.serial > first.serial
-    assert commands.goal.speed == 0.05
+    assert commands.goals.goal.serial > first.serial
+    assert commands.goals.goal.speed == 0.05
     take(commands, m.PostureMove, posture="ready")
-    assert commands.goal is None
-    assert commands.posture is not None
+    assert commands.goals.goal is None
+    assert commands.goals.posture is not None
     take(commands, m.PositionTarget, **POSE)
-    assert commands.posture is None
+    assert commands.goals.posture is None
     take(commands, m.JointJog, rates=(0.1,) * 7)
-    assert commands.goal is None
+    assert commands.goals.goal is None
 
 
 def test_a_stick_that_moves_ends_a_posture_and_never_a_target(commands):
     take(commands, m.PostureMove, posture="ready")
     take(commands, m.JoystickTwist, twist=(0.0,) * 6)
-    assert commands.posture is not None
+    assert commands.goals.posture is not None
     take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
-    assert commands.posture is None
+    assert commands.goals.posture is None
     take(commands, m.PositionTarget, **POSE)
     take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
-    assert commands.goal is not None
+    assert commands.goals.goal is not None
 
 
 @pytest.mark.parametrize(
@@ -284,20 +288,20 @@ def test_nothing_is_asked_of_an_arm_until_a_command_asks_for_motion(commands):
     take(commands, m.JoystickTwist, twist=(0.0,) * 6)
     take(commands, m.JointJog, rates=(0.0,) * 7)
     take(commands, m.CancelGoals)
-    assert commands.at_rest
+    assert commands.goals.at_rest
     take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0))
-    assert not commands.at_rest
+    assert not commands.goals.at_rest
     commands.clear()
-    assert commands.at_rest
+    assert commands.goals.at_rest
 
 
 def test_a_posture_that_is_reached_gives_way_and_is_said_to_be_until_the_next_goal(commands):
     take(commands, m.PostureMove, posture="ready")
-    commands.finish_posture()
-    assert commands.posture is None
-    assert commands.posture_reached
+    commands.goals.finish_posture()
+    assert commands.goals.posture is None
+    assert commands.goals.posture_reached
     take(commands, m.PositionTarget, **POSE)
-    assert not commands.posture_reached
+    assert not commands.goals.posture_reached
 
 
 def test_cancel_drops_every_goal_and_clear_the_streams_as_well(commands):
@@ -308,26 +312,30 @@ def test_cancel_drops_every_goal_and_clear_the_streams_as_well(commands):
 
     order_everything()
     take(commands, m.CancelGoals)
-    assert commands.goal is None
-    assert not commands.wrench_desired.any()
-    assert commands.stick(0.0, MRF) is not None
+    assert commands.goals.goal is None
+    assert not commands.wrench.value.any()
+    assert commands.in_force(0.0, MRF).stick is not None
     order_everything()
     take(commands, m.PostureMove, q=(0.1,) * 7)
     commands.clear()
     assert (
-        commands.goal is commands.posture is commands.stick(0.0, MRF) is commands.jog(0.0) is None
+        commands.goals.goal
+        is commands.goals.posture
+        is commands.in_force(0.0, MRF).stick
+        is commands.in_force(0.0, MRF).jog
+        is None
     )
-    assert not commands.wrench_desired.any()
+    assert not commands.wrench.value.any()
 
 
 def test_a_path_that_is_begun_anew_leads_to_the_same_target(commands):
-    commands.restart_path()
-    assert commands.goal is None
+    commands.goals.restart_path()
+    assert commands.goals.goal is None
     take(commands, m.PositionTarget, **POSE)
-    before = commands.goal
-    commands.restart_path()
-    assert commands.goal.attempt > before.attempt
-    assert commands.goal.T_world_target is before.T_world_target
+    before = commands.goals.goal
+    commands.goals.restart_path()
+    assert commands.goals.goal.attempt > before.attempt
+    assert commands.goals.goal.T_world_target is before.T_world_target
 
 
 # --- what does not fit the cell -------------------------------------------------------------------
@@ -350,7 +358,7 @@ def test_a_jog_faster_than_a_joint_is_refused_with_joint_value_and_bound(command
     assert refused.reason == Why.OUT_OF_RANGE
     assert "e1" in refused.detail
     assert "1.8" in refused.detail
-    np.testing.assert_array_equal(commands.jog(0.0), rates)
+    np.testing.assert_array_equal(commands.in_force(0.0, MRF).jog, rates)
 
 
 @pytest.mark.parametrize("bound", ["lower", "upper"])
@@ -363,7 +371,7 @@ def test_a_posture_beyond_a_limit_is_refused_and_the_goal_before_it_stays(comman
     refused = refusal(commands, m.PostureMove, q=tuple(q))
     assert refused.reason == Why.OUT_OF_RANGE
     assert "s2" in refused.detail
-    assert commands.posture[1] == limit[1]
+    assert commands.goals.posture[1] == limit[1]
 
 
 def test_an_unknown_posture_is_refused_with_those_there_are(commands):
@@ -373,10 +381,10 @@ def test_an_unknown_posture_is_refused_with_those_there_are(commands):
 
 
 def test_every_posture_of_the_cell_can_be_ordered(arm):
-    commands = Commands(arm.cell)
+    commands = Commands.from_cell(arm.cell)
     for name, q in arm.cell.config.mechanism.postures.items():
         take(commands, m.PostureMove, posture=name)
-        np.testing.assert_array_equal(commands.posture, q)
+        np.testing.assert_array_equal(commands.goals.posture, q)
 
 
 # --- settings -------------------------------------------------------------------------------------
@@ -394,7 +402,7 @@ def test_a_source_that_is_off_has_no_gain_and_gets_back_its_own(commands):
 def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
     block = "\n[mechanism.payloads]\nempty = { mass = 0.4 }\n\n[mechanism.force_torque]"
     cell = load_cell(small.replace("\n[mechanism.force_torque]", block))
-    commands = Commands(cell)
+    commands = Commands.from_cell(cell)
     assert commands.control_settings().payload.mass == 0.0
     envelope = {"seen_tick": 0}
     commands.settings.set_payload(requests.PayloadRequest(**envelope, name="empty"))
@@ -403,7 +411,7 @@ def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
 
 def test_a_cell_without_a_sensor_takes_no_payload(small):
     bare = small.replace("[mechanism.force_torque]\nrate_hz = 200", "")
-    commands = Commands(load_cell(bare))
+    commands = Commands.from_cell(load_cell(bare))
     envelope = {"seen_tick": 0}
     with pytest.raises(Refused) as refused:
         commands.settings.set_payload(requests.PayloadRequest(**envelope, mass=1.0))

@@ -93,7 +93,8 @@ class Counter:
 
 @pytest.fixture
 def counter(pa10):
-    admission, commands, events = Admission(CELL, 0.01, 0.5, 0.5), Commands(pa10.cell), Events()
+    admission, events = Admission(CELL, 0.01, 0.5, 0.5), Events()
+    commands = Commands.from_cell(pa10.cell)
     grants = Grants(CELL, admission, seeded_keys("daemon"))
     context = RequestContext(
         now=Instant(10.0, 1000, None),
@@ -453,11 +454,11 @@ def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
     envelope = {"seen_tick": 1}
     target = m.PositionTarget(**envelope, xyz=(0.1, 0, 0), rpy=(0, 0, 0))
     ann.commands.take(target, 0.0, ann.commands.frames.T_world_crf)
-    attempt = ann.commands.goal.attempt
+    attempt = ann.commands.goals.goal.attempt
     ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=False)
-    assert ann.commands.goal.attempt == attempt
+    assert ann.commands.goals.goal.attempt == attempt
     ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=True)
-    assert ann.commands.goal.attempt > attempt
+    assert ann.commands.goals.goal.attempt > attempt
 
 
 def test_frame_and_speed_are_set(ann):

@@ -25,7 +25,8 @@ def cell():
 
 @pytest.fixture
 def reflector(cell):
-    return Reflector(cell)
+    contact = cell.config.mechanism.force_torque.stiffest_environment
+    return Reflector(cell.config.reflection, contact, cell.config.timing.period_s)
 
 
 def gains(cell, **of):
@@ -166,16 +167,16 @@ def test_unprotected_a_master_leads_all_the_way(reflector, cell):
 
 
 def test_enabling_anew_protects_again(cell):
-    commands = Commands(cell)
-    commands.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
-    assert not commands.reflector.protected
+    commands = Commands.from_cell(cell)
+    commands.handle.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
+    assert not commands.handle.reflector.protected
     commands.clear()
-    assert commands.reflector.protected
+    assert commands.handle.reflector.protected
 
 
 def test_a_cell_without_reflection_refuses_the_switch_and_tells_nothing(cell):
     config = cell.config.model_copy(update={"reflection": None})
-    commands = Commands(replace(cell, config=config))
+    commands = Commands.from_cell(replace(cell, config=config))
     with pytest.raises(Refused, match="reflects no forces"):
-        commands.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
-    assert commands.reflection(1) is None
+        commands.handle.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
+    assert commands.handle.message(1) is None
