@@ -17,11 +17,13 @@ import msgpack
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 
-from ..config.schema.cell import Bus
+from ..config.schema.bus import Bus
 from .device import DeviceError
 
 CanMessage = can.Message
 """A CAN frame as it comes from a bus."""
+CanBus = can.BusABC
+"""A CAN bus that is open."""
 
 _LOOPBACK: Final = "127.0.0.1"
 _IP_MULTICAST_ALL: Final = 49  # linux/in.h; Python has no name for it

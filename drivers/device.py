@@ -9,15 +9,18 @@ block: `read` returns what the device last said, with its age, and never invents
 not received; `write` returns what was really sent. `stop` asks the device to come to rest by its
 own means, at once, and is safe to call in any state, more than once. `close` leaves the device
 de-energised where it can be, and never raises.
+
+`Device` is the part that all devices share; `roles.py` adds what the server asks of a joint's
+drive, a wrench sensor or an output. `kinds.py` lists the kinds of devices there are.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol, TypeVar
+from typing import ClassVar, Protocol
 
-Reading_co = TypeVar("Reading_co", covariant=True)
-Command_contra = TypeVar("Command_contra", contravariant=True)
-Sent_co = TypeVar("Sent_co", covariant=True)
+Value = str | int | float | bool | None
+"""Value in an event or in telemetry."""
 
 
 class DeviceError(Exception):
@@ -37,6 +40,7 @@ class Cause(StrEnum):
     POWER_LOST = "power_lost"
     SECOND_MASTER = "second_master"
     BUS_ERROR = "bus_error"
+    BUS_SILENT = "bus_silent"
 
 
 @dataclass(frozen=True)
@@ -46,33 +50,49 @@ class Trouble:
     cause: Cause
     device: str
     detail: str
-    values: dict[str, str | int | float | bool | None] = field(default_factory=dict)
+    values: dict[str, Value] = field(default_factory=dict)
 
 
-class Device(Protocol[Reading_co, Command_contra, Sent_co]):
-    """See the module's docstring."""
+class Reading(Protocol):
+    """Newest reading of a device; each device adds fields of its own."""
 
     @property
-    def name(self) -> str:
-        """Name that events and errors use: the joint's, or the sensor's."""
+    def trouble(self) -> Trouble | None:
+        """Reason why the device cannot go on."""
         ...
 
+
+class Device(ABC):
+    """One device on a CAN bus; see the module's docstring."""
+
+    vital: ClassVar[bool] = True
+    """Its trouble stops every drive at once."""
+
+    name: str
+    """Name that events and errors use: the joint's, or the sensor's."""
+    bus: str
+    """Name of the fieldbus that it is on."""
+
+    @abstractmethod
     def open(self) -> None:
         """Bring the device up and configure it. May block. Raises `DeviceError`."""
-        ...
 
-    def read(self) -> Reading_co:
-        """Return what the device last said, with its age."""
-        ...
+    @abstractmethod
+    def read(self) -> Reading:
+        """Return the newest reading; ages count up to `Fieldbus.now`."""
 
-    def write(self, command: Command_contra) -> Sent_co:
-        """Send a command; return what was really sent."""
-        ...
-
+    @abstractmethod
     def stop(self) -> None:
         """Let the device stop by its own means, now."""
-        ...
 
+    @abstractmethod
     def close(self) -> None:
         """De-energise and let go. Never raises."""
-        ...
+
+    def interlock(self) -> str | None:
+        """Return why the arm may not move now; None: it may. A moving arm makes a verified stop."""
+        return None
+
+    def values(self) -> dict[str, Value]:
+        """Return the values that telemetry shows under the device's name."""
+        return {}

@@ -57,10 +57,13 @@ class Fieldbus:
     `trouble` stays until `clear_trouble`.
     """
 
-    name: Final = "bus"
-
-    def __init__(self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic) -> None:
-        self.bus = bus
+    def __init__(
+        self,
+        bus: can.BusABC,
+        clock: Callable[[], float] = time.monotonic,
+        name: str = "bus",
+    ) -> None:
+        self.bus, self.name = bus, name
         self.clock = clock
         self.network: canopen.Network = _Network(self)
         self.taps: list[Tap] = []
@@ -136,16 +139,21 @@ class Fieldbus:
         """
         if self._waiting:
             return True
-        try:
-            descriptor = self.bus.fileno()
-        except NotImplementedError:  # not every interface has something to select on
-            descriptor = -1
+        descriptor = self.descriptor
         if descriptor >= 0:
             return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
         message = self._take(timeout_s)
         if message is not None:
             self._waiting.append(message)
         return message is not None
+
+    @property
+    def descriptor(self) -> int:
+        """Descriptor to select on, -1 where the interface has none."""
+        try:
+            return self.bus.fileno()
+        except NotImplementedError:
+            return -1
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Dispatch frames until `condition` holds; return False if it does not in time [s]."""

@@ -1,63 +1,38 @@
 """A Robotous RFT force/torque sensor on the CAN bus."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config.schema.mechanism import ForceTorque
 from ..protocols.canopen import robotous
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
+from .roles import MeanWrench, WrenchReading, WrenchSensor
 
 FIRST_SAMPLE_TIMEOUT_S: Final = 1.0
 MOST_UNREAD: Final = 32
 """Samples that are kept for a mean while nobody asks for it [1]."""
 
 
-@dataclass(frozen=True, slots=True)
-class WrenchReading:
-    """The newest sample. Until the first one came there is none: `ready` is false."""
-
-    ready: bool
-    wrench: NDArray[np.float64] | None
-    """(6,) [N, N·m], force first: what the arm exerts on its environment, at the Sensor frame's
-    origin and in its axes. Weight and bias are still in it."""
-    stamp: float
-    """The bus' stamp of the sample's second half [s], on the bus' own clock."""
-    age_s: float
-    overload: bool
-    trouble: Trouble | None
-
-
-@dataclass(frozen=True, slots=True)
-class MeanWrench:
-    """The mean of several samples, without the aliases that any one of them alone has."""
-
-    wrench: NDArray[np.float64]
-    """(6,) [N, N·m], signed and placed as a `WrenchReading`'s."""
-    stamp: float
-    """Mean of their stamps [s], on the bus' own clock."""
-    jump: NDArray[np.float64]
-    """By how much a sample is off its two neighbours' mean (6,), where it is most [N, N·m]: contact
-    that chatters between samples is known no better."""
-
-
-class RobotousSensor:
+class RobotousSensor(WrenchSensor):
     """Pairs the two frames of each sample, and turns the sign; keeps the contract of `device.py`.
 
     The device reports the load *on* itself; what is handed on is what the arm exerts: its negative.
     `discarded` counts halves that found no partner within the pairing window: nothing numbers
     them, so a lost frame must not join halves of two samples. Nothing is averaged.
+
+    Its trouble is not vital: what uses the wrench fades, or the cell calls the sensor essential.
     """
+
+    vital = False
 
     def __init__(self, fieldbus: Fieldbus, config: ForceTorque, name: str = "force_torque") -> None:
         self.name = name
         self.config = config
         self.samples = 0
         self.discarded = 0
-        self._bus = fieldbus
+        self._bus, self.bus = fieldbus, fieldbus.name
         self._first: tuple[bytes, float] | None = None
         self._foreign = False
         self._sample: robotous.Sample | None = None
@@ -87,13 +62,13 @@ class RobotousSensor:
                 f"(command id {self.config.command_id:#x})"
             )
 
-    def read(self, now_s: float | None = None) -> WrenchReading:
-        """Return the newest sample; its age is that at `now_s`, by default the bus' `now` [s]."""
+    def read(self) -> WrenchReading:
+        """Return the newest sample, and how old it is now."""
         sample = self._sample
         if sample is None:
             lost = Trouble(Cause.PDO_LOST, self.name, "no sample yet")
             return WrenchReading(False, None, 0.0, 0.0, False, lost)
-        age = (self._bus.now if now_s is None else now_s) - self._arrival_s
+        age = self._bus.now - self._arrival_s
         load = np.array((*sample.force, *sample.torque))
         return WrenchReading(
             ready=True,

@@ -14,8 +14,9 @@ from ..config.schema.mechanism import Gripper
 from ..protocols.canopen import can301, cia401
 from ..protocols.canopen.can301 import CommunicationObject as Com
 from ..protocols.canopen.can301 import NmtState
-from .device import Cause, DeviceError, Trouble
+from .device import Cause, DeviceError, Trouble, Value
 from .fieldbus import Fieldbus
+from .roles import Output
 
 REPEAT: Final = 10
 """The output is sent when it changes, and again every so many writes: frames can be lost [1]."""
@@ -30,7 +31,7 @@ class GripperReading:
     trouble: Trouble | None
 
 
-class GripperOutput:
+class GripperOutput(Output):
     """Switches the gripper's output; keeps the contract of `device.py`.
 
     Nothing is sent before the first `write`, and the module is not reset: a gripper that holds
@@ -38,11 +39,9 @@ class GripperOutput:
     (6206h).
     """
 
-    name: Final = "gripper"
-
     def __init__(self, fieldbus: Fieldbus, gripper: Gripper, timing: Timing, eds: Path) -> None:
-        self.gripper = gripper
-        self._bus, self._timing = fieldbus, timing
+        self.name, self.gripper = "gripper", gripper
+        self._bus, self.bus, self._timing = fieldbus, fieldbus.name, timing
         dictionary = canopen.import_od(str(eds), gripper.node)
         self._node = fieldbus.add_node(gripper.node, dictionary)
         self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
@@ -99,7 +98,7 @@ class GripperOutput:
     def _judge(self) -> Trouble | None:
         if not self._opened:
             return None
-        values: dict[str, str | int | float | bool | None] = {"node": self.gripper.node}
+        values: dict[str, Value] = {"node": self.gripper.node}
         if self._restarted:
             return Trouble(Cause.NODE_RESTARTED, self.name, "the module restarted", values)
         silent_s = self._bus.now - (self._heard_s or 0.0)

@@ -17,6 +17,7 @@ from ..protocols.canopen.cia402 import Control, DriveState, Object, OperationMod
 from . import servo_setup
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
+from .roles import JointDrive
 from .servo_status import Sent, ServoReading, wrong_status
 from .setpoint import Setpoint
 
@@ -37,7 +38,7 @@ _ENABLED: Final = DriveState.OPERATION_ENABLED
 _DISABLED: Final = DriveState.SWITCH_ON_DISABLED
 
 
-class ServoDrive:
+class ServoDrive(JointDrive):
     """One joint's drive; keeps the contract of `device.py`.
 
     `lower` and `upper` are the joint's limits [rad] (607Dh); `mode` says what a setpoint is: rad in
@@ -58,10 +59,10 @@ class ServoDrive:
         mode: OperationMode = OperationMode.CSP,
         eds: Path | None = None,
     ) -> None:
-        self.drive = drive
+        self.drive, self.name = drive, drive.joint
         self._mode = mode
         self._setpoint = Setpoint(drive, mode)
-        self._bus = fieldbus
+        self._bus, self.bus = fieldbus, fieldbus.name
         self._timing = timing
         self._limits = self._room = (lower, upper)
         dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
@@ -92,11 +93,6 @@ class ServoDrive:
         self._reset_sync: int | None = None
         self._trouble: Trouble | None = None
 
-    @property
-    def name(self) -> str:
-        """The joint that the drive moves."""
-        return self.drive.joint
-
     def open(self) -> None:
         """Reset the node's communication, configure it and start it. Blocks; `DeviceError`."""
         self._booted = False
@@ -117,6 +113,11 @@ class ServoDrive:
             raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
         self._forget()
         self._opened = True
+
+    @property
+    def answered(self) -> bool:
+        """True once the drive has answered the newest SYNC."""
+        return self._feedback is not None and self._answered_sync == self._bus.sync_count
 
     def read(self) -> ServoReading:
         """Return what the drive last said, and what is wrong with it."""

@@ -151,14 +151,14 @@ class Cycle:
 
     def gather(self) -> None:
         """Take in what has come by now: a late answer shall not pass for one to the next SYNC."""
-        self.plant.fieldbus.receive(self.clock.now())
+        self.plant.buses.receive(self.clock.now())
 
     def begin(self) -> None:
         """Send SYNC, and now and then the heartbeat that only a living tick produces."""
         self.tick += 1
-        self.plant.sync()
+        self.plant.buses.sync()
         if self.tick % self._heartbeat_every == 0:
-            self.plant.fieldbus.heartbeat()
+            self.plant.buses.heartbeat()
 
     def missed(self, periods: int) -> None:
         """Count deadlines that passed unserved before this tick; 0 for a tick in time."""
@@ -207,7 +207,6 @@ class Cycle:
             reading,
             self._memory,
             self.output,
-            self.plant.sensor is not None and self.plant.opened,
             self.mode,
             now_s,
         )
@@ -250,11 +249,10 @@ class Cycle:
         if reopen:
             trouble = self._reopen(view.now)
         self._reopened = self._reopened and services.wish is Wish.RESET
-        if self._reopened and self.plant.fieldbus.trouble is not None:
-            services.finish_wish(
-                view.now, Refused(Why.STILL_WRONG, self.plant.fieldbus.trouble.detail)
-            )
-        blocked = self._blocked(view)
+        wrong = self.plant.buses.trouble
+        if self._reopened and wrong is not None:
+            services.finish_wish(view.now, Refused(Why.STILL_WRONG, wrong.detail))
+        blocked = self._blocked(view, reading)
         if blocked not in (None, OVERRUNS) and before is Mode.READY:
             services.end_enable(view.now, blocked)
         self.mode = next_mode(
@@ -300,7 +298,7 @@ class Cycle:
             self._commands.clear()
         self._events.info("mode", f"{before} -> {self.mode}", mode=self.mode, before=before)
 
-    def _blocked(self, view: RequestContext) -> str | None:
+    def _blocked(self, view: RequestContext, reading: PlantReading) -> str | None:
         """Return why the arm may not move now, or None."""
         if self._retiring:
             return "daemon ends"
@@ -308,6 +306,8 @@ class Cycle:
             return "lease run out"
         if self._services.protective_stop is not None:
             return "protective stop"
+        if reading.interlock is not None:
+            return reading.interlock
         seen = self._perception.reason_to_stop()
         if seen is not None:
             return seen
@@ -376,7 +376,7 @@ class Cycle:
             refused = Trouble(Cause.STATE_LOST, "gate", self.output.refusal)
             self._quick_stop(refused, "gate_refused")
         self.plant.write(self.output.command)
-        self.plant.grip(commands.settings.gripper_closed)
+        self.plant.switch(commands.settings.outputs)
         if self.output.at_goal and commands.goals.posture is not None:
             commands.goals.finish_posture()
             self._events.info("posture_reached")

@@ -4,20 +4,15 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import FrameType
 
 from ..config.load import Cell
 from ..config.schema.security import refuse_exposure
-from ..drivers.bus import open_bus
 from ..drivers.device import DeviceError
-from ..drivers.fieldbus import Fieldbus
-from ..drivers.force_torque import RobotousSensor
-from ..drivers.gripper import GripperOutput
+from ..drivers.fieldbuses import Fieldbuses, open_buses
+from ..drivers.kinds import make_drivers
 from ..drivers.network.identity import Identity, identity_of
-from ..drivers.servo import ServoDrive
 from ..protocols.agreement import random_key
-from ..protocols.canopen.cia402 import OperationMode
 from ..protocols.topics import Role
 from .control.barriers.collision import Guard
 from .control.mechanism.kinematics import Mechanism
@@ -44,35 +39,10 @@ RETIRE_S = 3.0
 
 
 def build(
-    cell: Cell, fieldbus: Fieldbus, link: Link, clock: Clock, new_key: Callable[[], bytes]
+    cell: Cell, buses: Fieldbuses, link: Link, clock: Clock, new_key: Callable[[], bytes]
 ) -> Cycle:
-    """Return the cycle of a cell over a bus and an operators' link; no device is opened yet."""
-    config = cell.config
-    by_joint = {d.joint: d for d in config.mechanism.drives}
-    devices = Path(__file__).resolve().parent.parent / "config" / "devices"
-    eds = devices / "simulated_drive.eds"
-    drives = tuple(
-        ServoDrive(
-            fieldbus,
-            by_joint[j.name],
-            config.timing,
-            lower=j.lower,
-            upper=j.upper,
-            mode=OperationMode[config.mechanism.operation_mode.upper()],
-            eds=eds,
-        )
-        for j in cell.robot.joints
-    )
-    sensor, gripper = config.mechanism.force_torque, config.mechanism.gripper
-    plant = Plant(
-        fieldbus,
-        drives,
-        None if sensor is None else RobotousSensor(fieldbus, sensor),
-        0.0 if sensor is None else sensor.timeout_s,
-        None
-        if gripper is None
-        else GripperOutput(fieldbus, gripper, config.timing, devices / "simulated_output.eds"),
-    )
+    """Return the cycle of a cell over its buses and an operators' link; no device is open yet."""
+    plant = Plant(buses, make_drivers(cell, buses))
     parameters = Parameters.from_cell(cell)
     control = Control(parameters, Mechanism.from_cell(cell), guard_of(cell, parameters))
     return Cycle(cell, control, plant, link, clock, new_key, gain_check(cell))
@@ -137,8 +107,7 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     link = _join(cell, identity, clock, ending)
     if link is None:
         return LoopStatistics()
-    fieldbus = Fieldbus(open_bus(cell.config.bus), clock.now)
-    cycle = build(cell, fieldbus, link, clock, random_key)
+    cycle = build(cell, open_buses(cell, clock.now), link, clock, random_key)
     try:
         cycle.warm_up()
         for notice in prepare():

@@ -120,7 +120,7 @@ def _collect(cycle: Cycle, clock: MonotonicClock, until_s: float) -> None:
         left = until_s - clock.now()
         if left <= 0.0:
             return
-        cycle.plant.fieldbus.wait(left)
+        cycle.plant.buses.wait(left)
 
 
 def _note(statistics: LoopStatistics, cycle: Cycle, late: float, busy: float) -> None:

@@ -1,14 +1,14 @@
-"""The devices of one cell as one thing: all drives, the sensor, the bus they share."""
+"""All devices of one cell as one thing, through the contract and the roles of their drivers."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..drivers.device import DeviceError, Trouble
-from ..drivers.fieldbus import Fieldbus
-from ..drivers.force_torque import MeanWrench, RobotousSensor
-from ..drivers.gripper import GripperOutput
-from ..drivers.servo import ServoDrive
+from ..drivers.device import Cause, Device, DeviceError, Trouble, Value
+from ..drivers.fieldbuses import Fieldbuses
+from ..drivers.roles import JointDrive, MeanWrench, Output, WrenchSensor
+from ..drivers.servo_status import ServoReading
 from ..protocols.canopen.cia402 import DriveState
 from .control.spatial import Array
 
@@ -18,10 +18,13 @@ OFF = (DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON)
 LISTEN_S = 0.25
 """Another master is listened for this long before a drive is reset; it sends SYNC oftener [s]."""
 
+TOGETHER_S = 3e-4
+"""Drives on several buses sample together if their SYNCs went out within [s]."""
+
 
 @dataclass(frozen=True)
 class PlantReading:
-    """What the devices last said."""
+    """Newest readings of all devices."""
 
     q: Array | None
     """Joint angles (n,) [rad]; None before every drive has told its own."""
@@ -35,6 +38,7 @@ class PlantReading:
     wrench: Array | None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float | None
+    """None where there is no sensor, or it is not opened."""
     wrench_lag_s: float
     """How much older the sample is than the joints' angles, by the bus' own stamps [s]."""
     wrench_mean: MeanWrench | None
@@ -42,6 +46,10 @@ class PlantReading:
     wrench_mean_lag_s: float
     """How much older that mean is than the joints' angles [s]."""
     trouble: Trouble | None
+    interlock: str | None = None
+    """Why a device lets the arm not move; None: all let it."""
+    values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+    """What devices tell, by their names."""
 
     @property
     def wrench_over_period(self) -> tuple[Array, float] | None:
@@ -61,24 +69,21 @@ class PlantReading:
 
 
 class Plant:
-    """Opens, reads, writes and stops every device of a cell."""
+    """Opens, reads, writes and stops every device of a cell; `devices` are in boot order."""
 
-    def __init__(
-        self,
-        fieldbus: Fieldbus,
-        drives: tuple[ServoDrive, ...],
-        sensor: RobotousSensor | None,
-        sensor_timeout_s: float,
-        gripper: GripperOutput | None = None,
-    ) -> None:
-        self.fieldbus = fieldbus
-        self.drives = drives
-        self.sensor = sensor
-        self.gripper = gripper
+    def __init__(self, buses: Fieldbuses, devices: Sequence[Device]) -> None:
+        self.buses = buses
+        self.devices = tuple(devices)
+        self.drives = tuple(d for d in devices if isinstance(d, JointDrive))
+        """In the order of the joints."""
         self.opened = False
+        self._others = tuple(d for d in devices if not isinstance(d, JointDrive))
+        self._outputs = {d.name: d for d in devices if isinstance(d, Output)}
+        self._sensor = next((d for d in devices if isinstance(d, WrenchSensor)), None)
+        beside = [d for d in self.drives if self._sensor and d.bus == self._sensor.bus]
+        self._beside = (*beside, *self.drives)[0]
+        """Drive whose answers share the clock of the sensor's stamps."""
         self._commanded = False
-        self._sensor_timeout_s = sensor_timeout_s
-        self._wrench_lag_s = 0.0
 
     def open(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`.
@@ -86,55 +91,47 @@ class Plant:
         Nothing is sent while somebody else commands these drives: they may be moving.
         """
         self.opened = False
-        self.fieldbus.clear_trouble()
-        self.fieldbus.wait_until(lambda: self.fieldbus.trouble is not None, LISTEN_S)
-        if self.fieldbus.trouble is not None:
-            raise DeviceError(f"{self.fieldbus.name}: {self.fieldbus.trouble.detail}")
+        self.buses.clear_trouble()
+        self.buses.listen(LISTEN_S)
+        trouble = self.buses.trouble
+        if trouble is not None:
+            raise DeviceError(f"{trouble.device}: {trouble.detail}")
         self._commanded = True
-        for drive in self.drives:
-            drive.open()
-        if self.sensor is not None:
-            self.sensor.open()
-        if self.gripper is not None:
-            self.gripper.open()
+        for device in self.devices:
+            device.open()
         self.opened = True
-
-    def sync(self) -> None:
-        """Send SYNC."""
-        self.fieldbus.sync()
 
     def answered(self) -> bool:
         """Take in what has come; return whether every drive has answered the last SYNC."""
-        self.fieldbus.receive(self.fieldbus.clock())
-        return all(drive.read().fresh for drive in self.drives)
+        self.buses.receive(self.buses.now())
+        return all(drive.answered for drive in self.drives)
 
     def read(self, now_s: float) -> PlantReading:
-        """Return what the devices last said."""
-        self.fieldbus.receive(now_s)
+        """Return the newest readings of all devices."""
+        self.buses.receive(now_s)
         readings = [drive.read() for drive in self.drives]
         angles = [r.position_rad for r in readings]
         heard = self.opened and all(a is not None for a in angles)
-        trouble = self.fieldbus.trouble
-        for reading in readings:
-            trouble = trouble or reading.trouble
-        if self.gripper is not None:
-            trouble = trouble or self.gripper.read().trouble
-        wrench, age = self._wrench(now_s)
-        mean = None if self.sensor is None else self.sensor.mean()
-        sampled_s = readings[0].sampled_s
-        together = all(r.sampled_s == sampled_s for r in readings)
+        trouble = self._find_trouble(readings)
+        sample = None if self._sensor is None or not self.opened else self._sensor.read()
+        mean = None if self._sensor is None else self._sensor.mean()
+        # The drive's answer comes right after the SYNC at which all of them sampled.
+        stamp = self._beside.answer_stamp
+        fresh = sample is not None and sample.wrench is not None and sample.trouble is None
         return PlantReading(
             q=np.array(angles, dtype=float) if heard else None,
-            sampled_s=sampled_s if together else None,
+            sampled_s=_together(readings),
             tau=np.array([r.torque_nm or 0.0 for r in readings]),
             states=tuple(r.state for r in readings),
             obeyed=all(r.obeyed for r in readings),
-            wrench=wrench,
-            wrench_age_s=age,
-            wrench_lag_s=self._wrench_lag_s,
-            wrench_mean=None if wrench is None else mean,
-            wrench_mean_lag_s=0.0 if mean is None else self.drives[0].answer_stamp - mean.stamp,
+            wrench=sample.wrench if sample is not None and fresh else None,
+            wrench_age_s=None if sample is None else sample.age_s,
+            wrench_lag_s=0.0 if sample is None else stamp - sample.stamp,
+            wrench_mean=mean if fresh else None,
+            wrench_mean_lag_s=0.0 if mean is None else stamp - mean.stamp,
             trouble=trouble if self.opened else None,
+            interlock=self._interlock() if self.opened else None,
+            values={d.name: told for d in self._others if (told := d.values())},
         )
 
     def write(self, command: Array) -> None:
@@ -142,10 +139,10 @@ class Plant:
         for drive, setpoint in zip(self.drives, command.tolist(), strict=True):
             drive.write(setpoint)
 
-    def grip(self, closed: bool | None) -> None:
-        """Keep the gripper closed or open; None: nobody has said, it stays as it is."""
-        if self.gripper is not None and closed is not None:
-            self.gripper.write(closed)
+    def switch(self, outputs: Mapping[str, bool]) -> None:
+        """Keep outputs on or off, by name; one that is not named stays as it is."""
+        for name, on in outputs.items():
+            self._outputs[name].write(on)
 
     def make_room(self) -> bool:
         """Let every drive's position limits hold where its joint stands; return whether it blocked.
@@ -173,31 +170,58 @@ class Plant:
             drive.request_fault_reset()
 
     def quick_stop(self) -> None:
-        """Stop every drive on its own ramp, now."""
-        for drive in self.drives:
-            drive.stop()
+        """Stop every device by its own means, now: the drives on their own ramps."""
+        for device in self.devices:
+            device.stop()
 
     def close(self) -> None:
         """Stop and let go of every device, unless it was never ours."""
         if self._commanded:
             self.quick_stop()
-            for drive in self.drives:
-                drive.close()
-            if self.sensor is not None:
-                self.sensor.close()
-            if self.gripper is not None:
-                self.gripper.close()
-        self.fieldbus.close()
+            for device in self.devices:
+                device.close()
+        self.buses.close()
 
-    def _wrench(self, now_s: float) -> tuple[Array | None, float | None]:
-        if self.sensor is None or not self.opened:
-            return None, None
-        reading = self.sensor.read(now_s)
-        # The first drive's answer comes right after the SYNC at which all of them sampled.
-        self._wrench_lag_s = self.drives[0].answer_stamp - reading.stamp
-        fresh = (
-            reading.wrench is not None
-            and reading.trouble is None
-            and reading.age_s <= self._sensor_timeout_s
-        )
-        return (reading.wrench if fresh else None), reading.age_s
+    def _find_trouble(self, readings: list[ServoReading]) -> Trouble | None:
+        """Return the first trouble that no device can go on with: of a bus, drives, others."""
+        if self.buses.trouble is not None:
+            return self.buses.trouble
+        for drive, reading in zip(self.drives, readings, strict=True):
+            if reading.trouble is not None:
+                return self._silent_bus(drive, readings) or reading.trouble
+        for device in self._others:
+            if device.vital:
+                trouble = device.read().trouble
+                if trouble is not None:
+                    return trouble
+        return None
+
+    def _silent_bus(self, drive: JointDrive, readings: list[ServoReading]) -> Trouble | None:
+        """Return that a whole bus is silent, where that explains a drive's trouble."""
+        bus = drive.bus
+        troubles = [
+            reading.trouble
+            for other, reading in zip(self.drives, readings, strict=True)
+            if other.bus == bus
+        ]
+        lost = [t for t in troubles if t is not None and t.cause is Cause.PDO_LOST]
+        if len(troubles) < 2 or len(lost) < len(troubles):
+            return None
+        names = [d.name for d in self.devices if d.bus == bus]
+        detail = f"none of its {len(lost)} drives answers, {names[0]} to {names[len(lost) - 1]}"
+        return Trouble(Cause.BUS_SILENT, bus, detail, {"drives": len(lost)})
+
+    def _interlock(self) -> str | None:
+        for device in self._others:
+            reason = device.interlock()
+            if reason is not None:
+                return reason
+        return None
+
+
+def _together(readings: list[ServoReading]) -> float | None:
+    """Return when the drives sampled, if all did at one instant [s]."""
+    times = [r.sampled_s for r in readings if r.sampled_s is not None]
+    if len(times) < len(readings) or max(times) - min(times) > TOGETHER_S:
+        return None
+    return times[0]

@@ -49,6 +49,10 @@ def describe(cell: Cell) -> Description:
         lease_timeout_s=config.timing.lease_timeout_s,
         stream_timeout_s=config.timing.stream_timeout_s,
         max_command_age_s=config.timing.max_command_age_s,
+        buses={
+            bus.name: tuple(entry.name for entry in config.devices if entry.bus == bus.name)
+            for bus in config.fieldbuses
+        },
         versions={"telerobot": metadata.version("telerobot"), "protocol": str(VERSION)},
     )
 
@@ -89,6 +93,7 @@ def report(
         target_mrf=None if commands.target is None else commands.target.to_xyz_rpy(),
         wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
         wrench_sensor=None if reading.wrench is None else _six(reading.wrench),
+        devices={name: dict(values) for name, values in reading.values.items()},
         gripper_closed=commands.settings.gripper_closed,
         payload=None if commands.settings.payload is None else _four(commands.settings.payload),
         view=None if view is None else view.to_xyz_rpy(),

@@ -9,6 +9,7 @@ from ..joint_bounds import joint_bounds
 from ..schema.cell import CellConfig
 from ..schema.mechanism import Drive, Mechanism
 from ..urdf import Robot, UrdfJoint
+from .buses import bus_disagreements
 from .cameras import camera_disagreements
 from .modes import mode_disagreements
 from .obstacles import obstacle_disagreements
@@ -16,10 +17,6 @@ from .priority import priority_disagreements
 
 REQUIRED_POSTURES: Final = ("start", "ready")
 INT32_MAX: Final = 2**31 - 1
-MASTER_NODE: Final = 127
-"""The daemon's own node id, which its heartbeat uses."""
-CANOPEN_BASES: Final = (0x080, 0x180, 0x200, 0x580, 0x600, 0x700)
-"""Of every node: EMCY, TPDO1, RPDO1, SDO answer, SDO request, heartbeat (CiA 301, 7.3.5)."""
 
 
 def check_agreement(path: Path, config: CellConfig, robot: Robot) -> None:
@@ -31,13 +28,11 @@ def check_agreement(path: Path, config: CellConfig, robot: Robot) -> None:
 
 def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from _pairing(config.mechanism.drives, robot)
-    drives = {d.joint: (i, d) for i, d in enumerate(config.mechanism.drives)}
-    for joint in robot.joints:
-        yield from _drive(
-            f"mechanism.drives[{drives[joint.name][0]}]", drives[joint.name][1], joint
-        )
+    joints = {joint.name: joint for joint in robot.joints}
+    for i, drive in enumerate(config.mechanism.drives):
+        yield from _drive(drive.key(i), drive, joints[drive.joint])
     yield from _postures(config, robot)
-    yield from _sensor_ids(config)
+    yield from bus_disagreements(config)
     yield from _gripper(config)
     yield from _payloads(config.mechanism)
     yield from camera_disagreements(config)
@@ -74,10 +69,9 @@ def _payloads(mechanism: Mechanism) -> Iterator[str]:
 
 def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:
     names = [j.name for j in robot.joints]
-    nodes: dict[int, str] = {}
     seen: set[str] = set()
     for i, drive in enumerate(drives):
-        where = f"mechanism.drives[{i}]"
+        where = drive.key(i)
         if drive.joint not in names:
             hint = nearest(drive.joint, names)
             yield (
@@ -86,14 +80,7 @@ def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:
             )
         if drive.joint in seen:
             yield f"{where}.joint: value '{drive.joint}': already has a drive"
-        if drive.node in nodes:
-            yield (
-                f"{where}.node: value {drive.node}: already the node of joint '{nodes[drive.node]}'"
-            )
-        if drive.node == MASTER_NODE:
-            yield f"{where}.node: value {drive.node}: is the daemon's own; must be 1 to 126"
         seen.add(drive.joint)
-        nodes[drive.node] = drive.joint
     for name in names:
         if name not in seen:
             yield f"mechanism.drives: joint '{name}' of {robot.urdf} has no drive"
@@ -150,33 +137,8 @@ def _gripper(config: CellConfig) -> Iterator[str]:
     if gripper is None:
         return
     where = "mechanism.gripper"
-    nodes = {d.node: f"the drive of '{d.joint}'" for d in mechanism.drives}
-    nodes[MASTER_NODE] = "the daemon"
-    if gripper.node in nodes:
-        yield f"{where}.node: value {gripper.node}: already the node of {nodes[gripper.node]}"
     for key in ("open_payload", "closed_payload"):
         name = getattr(gripper, key)
         if name is not None and name not in mechanism.payloads:
             hint = nearest(name, list(mechanism.payloads))
             yield f"{where}.{key}: value '{name}': no such payload in mechanism.payloads{hint}"
-
-
-def _sensor_ids(config: CellConfig) -> Iterator[str]:
-    sensor = config.mechanism.force_torque
-    if sensor is None:
-        return
-    taken = {0x000: "NMT", 0x080: "SYNC", 0x700 + MASTER_NODE: "the daemon's heartbeat"}
-    for drive in config.mechanism.drives:
-        taken |= {base + drive.node: f"the drive of '{drive.joint}'" for base in CANOPEN_BASES}
-    if config.mechanism.gripper is not None:
-        node = config.mechanism.gripper.node
-        taken |= {base + node: "the gripper" for base in CANOPEN_BASES}
-    where = "mechanism.force_torque"
-    for key, can_id in (
-        ("command_id", sensor.command_id),
-        ("reply_ids[0]", sensor.reply_ids[0]),
-        ("reply_ids[1]", sensor.reply_ids[1]),
-    ):
-        if can_id in taken:
-            yield f"{where}.{key}: value {can_id:#x}: is already the CAN id of {taken[can_id]}"
-        taken[can_id] = f"{where}.{key}"

@@ -9,6 +9,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from .bus import Bus
 from .cameras import Camera, Vision
 from .following import Following
 from .mechanism import Mechanism
@@ -16,6 +17,7 @@ from .moving import Frames
 from .null_space.potential import PotentialField
 from .null_space.priority import Priority
 from .obstacles import Avoidance, Obstacle
+from .on_bus import Entry, OnBus
 from .reflection import Reflection
 from .rig.rig import Rig
 from .section import Name, NonNegative, Pose, Section, Share, Vector6
@@ -51,25 +53,6 @@ class Timing(Section):
     )
     max_command_age_s: float = Field(
         0.500, gt=0, le=10, description="oldest telemetry a command may be based on [s]"
-    )
-
-
-class Bus(Section):
-    """The CAN bus: any python-can interface, or one of the two that need no hardware."""
-
-    interface: str = Field(
-        "loopback",
-        description="'loopback' (UDP pinned to 127.0.0.1, between processes), 'in_process', or any "
-        "python-can interface, for instance 'socketcan'",
-    )
-    channel: str = Field(
-        "239.74.163.10",
-        description="python-can channel: 'can0' for socketcan, a multicast group for loopback",
-    )
-    port: int = Field(43210, ge=1024, le=65535, description="UDP port of a loopback bus [1]")
-    bitrate: int = Field(1_000_000, ge=10_000, le=1_000_000, description="bits per second [1/s]")
-    options: dict[str, str | int | float | bool] = Field(
-        default_factory=dict, description="passed to python-can as they stand"
     )
 
 
@@ -224,7 +207,8 @@ class CellConfig(Section):
         description="path, from this file's folder, or the name of a script that is shipped"
     )
     timing: Timing = Field(default_factory=Timing, description="periods and timeouts")
-    bus: Bus = Field(default_factory=Bus, description="the CAN bus")
+    bus: Bus = Field(default_factory=Bus, description="the CAN bus of a cell with one")
+    buses: tuple[Bus, ...] = Field((), max_length=8, description="the CAN buses, instead of [bus]")
     zenoh: Zenoh = Field(default_factory=Zenoh, description="the operators' network")
     mechanism: Mechanism = Field(description="the arm")
     cameras: tuple[Camera, ...] = Field((), description="cameras, each looking for one tag")
@@ -260,3 +244,27 @@ class CellConfig(Section):
     def keeps_clear(self) -> bool:
         """True for a cell that says anything of obstacles or their avoidance."""
         return bool({"avoidance", "obstacles"} & self.model_fields_set)
+
+    @property
+    def fieldbuses(self) -> tuple[Bus, ...]:
+        """The cell's CAN buses, one or several."""
+        return self.buses or (self.bus,)
+
+    @property
+    def devices(self) -> tuple[Entry, ...]:
+        """Every device on a bus, in the order of booting: drives first, as the chain's joints."""
+        mechanism = self.mechanism
+        found = [
+            self._entry(drive.key(i), drive.joint, drive, f"the drive of '{drive.joint}'")
+            for i, drive in enumerate(mechanism.drives)
+        ]
+        for name in ("force_torque", "gripper"):
+            section = getattr(mechanism, name)
+            if section is not None:
+                owner = f"the {name.replace('_', '/')}"
+                found.append(self._entry(f"mechanism.{name}", name, section, owner))
+        return tuple(found)
+
+    def _entry(self, key: str, name: str, section: OnBus, owner: str) -> Entry:
+        bus = self.fieldbuses[0].name if section.bus is None else section.bus
+        return Entry(key, name, section, bus, owner)

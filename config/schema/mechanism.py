@@ -1,20 +1,22 @@
 """What a cell file may say of the arm: its chain, drives, sensor, payloads and gripper."""
 
-from typing import Annotated, Literal
+from typing import Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
+from .on_bus import CanId, CanOpenNode, Frames, OnBus
 from .section import Name, Pose, Section, Vector3, Vector6
 
-NodeId = Annotated[int, Field(ge=1, le=127)]
-CanId = Annotated[int, Field(ge=0, le=0x7FF)]
+RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
+"""Controlword, and the setpoint of each operation mode."""
+TPDO_BYTES: Final = 8
+"""Statusword, position and torque."""
 
 
-class Drive(Section):
+class Drive(CanOpenNode):
     """One CAN servo drive and the joint it moves; what differs from arm to arm stands here."""
 
     joint: Name = Field(description="joint of the URDF that this drive moves")
-    node: NodeId = Field(description="CANopen node id [1]")
     counts_per_radian: float = Field(
         gt=100, le=1e9, description="encoder counts per radian of the joint [1/rad]"
     )
@@ -53,6 +55,8 @@ class Drive(Section):
         10.0, ge=1e-6, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
     )
 
+    _table: int | None = PrivateAttr(None)
+
     @model_validator(mode="after")
     def _leash_inside_window(self) -> "Drive":
         if self.leash >= self.following_window:
@@ -60,6 +64,14 @@ class Drive(Section):
                 f"leash {self.leash} must be below following_window {self.following_window}"
             )
         return self
+
+    def frames(self, operation_mode: str) -> tuple[Frames, ...]:
+        """Return its answer to SYNC and its setpoint."""
+        return (Frames(TPDO_BYTES), Frames(RPDO_BYTES[operation_mode]))
+
+    def key(self, index: int) -> str:
+        """Return where its table stands in the cell file, where it is the drive of that index."""
+        return f"mechanism.drives[{index if self._table is None else self._table}]"
 
 
 class Payload(Section):
@@ -69,8 +81,8 @@ class Payload(Section):
     com: Vector3 = Field((0.0, 0.0, 0.0), description="centre of mass in the Sensor frame [m]")
 
 
-class ForceTorque(Section):
-    """A Robotous RFT force/torque sensor on the same CAN bus."""
+class ForceTorque(OnBus):
+    """A Robotous RFT force/torque sensor on a CAN bus that has a drive, too."""
 
     device: Literal["robotous"] = Field("robotous", description="protocol of the sensor")
     command_id: CanId = Field(0x64, description="CAN id that the sensor listens on")
@@ -116,17 +128,29 @@ class ForceTorque(Section):
         500.0, gt=0, le=1e6, description="the same about an axis through the MRF [N·m/rad]"
     )
 
+    def identifiers(self) -> tuple[tuple[str, int], ...]:
+        """Return those of its commands and of the halves of a sample."""
+        first, second = self.reply_ids
+        return (("command_id", self.command_id), ("reply_ids[0]", first), ("reply_ids[1]", second))
 
-class Gripper(Section):
-    """A gripper on a digital output of a CiA 401 module, on the same CAN bus."""
+    def frames(self, operation_mode: str) -> tuple[Frames, ...]:  # noqa: ARG002  it has none
+        """Return the two frames of its samples."""
+        return (Frames(8, self.rate_hz, count=2),)
 
-    node: NodeId = Field(description="CANopen node id of the module [1]")
+
+class Gripper(CanOpenNode):
+    """A gripper on a digital output of a CiA 401 module."""
+
     output: int = Field(0, ge=0, le=7, description="its bit in 6200h:01 [1]")
     closed: Literal[0, 1] = Field(1, description="the bit's value when the gripper is closed")
     open_payload: Name | None = Field(
         None, description="payload to switch to when it opens; none: as it is"
     )
     closed_payload: Name | None = Field(None, description="the same when it closes")
+
+    def frames(self, operation_mode: str) -> tuple[Frames, ...]:  # noqa: ARG002  it has none
+        """Return none: its output is sent when it changes."""
+        return ()
 
 
 class Mechanism(Section):

@@ -7,6 +7,10 @@ from ...protocols.messages.rig import RigFault
 
 FARTHEST = 100.0
 """Nothing is put farther from World's origin along an axis [m]."""
+MOST_FORCE = 5000.0
+"""The physics is not pushed harder along an axis: it would break before the arm does [N]."""
+MOST_FRICTION = 1e4
+"""Nor is a joint braked harder [N·m]."""
 
 
 def vector_of(fault: RigFault, most: float, unit: str) -> NDArray[np.float64]:

@@ -2,10 +2,11 @@
 
 | kind | target | value |
 |---|---|---|
-| silence | joint, force_torque | the node neither sends nor hears |
+| unplug | bus | nothing passes between the bus and its nodes |
+| silence | device | the node neither sends nor hears |
 | silence | base, carrier | no sensor tells where the frame is (`rig.py`) |
-| drop, corrupt | joint, force_torque | probability per frame, 1 by default |
-| delay | joint, force_torque | seconds of physics time, required |
+| drop, corrupt | device | probability per frame, 1 by default |
+| delay | device | seconds of physics time, required |
 | fault | joint | the power stage fails: EMCY 2310h; a reset works once it is off |
 | emcy | joint | one emergency message with this code, 4310h by default; nothing else |
 | block | joint | stands still mechanically, whatever the motor does |
@@ -15,118 +16,55 @@
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |
 | cover | tag | nobody sees it (`tags.py`) |
 | move | tag | `vector` [m] in World is its new place, its attitude stays |
+
+A device is a joint, whose drive is meant, `force_torque`, `gripper`, or another one's name. Its own
+faults are its node's (`nodes/`), those of the connection its link's.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from ...config.schema.mechanism import Drive
-from ...protocols.canopen.can301 import EmcyCode
 from ...protocols.messages.rig import RigFault
-from .fault_values import value_of, vector_of
-from .nodes.force_torque_node import SimulatedForceTorque
-from .nodes.link import NodeLink
-from .nodes.servo_node import SimulatedDrive
+from .fault_values import MOST_FORCE, value_of, vector_of
+from .nodes.node import Node
+from .nodes.wire import Wire
 from .physics.world import World
 
-SENSOR = "force_torque"
-"""The target that names the sensor, and the tool."""
-
-MOST_FORCE = 5000.0
-"""The physics is not pushed harder along an axis: it would break before the arm does [N]."""
-MOST_FRICTION = 1e4
-"""Nor is a joint braked harder [N·m]."""
-LONGEST_DELAY_S = 10.0
-"""A frame that is later than this might as well be lost [s]."""
+OF_LINK = ("silence", "drop", "delay", "corrupt")
+"""Faults of a node's connection to its bus."""
+TOOL = "force_torque"
+"""Target that names the tool, in a cell without a sensor, too."""
 
 
 class Faults:
-    """Applies faults to the nodes and the physics of one rig."""
+    """Hands faults to the nodes and buses of one rig."""
 
-    def __init__(
-        self,
-        world: World,
-        drives: Mapping[str, SimulatedDrive],
-        sensor: SimulatedForceTorque | None,
-    ) -> None:
-        self._world = world
-        self._drives = drives
-        self._joints = {name: i for i, name in enumerate(drives)}
-        self._sensor = sensor
-        self._on_joint: dict[str, Callable[[RigFault, int, SimulatedDrive], None]] = {
-            "fault": lambda fault, _, drive: drive.break_down(fault.on),
-            "emcy": _emcy,
-            "block": lambda fault, joint, _: world.set_jam(joint, jammed=fault.on),
-            "stick": self._stick,
-        }
+    def __init__(self, world: World, nodes: Mapping[str, Node], wires: Mapping[str, Wire]) -> None:
+        self._world, self._nodes, self._wires = world, nodes, wires
 
     def inject(self, fault: RigFault) -> None:
         """Apply one fault. Raises `ValueError`, in one line, for one that makes no sense."""
-        if fault.target not in self._joints and fault.target != SENSOR:
-            known = ", ".join((*self._joints, SENSOR))
-            raise ValueError(f"fault {fault.kind}: no target {fault.target!r}; there are {known}")
-        if fault.kind == "push":
-            self._push(fault)
-        elif fault.kind == "hand":
-            self._guide(fault)
-        elif fault.kind == "freeze":
-            self._freeze(fault)
-        elif fault.kind in ("silence", "drop", "delay", "corrupt"):
-            self._disturb(fault, self._link(fault))
-        elif fault.target == SENSOR:
-            raise ValueError(f"fault {fault.kind}: its target is a joint, not {SENSOR}")
+        if fault.kind == "unplug":
+            if fault.target not in self._wires:
+                raise _unknown(fault, self._wires)
+            self._wires[fault.target].plugged = not fault.on
+            return
+        if fault.target == TOOL and fault.kind in ("push", "hand"):
+            self._push_tool(fault)
+            return
+        node = self._nodes.get(fault.target)
+        if node is None:
+            raise _unknown(fault, self._nodes)
+        if fault.kind in OF_LINK:
+            node.link.disturb(fault)
         else:
-            joint = self._joints[fault.target]
-            self._on_joint[fault.kind](fault, joint, self._drives[fault.target])
+            node.inject(fault)
 
-    def _link(self, fault: RigFault) -> NodeLink:
-        if fault.target in self._drives:
-            return self._drives[fault.target].link
-        return self._force_torque(fault).link
-
-    def _force_torque(self, fault: RigFault) -> SimulatedForceTorque:
-        if self._sensor is None:
-            raise ValueError(f"fault {fault.kind}: the cell has no force/torque sensor")
-        return self._sensor
-
-    def _disturb(self, fault: RigFault, link: NodeLink) -> None:
-        if fault.kind == "silence":
-            link.silent = fault.on
-        elif fault.kind == "delay":
-            if fault.on and fault.value is None:
-                raise ValueError("fault delay: give its value in seconds")
-            link.delay_s = value_of(fault, 0.0, LONGEST_DELAY_S, "s") if fault.on else 0.0
-        else:
-            share = value_of(fault, 0.0, 1.0, "of all frames", default=1.0)
-            setattr(link, fault.kind, share if fault.on else 0.0)
-
-    def _freeze(self, fault: RigFault) -> None:
-        if fault.target != SENSOR:
-            raise ValueError(f"fault freeze: its target is {SENSOR}, not a joint")
-        self._force_torque(fault).freeze(fault.on, mute=bool(fault.value))
-
-    def _stick(self, fault: RigFault, joint: int, drive: SimulatedDrive) -> None:
-        torque = value_of(fault, 0.0, MOST_FRICTION, "N·m", default=_half_torque(drive.drive))
-        self._world.set_extra_friction(joint, torque if fault.on else 0.0)
-
-    def _push(self, fault: RigFault) -> None:
+    def _push_tool(self, fault: RigFault) -> None:
         force = vector_of(fault, MOST_FORCE, "N") if fault.on else None
-        if fault.target == SENSOR:
-            self._world.push_tool(force)
-        else:
-            self._world.push_joint(self._joints[fault.target], force)
-
-    def _guide(self, fault: RigFault) -> None:
-        if fault.target != SENSOR:
-            raise ValueError(f"fault hand: its target is {SENSOR}, not a joint")
-        force = vector_of(fault, MOST_FORCE, "N") if fault.on else None
-        duration_s = None if fault.value is None else value_of(fault, 0.01, 3600.0, "s")
-        self._world.push_tool(force, duration_s)
+        swells = fault.kind == "hand" and fault.value is not None
+        self._world.push_tool(force, value_of(fault, 0.01, 3600.0, "s") if swells else None)
 
 
-def _emcy(fault: RigFault, _joint: int, drive: SimulatedDrive) -> None:
-    if fault.on:
-        drive.emergency(round(value_of(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)))
-
-
-def _half_torque(drive: Drive) -> float:
-    return drive.max_torque / 2
+def _unknown(fault: RigFault, known: Mapping[str, object]) -> ValueError:
+    names = ", ".join(known)
+    return ValueError(f"fault {fault.kind}: no target {fault.target!r}; there are {names}")

@@ -65,11 +65,12 @@ def run_realtime(
     deadline = clock()
     next_truth_s = rig.time_s
     while not stop():
-        while (message := rig.receive()) is not None:
+        while (heard := rig.receive()) is not None:
+            wire, message = heard
             sent_s = clock() - _age(message, rig, stamping)
             if message.arbitration_id == SYNC_ID:
                 deadline = _catch_up(rig, pace, deadline, sent_s)
-            rig.handle(message, min(max(sent_s - deadline, -rig.dt), rig.dt))
+            rig.handle(wire, message, min(max(sent_s - deadline, -rig.dt), rig.dt))
         late = clock() - deadline
         if late > LATE_PERIODS * rig.period_s:
             missed = int(late / rig.dt)

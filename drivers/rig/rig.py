@@ -1,4 +1,4 @@
-"""The virtual hardware of one cell: drives and sensor on a CAN bus, and the physics they move.
+"""The virtual hardware of one cell: devices on its CAN buses, and the physics they move.
 
 It meets the daemon on the bus and nowhere else. Time is the physics' own: `step` makes it pass.
 """
@@ -6,23 +6,23 @@ It meets the daemon on the bus and nowhere else. Time is the physics' own: `step
 import math
 from collections import deque
 from collections.abc import Callable
+from importlib import import_module
 
 import can
-import numpy as np
 
 from ...config.load import Cell
-from ...protocols.canopen import can301
+from ...config.schema.on_bus import Entry
 from ...protocols.messages.messages import Vector6
 from ...protocols.messages.moving import RigMotion
 from ...protocols.messages.rig import RigFault, RigTruth
+from ..kinds import KINDS as DEVICES
 from .fault_values import FARTHEST, vector_of
 from .faults import Faults
-from .nodes.can_node import CanNode
+from .nodes.bench import Bench
 from .nodes.drive_loops import DriveLoops
-from .nodes.force_torque_node import SimulatedForceTorque
-from .nodes.gripper_node import SimulatedGripper
-from .nodes.link import NodeLink
+from .nodes.node import Node
 from .nodes.servo_node import SimulatedDrive
+from .nodes.wire import RigError, Wire
 from .physics.geoms import quaternion
 from .physics.movers import Movers
 from .physics.scene import turned_by
@@ -30,22 +30,21 @@ from .physics.sight import SightLines
 from .physics.tags import KINDS, Tags
 from .physics.world import Vector, World
 
+__all__ = ["Rig", "RigError"]
+
 SYNC_STAMPS = 1 << 16
 """So many of the newest SYNC stamps are kept [1]."""
 
 
-class RigError(Exception):
-    """The bus is not the rig's alone: names what was heard."""
-
-
 class Rig:
-    """All simulated nodes of a cell on `bus`, booted, brakes closed, at the posture `start`.
+    """All simulated nodes of a cell, booted, brakes closed, at the posture `start`.
 
-    Runs are equal to the last bit when cell, frames and faults are. Raises `ValueError` for a cell
-    without `[rig]` or with two nodes of one id.
+    `buses` are those of the cell, in its order. Runs are equal to the last bit when cell, frames
+    and faults are. Raises `ValueError` for a cell without `[rig]`, or with two nodes of one id on a
+    bus.
     """
 
-    def __init__(self, cell: Cell, bus: can.BusABC) -> None:
+    def __init__(self, cell: Cell, *buses: can.BusABC) -> None:
         config = cell.config
         self.world = World(cell)
         rig, mechanism = config.rig, config.mechanism
@@ -55,78 +54,38 @@ class Rig:
         self.dt = rig.physics_step_s
         self.sync_count = 0
         self.sync_stamps: deque[float] = deque(maxlen=SYNC_STAMPS)
-        """Physics time of the newest SYNCs [s]."""
+        """Physics time of the newest SYNCs [s], of all buses at once."""
         self.on_sync: Callable[[], None] = _ignore
         """Called at every SYNC, after the nodes have sampled."""
         self.unseen: set[str] = set()
         """Frames that may move and of which no sensor tells: a fault, `silence`."""
-        self._bus = bus
         self._steps = 0
         self._time_s = 0.0
         self._loop = DriveLoops(mechanism.drives, rig.drive, self.dt)
-        generators = (
-            np.random.default_rng(s)
-            for s in np.random.SeedSequence(rig.seed).spawn(len(mechanism.drives) + 3)
+        self._wires = tuple(
+            Wire(c.name, bus) for c, bus in zip(config.fieldbuses, buses, strict=True)
         )
-        nodes = [d.node for d in mechanism.drives]
-        if len(set(nodes)) < len(nodes):
-            raise ValueError(f"cell {config.name}: two drives have the same node id: {nodes}")
-        self.drives = {
-            drive.joint: SimulatedDrive(
-                drive,
-                joint,
-                NodeLink(bus, self.now, next(generators)),
-                self._loop,
-                self.world,
-                rig.drive.torque_delay_s,
-                self.now,
-            )
-            for joint, drive in enumerate(mechanism.drives)
-        }
-        sensor = mechanism.force_torque
-        self.force_torque: SimulatedForceTorque | None = None
-        if sensor is not None:
-            self.force_torque = SimulatedForceTorque(
-                sensor,
-                rig.force_torque,
-                NodeLink(bus, self.now, next(generators)),
-                self.world.sensor_wrench,
-                next(generators),
-                next(generators),
-                self.now,
-            )
-        self.gripper: SimulatedGripper | None = None
-        if mechanism.gripper is not None:
-            link = NodeLink(bus, self.now, np.random.default_rng(rig.seed))
-            self.gripper = SimulatedGripper(mechanism.gripper, link, self.world.grasp, self.now)
+        by_name = {wire.name: wire for wire in self._wires}
+        bench = Bench(cell, rig, self.world, self._loop, self.now)
+        self.nodes: dict[str, Node] = {}
+        """Simulated devices by name, in the order of the cell's."""
+        for entry in config.devices:
+            bench.wire = by_name[entry.bus]
+            self.nodes[entry.name] = node = _node(entry, bench)
+            bench.wire.add(node)
+        nodes = tuple(self.nodes.values())
+        self.drives = {n.drive.joint: n for n in nodes if isinstance(n, SimulatedDrive)}
         self.tags = Tags(rig.tags)
         self._movers = Movers(cell)
         self._moving = frozenset(config.frames.moving)
         self._T_world_carrier = cell.config.frames.T_world_carrier
         self._sight = SightLines(cell, self.world.model, self.world.data)
-        self._faults = Faults(self.world, self.drives, self.force_torque)
-        self._nodes: tuple[CanNode, ...] = tuple(self.drives.values())
-        if self.gripper is not None:
-            self._nodes = (*self._nodes, self.gripper)
-        self._links = [node.link for node in self._nodes]
-        if self.force_torque is not None:
-            self._links.append(self.force_torque.link)
-        self._own_beats = {can301.heartbeat_id(node.node) for node in self._nodes}
-        self._routes = self._make_routes()
-        for node in self._nodes:
+        self._faults = Faults(self.world, self.nodes, by_name)
+        self._before = tuple(node for node in nodes if not node.samples_after_step)
+        self._after = tuple(node for node in nodes if node.samples_after_step)
+        self._links = [node.link for node in nodes]
+        for node in nodes:
             node.boot()
-
-    def _make_routes(self) -> dict[int, tuple[NodeLink, ...]]:
-        everyone = tuple(node.link for node in self._nodes)
-        routes = {can301.NMT_ID: everyone, can301.SYNC_ID: everyone}
-        for node in self._nodes:
-            routes[can301.sdo_request_id(node.node)] = (node.link,)
-            for number in range(can301.DEFAULT_PDOS):
-                routes[can301.rpdo1_id(node.node) + 0x100 * number] = (node.link,)
-        if self.force_torque is not None:
-            command = self.force_torque.command_id
-            routes[command] = (*routes.get(command, ()), self.force_torque.link)
-        return routes
 
     @property
     def time_s(self) -> float:
@@ -138,38 +97,31 @@ class Rig:
         return self._time_s
 
     def poll(self) -> None:
-        """Handle every frame that waits on the bus. Raises `RigError` for a second rig on it."""
-        while (message := self.receive()) is not None:
-            self.handle(message)
+        """Handle every frame that waits on a bus. Raises `RigError` for a second rig on it."""
+        while (heard := self.receive()) is not None:
+            self.handle(*heard)
 
-    def receive(self) -> can.Message | None:
-        """Return the next data frame that waits on the bus, None when there is none."""
-        while (message := self._bus.recv(0)) is not None:
-            if not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
-                return message
-        return None
+    def receive(self) -> tuple[Wire, can.Message] | None:
+        """Return the oldest frame that waits, and its bus; None when there is none."""
+        if len(self._wires) == 1:
+            wire = self._wires[0]
+            return None if wire.stamp is None else (wire, wire.take())
+        stamps = [(stamp, i) for i, w in enumerate(self._wires) if (stamp := w.stamp) is not None]
+        if not stamps:
+            return None
+        wire = self._wires[min(stamps)[1]]
+        return wire, wire.take()
 
-    def handle(self, message: can.Message, ahead_s: float = 0.0) -> None:
-        """Handle one frame that was sent `ahead_s` after the newest step [s].
+    def handle(self, wire: Wire, message: can.Message, ahead_s: float = 0.0) -> None:
+        """Handle a frame that was sent `ahead_s` after the newest step [s].
 
         Raises `RigError` for one that only a node of the same id sends.
         """
         self.world.ahead_s = ahead_s
-        can_id, data = message.arbitration_id, bytes(message.data)
-        if can_id in self._own_beats:
-            node = can_id - can301.heartbeat_id(0)
-            raise RigError(f"another node {node} is on the bus: is a second rig running on it?")
-        if can_id == can301.SYNC_ID:
-            self.sync_count += 1
+        wire.deliver(message.arbitration_id, bytes(message.data))
+        if wire.sync_count > self.sync_count:  # on the first bus that it came on
+            self.sync_count = wire.sync_count
             self.sync_stamps.append(self._time_s + ahead_s)
-        links = self._routes.get(can_id)
-        if links is None:
-            if can_id <= can301.heartbeat_id(0):
-                return
-            links = self._routes[can301.SYNC_ID]
-        for link in links:
-            link.deliver(can_id, data)
-        if can_id == can301.SYNC_ID:
             self.on_sync()
 
     def step(self) -> None:
@@ -179,7 +131,7 @@ class Rig:
             if link.waiting:
                 link.flush()
         beyond = bool(self._loop.steps_beyond.any())
-        for node in self._nodes:
+        for node in self._before:
             if beyond or node.due_s <= now:
                 node.tick()
         world = self.world
@@ -190,9 +142,9 @@ class Rig:
         world.step(self._loop.step(world.q, world.dq))
         self._steps += 1
         self._time_s = self._steps * self.dt
-        sensor = self.force_torque
-        if sensor is not None and sensor.due_s <= self._time_s + 1e-7:
-            sensor.tick()
+        for node in self._after:
+            if node.due_s <= self._time_s + 1e-7:
+                node.tick()
 
     def advance(self, seconds: float) -> None:
         """Advance by whole physics steps, as many as are nearest to `seconds`."""
@@ -250,6 +202,14 @@ class Rig:
             covered=self.tags.covered,
             frames=self.frames,
         )
+
+
+def _node(entry: Entry, bench: Bench) -> Node:
+    """Make the simulated node of a device, by its row in the table of kinds."""
+    module, name = DEVICES[type(entry.section)].node.split(":")
+    maker = getattr(import_module(f"{__package__}.nodes.{module}"), name)
+    node: Node = maker.from_bench(entry, bench)
+    return node
 
 
 def _ignore() -> None:

@@ -28,6 +28,8 @@ Attitude = tuple[Angle, Angle, Angle]
 Twist = tuple[Speed, Speed, Speed, AngularSpeed, AngularSpeed, AngularSpeed]
 Wrench = tuple[Newtons, Newtons, Newtons, NewtonMetres, NewtonMetres, NewtonMetres]
 Gains = tuple[Gain, Gain, Gain, Gain, Gain, Gain]
+Value = str | int | float | bool | None
+"""Value in an event, or of a device."""
 JointVector = Annotated[tuple[float, ...], Field(min_length=1, max_length=64)]
 Joules = Annotated[float, Field(ge=0, le=1e6)]
 Key = Annotated[bytes, Field(min_length=32, max_length=32)]
@@ -206,6 +208,8 @@ class State(Message):
     wrench_sensor: Vector6 | None = None
     payload: tuple[float, float, float, float] | None = None
     gripper_closed: bool | None = None
+    devices: dict[str, dict[str, Value]] = Field(default_factory=dict)
+    """What other devices on the bus say, by their names."""
     view: Vector6 | None = None
     view_age_ticks: Count | None = None
     sources: dict[str, Vector6]
@@ -246,7 +250,7 @@ class Event(Message):
     name: str = Field(max_length=64)
     severity: Literal["info", "warning", "error"]
     detail: str = Field("", max_length=1000)
-    values: dict[str, str | int | float | bool | None] = Field(default_factory=dict)
+    values: dict[str, Value] = Field(default_factory=dict)
 
 
 class Description(Message):
@@ -268,3 +272,5 @@ class Description(Message):
     stream_timeout_s: float
     max_command_age_s: float
     versions: dict[str, str]
+    buses: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    """Devices on each bus, in the order of booting."""

@@ -13,16 +13,16 @@ from .messages import Count, JointVector, Message, Vector3, Vector6
 class RigFault(Message):
     """A fault for the rig to inject, or to take back with `on = false`.
 
-    `target` is a joint name, "force_torque", a tag for `cover` and `move`, an obstacle for `place`,
-    or "base" or "carrier" for `silence`; `value` depends on the kind: probability for `drop` and
-    `corrupt`, seconds for `delay`. `vector` is in World: the force [N] at the joint's link for
-    `push` or at the MRF for `hand` (whose `value` is how long it takes to come and go [s]), the new
-    place [m] for `move` and `place`.
+    `target` is the name of a joint or of another device, a bus for `unplug`, a tag for `cover` and
+    `move`, an obstacle for `place`, or "base" or "carrier" for `silence`; `value` depends on the
+    kind: probability for `drop` and `corrupt`, seconds for `delay`. `vector` is in World: the force
+    [N] at the joint's link for `push` or at the MRF for `hand` (whose `value` is how long it takes
+    to come and go [s]), the new place [m] for `move` and `place`.
     """
 
     kind: Literal[
         "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-        "cover", "move", "place", "hand",
+        "cover", "move", "place", "hand", "unplug",
     ]  # fmt: skip
     target: str = Field(max_length=64)
     on: bool = True

@@ -152,6 +152,11 @@ class OperatorSettings:
         self.wrench_bias = unloaded
         self.hear_of_load("tare")
 
+    @property
+    def outputs(self) -> dict[str, bool]:
+        """What outputs were told, by name."""
+        return {} if self.gripper_closed is None else {"gripper": self.gripper_closed}
+
     def set_gripper(self, closed: bool) -> None:
         """Close or open the gripper, and switch to the payload that the cell has for that."""
         if self._gripper is None:

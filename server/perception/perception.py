@@ -35,13 +35,12 @@ class Perception:
         reading: PlantReading,
         memory: Memory | None,
         output: Output | None,
-        has_sensor: bool,
         mode: Mode,
         now_s: float,
     ) -> None:
         """Take in what the devices said, and what the last tick made of it."""
         commands = self._commands
-        if has_sensor:
+        if reading.wrench_age_s is not None:
             weight, twists = None, {}
             if output is not None:
                 twists = output.twists

@@ -4,15 +4,15 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from telerobot.drivers.device import Device, DeviceError
+from telerobot.drivers.device import DeviceError
 from telerobot.protocols.canopen import robotous
 
 
-def servo(cell: Any) -> tuple[Device[Any, Any, Any], Any]:
+def servo(cell: Any) -> tuple[Any, Any]:
     return cell.servo, 0.65
 
 
-def sensor(cell: Any) -> tuple[Device[Any, Any, Any], Any]:
+def sensor(cell: Any) -> tuple[Any, Any]:
     return cell.sensor, robotous.bias()
 
 
@@ -25,7 +25,7 @@ def break_the_sensor(cell: Any) -> None:
 
 
 DEVICES = pytest.mark.parametrize("device", [servo, sensor])
-Pick = Callable[[Any], tuple[Device[Any, Any, Any], Any]]
+Pick = Callable[[Any], tuple[Any, Any]]
 
 
 @DEVICES

@@ -86,11 +86,13 @@ def test_age_is_measured_from_when_the_sample_was_taken_off_the_bus(cell: Any) -
     cell.hub.time_s = 10.0
     cell.played_sensor.send()
     cell.fieldbus.receive(100.0)
-    reading = cell.sensor.read(100.03)
+    cell.fieldbus.receive(100.03)
+    reading = cell.sensor.read()
     assert reading.age_s == pytest.approx(0.03)
     assert reading.stamp == 10.0
     assert reading.trouble is None
-    stale = cell.sensor.read(100.06)
+    cell.fieldbus.receive(100.06)
+    stale = cell.sensor.read()
     assert stale.trouble.cause is Cause.PDO_LOST
     assert stale.ready
 

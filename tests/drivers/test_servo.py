@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from telerobot.drivers.device import Cause
+from telerobot.drivers.fieldbuses import Fieldbuses
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtState
 from telerobot.protocols.canopen.cia402 import Control, DriveState, Status
 from telerobot.server.plant import Plant
@@ -287,12 +288,12 @@ def test_an_emergency_is_taken_back_by_the_drive_while_resetting(cell: Any) -> N
 @pytest.fixture
 def plant(cell: Any) -> Plant:
     cell.enable()
-    return Plant(cell.fieldbus, (cell.servo,), None, 0.1)
+    return Plant(Fieldbuses(cell.fieldbus), (cell.servo,))
 
 
 def sampled_s(cell: Any, plant: Plant) -> float | None:
     """Send a SYNC, and read at once."""
-    plant.sync()
+    plant.buses.sync()
     return plant.read(cell.hub.time_s).sampled_s
 
 
@@ -302,7 +303,7 @@ def test_joints_were_sampled_at_the_sync_not_when_the_answer_came_or_is_read(
     cell.played.answers_sync = False
     for late_s in (0.001, 0.004, 0.002):
         at_s = cell.hub.time_s
-        plant.sync()
+        plant.buses.sync()
         cell.hub.time_s += late_s
         cell.played.answer()
         cell.hub.time_s += 0.001

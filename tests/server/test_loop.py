@@ -97,7 +97,7 @@ class _Bus:
     """A plant of one drive whose answer to the third SYNC takes almost a period, others 1 ms."""
 
     def __init__(self, clock):
-        self._clock, self._syncs, self._underway, self.fieldbus = clock, 0, [], self
+        self._clock, self._syncs, self._underway, self.buses = clock, 0, [], self
         self.newest, self.fresh = None, False
 
     def sync(self):
@@ -130,7 +130,7 @@ class _Listening(_Stalling):
 
     def begin(self):
         super().begin()
-        self.plant.sync()
+        self.plant.buses.sync()
 
     def finish(self):
         self.used.append(self.plant.newest)

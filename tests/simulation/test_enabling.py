@@ -60,7 +60,7 @@ def arm(pa10):
         simulation.step()
     yield simulation
     simulation.cycle.close()
-    simulation.hub.close()
+    simulation.hubs[0].close()
 
 
 def test_disable_is_answered_once_the_drives_have_said_that_they_are_off(arm):

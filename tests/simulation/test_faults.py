@@ -150,7 +150,7 @@ def test_the_daemons_heartbeat_is_produced_by_the_tick_in_its_period(pa10):
         if can_id == can301.heartbeat_id(can301.MASTER_NODE):
             beats.append(simulation.cycle.tick)
 
-    simulation.cycle.plant.fieldbus.taps.append(on_sent)
+    simulation.cycle.plant.buses[0].taps.append(on_sent)
     simulation.run()
     timing = pa10.config.timing
     assert set(np.diff(beats)) == {round(timing.heartbeat_period_s / timing.period_s)}
@@ -174,7 +174,7 @@ def test_a_dead_daemon_leaves_drives_that_stop_by_themselves(pa10):
     simulation.rig.advance(0.5)
     assert all(s != "operation_enabled" for s in simulation.rig.truth().drives)
     simulation.cycle.close()
-    simulation.hub.close()
+    simulation.hubs[0].close()
 
 
 def test_a_stale_sensor_silences_the_force_source_and_says_so(play):
@@ -259,7 +259,7 @@ def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
         if can_id == can301.rpdo1_id(4):
             targets.append(cia402.unpack_csp(data).target_position)
 
-    simulation.cycle.plant.fieldbus.taps.append(on_sent)
+    simulation.cycle.plant.buses[0].taps.append(on_sent)
     simulation.on_tick = leap
     result = simulation.run()
     errors = [e for e in simulation.events if e.severity == "error"]
@@ -276,7 +276,7 @@ def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
 
     script = Script.model_validate({"duration_s": 2.0, "step": [MOVING]})
     simulation = Simulation(pa10, script)
-    intruder = InProcessBus(simulation.hub)
+    intruder = InProcessBus(simulation.hubs[0])
 
     def intrude(s):
         if s.cycle.tick == 120:

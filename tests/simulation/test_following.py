@@ -144,7 +144,7 @@ def rpdos(cell):
     sent = []
 
     def listen(simulation):
-        simulation.cycle.plant.fieldbus.taps.append(
+        simulation.cycle.plant.buses[0].taps.append(
             lambda can_id, data: sent.append(bytes(data)) if 0x200 < can_id < 0x280 else None
         )
 
@@ -240,7 +240,7 @@ def test_in_cst_a_dead_daemon_leaves_drives_that_stop_by_themselves(hand):
         if sim.clock.time_s > sim.player.start_s + 1.2 and sim.cycle.mode == "enabled":
             for _ in range(60):
                 sim.rig.advance(0.01)
-                sim.hub.time_s = sim.rig.time_s
+                sim.hubs[0].time_s = sim.rig.time_s
                 speeds.append(np.abs(sim.rig.world.dq).max())
 
     simulation.on_tick = lambda sim: die(sim) if not speeds else None

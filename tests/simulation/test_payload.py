@@ -125,13 +125,13 @@ def test_a_part_that_the_daemon_is_not_told_of_is_said_and_soon_moves_nothing(pa
 def test_a_gripper_stays_as_it_is_until_somebody_says_otherwise(pa10, play):
     run = play(seconds=1.0, cell=with_gripper(pa10))
     assert run.states[-1].gripper_closed is None
-    assert not run.simulation.rig.gripper.closed
+    assert not run.simulation.rig.nodes["gripper"].closed
 
 
 def test_what_is_held_is_held_on_in_a_quick_stop_and_when_the_daemon_dies(pa10, play):
     run = play(CLOSE, {"at_s": 2.0, "fault": {"fault": "s1"}}, cell=with_gripper(pa10), seconds=3.0)
     assert run.summary["mode"] == "fault"
-    gripper = run.simulation.rig.gripper
+    gripper = run.simulation.rig.nodes["gripper"]
     assert gripper.closed
     run.simulation.rig.advance(1.0)
     assert gripper.master_lost
@@ -143,7 +143,7 @@ def test_a_gripper_that_falls_silent_is_a_fault_that_names_it(pa10):
     simulation = Simulation(with_gripper(pa10), script)
 
     def cut(running):
-        running.rig.gripper.link.silent = running.clock.time_s > 1.5
+        running.rig.nodes["gripper"].link.silent = running.clock.time_s > 1.5
 
     simulation.on_tick = cut
     assert simulation.run().summary["mode"] == "fault"

@@ -73,7 +73,7 @@ def test_an_arm_that_cannot_feel_says_so_and_that_it_can_again(pa10):
     """Two SYNCs of known instants in a row are too few: an acceleration takes three."""
     script = Script.model_validate({"duration_s": 5.0, "step": [MOVING]})
     simulation = Simulation(pa10, script)
-    fieldbus = simulation.cycle.plant.fieldbus
+    fieldbus = simulation.cycle.plant.buses[0]
     sync = fieldbus.sync
 
     def late_now_and_then():

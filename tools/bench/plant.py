@@ -18,10 +18,10 @@ STILL = "\n[redundancy]\nmid_range = 0.0\n"
 
 
 class Listener:
-    """A passive member of the cell's bus; stamps are the kernel's, on the wall clock [s]."""
+    """A passive member of the cell's first bus; stamps are the kernel's, on the wall clock [s]."""
 
     def __init__(self, cell: Cell) -> None:
-        self._bus = open_bus(cell.config.bus)
+        self._bus = open_bus(cell.config.fieldbuses[0])
 
     def frames(self) -> Iterator[CanMessage]:
         """Yield the frames that have come, without waiting."""

@@ -1,18 +1,17 @@
-"""Is there room on the CAN bus for what the cell sends, even if every frame is stuffed?"""
+"""Is there room on each CAN bus for what the cell sends, even if every frame is stuffed?"""
 
 from collections.abc import Iterator
 
 from ...config.load import Cell
+from ...config.schema.bus import Bus
+from ...config.schema.mechanism import Drive
+from ...config.schema.on_bus import CanOpenNode, Entry
 from .findings import Finding, graded
 
 LIMIT = 0.80
 """Above this load a classic CAN bus has no room left for SDO, EMCY and repetitions [1]."""
 NOTICE = 0.60
-RPDO_BYTES = {"csp": 6, "csv": 6, "cst": 4}
-TPDO_BYTES = 8
 HEARTBEAT_BYTES = 1
-SAMPLE_FRAMES = 2
-"""A force/torque sample is two frames of 8 bytes."""
 
 
 def worst_case_bits(data_bytes: int) -> int:
@@ -24,36 +23,38 @@ def worst_case_bits(data_bytes: int) -> int:
 
 
 def bus_load(cell: Cell) -> Iterator[Finding]:
-    """Judge the cyclic traffic against the bit rate, and say what the heartbeats' share is."""
-    timing, bitrate = cell.config.timing, cell.config.bus.bitrate
-    n = len(cell.config.mechanism.drives)
-    mode = cell.config.mechanism.operation_mode
-    per_period = worst_case_bits(0) + n * (
-        worst_case_bits(RPDO_BYTES[mode]) + worst_case_bits(TPDO_BYTES)
-    )
-    cyclic = per_period / timing.period_s
-    others = 1 if cell.config.mechanism.gripper is None else 2
-    heartbeats = (n + others) * worst_case_bits(HEARTBEAT_BYTES) / timing.heartbeat_period_s
-    sensor = cell.config.mechanism.force_torque
-    samples = 0.0 if sensor is None else SAMPLE_FRAMES * worst_case_bits(8) * sensor.rate_hz
-    load = (cyclic + heartbeats + samples) / bitrate
+    """Judge the cyclic traffic of each bus against its bit rate."""
+    for bus in cell.config.fieldbuses:
+        on_it = [entry for entry in cell.config.devices if entry.bus == bus.name]
+        yield from _load(cell, bus, on_it)
+
+
+def _load(cell: Cell, bus: Bus, devices: list[Entry]) -> Iterator[Finding]:
+    timing, bitrate = cell.config.timing, bus.bitrate
+    burst, free = worst_case_bits(0), {}
+    for entry in devices:
+        frames = entry.section.frames(cell.config.mechanism.operation_mode)
+        bits = [(f.rate_hz, f.count * worst_case_bits(f.data_bytes)) for f in frames]
+        burst += sum(b for rate, b in bits if rate is None)
+        paced = sum(rate * b for rate, b in bits if rate is not None)
+        if paced:
+            free[entry.name] = paced / bitrate
+    nodes = 1 + sum(isinstance(entry.section, CanOpenNode) for entry in devices)
+    heartbeats = nodes * worst_case_bits(HEARTBEAT_BYTES) / timing.heartbeat_period_s / bitrate
+    cyclic = burst / timing.period_s / bitrate
+    load = cyclic + sum(free.values()) + heartbeats
+    shares = [f"{name} {share:.1%}" for name, share in free.items()]
     yield Finding(
-        "bus load",
+        f"{bus.label} load",
         graded(load, NOTICE, LIMIT),
         f"{load:.1%} of {bitrate} bit/s, at most {LIMIT:.0%}: "
-        f"PDOs and SYNC {cyclic / bitrate:.1%}, "
-        f"force/torque {samples / bitrate:.1%}, heartbeats {heartbeats / bitrate:.1%}",
-        {
-            "load": load,
-            "limit": LIMIT,
-            "cyclic": cyclic / bitrate,
-            "force_torque": samples / bitrate,
-            "heartbeats": heartbeats / bitrate,
-        },
+        + ", ".join([f"PDOs and SYNC {cyclic:.1%}", *shares, f"heartbeats {heartbeats:.1%}"]),
+        {"load": load, "limit": LIMIT, "cyclic": cyclic, **free, "heartbeats": heartbeats},
     )
-    burst_s = per_period / bitrate
+    n = sum(isinstance(entry.section, Drive) for entry in devices)
+    burst_s = burst / bitrate
     yield Finding(
-        "bus cycle",
+        f"{bus.label} cycle",
         graded(burst_s, 0.5 * timing.period_s, timing.period_s),
         f"SYNC, {n} replies and {n} commands take {burst_s * 1e3:.2f} ms of a period of "
         f"{timing.period_s * 1e3:g} ms",

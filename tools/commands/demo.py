@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Show a cell at work. Raises `ConfigError`."""
     cell = moved(load_cell(args.cell), identity=args.identity)
-    if cell.config.bus.interface != "loopback":
+    if any(bus.interface != "loopback" for bus in cell.config.fieldbuses):
         raise ConfigError(f"{cell.path}: bus.interface: the demo runs on 'loopback' only")
     if cell.config.rig is None:
         raise ConfigError(f"{cell.path}: rig: missing: there is nothing to show")

@@ -61,10 +61,10 @@ def run(args: argparse.Namespace) -> int:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, on_signal)
-    bus = open_bus(cell.config.bus)
+    buses = [open_bus(bus) for bus in cell.config.fieldbuses]
     try:
         try:
-            rig = Rig(cell, bus)
+            rig = Rig(cell, *buses)
         except ValueError as error:
             raise ConfigError(f"{cell.path}: {error}") from None
         moving = bool(cell.config.frames.moving)
@@ -75,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
             if moving:
                 FrameSensors(cell, rig, session.newest_tick, session.tell)
             end_s = math.inf if args.seconds is None else time.monotonic() + args.seconds
-            channel = f"{cell.config.bus.channel}:{cell.config.bus.port}"
+            places = ", ".join(bus.place for bus in cell.config.fieldbuses)
             _prefer()
-            print(f"telerobot: the rig of {name} is ready on {channel}", flush=True)
+            print(f"telerobot: the rig of {name} is ready on {places}", flush=True)
             pace = run_realtime(
                 rig,
                 lambda: bool(asked) or time.monotonic() > end_s,
@@ -89,7 +89,8 @@ def run(args: argparse.Namespace) -> int:
     except RigError as error:
         raise DeviceError(str(error)) from None
     finally:
-        bus.shutdown()
+        for bus in buses:
+            bus.shutdown()
     print(f"{pace.steps} steps, {pace.skipped} skipped")
     return 0
 

@@ -6,6 +6,7 @@ an endpoint of its own; everything else about the cell stays what its file says.
 
 import argparse
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -47,10 +48,17 @@ def add_cell_arguments(parser: argparse.ArgumentParser, bus: bool = True) -> Non
     )
     if bus:
         parser.add_argument(
-            "--channel", help="CAN channel or multicast group, instead of the cell's bus.channel"
+            "--channel",
+            action="append",
+            metavar="[BUS=]CHANNEL",
+            help="CAN channel or multicast group, instead of the cell's; with the bus' name where "
+            "there are several",
         )
         parser.add_argument(
-            "--port", type=int, help="UDP port of a loopback bus, instead of the cell's bus.port"
+            "--port",
+            action="append",
+            metavar="[BUS=]PORT",
+            help="UDP port of a loopback bus, instead of the cell's",
         )
 
 
@@ -60,39 +68,59 @@ def cell_from(args: argparse.Namespace) -> Cell:
         load_cell(args.cell),
         endpoint=args.endpoint,
         identity=args.identity,
-        channel=getattr(args, "channel", None),
-        port=getattr(args, "port", None),
+        channels=getattr(args, "channel", None) or (),
+        ports=getattr(args, "port", None) or (),
     )
 
 
 def moved(
     cell: Cell,
     endpoint: str | None = None,
-    channel: str | None = None,
-    port: int | None = None,
+    channels: Iterable[str] = (),
+    ports: Iterable[str] = (),
     identity: str | Path | None = None,
 ) -> Cell:
-    """Return a cell with another endpoint, channel, port or identity. Raises `ConfigError`."""
+    """Return a cell with another endpoint, identity, and other channels and ports of its buses.
+
+    Each of these is a value, or `BUS=value` where there are several buses. Raises `ConfigError`.
+    """
     config = cell.config
-    bus = _with(config.bus, channel=channel, port=port)
+    buses = {bus.name: bus for bus in config.fieldbuses}
+    for key, texts in (("channel", channels), ("port", ports)):
+        for text in texts:
+            name, value = _addressed(key, text, tuple(buses))
+            buses[name] = _with(buses[name], **{key: value})
     zenoh = _with(config.zenoh, **{config.zenoh.key: endpoint})
     if identity is not None:
         security = Security(directory=str(Path(identity).absolute()))
         zenoh = zenoh.model_copy(update={"security": security})
-    return replace(cell, config=config.model_copy(update={"bus": bus, "zenoh": zenoh}))
+    moved_to = {"buses": tuple(buses.values())} if config.buses else {"bus": buses["bus"]}
+    return replace(cell, config=config.model_copy(update={**moved_to, "zenoh": zenoh}))
 
 
 def options(cell: Cell) -> list[str]:
     """Return the arguments that lead another process to this cell."""
-    bus, zenoh = cell.config.bus, cell.config.zenoh
+    zenoh = cell.config.zenoh
     folder = zenoh.security.directory
+    buses = cell.config.fieldbuses
     return [
         str(cell.path),
         f"--endpoint={zenoh.endpoint}",
-        f"--channel={bus.channel}",
-        f"--port={bus.port}",
+        *(f"--channel={bus.name}={bus.channel}" for bus in buses),
+        *(f"--port={bus.name}={bus.port}" for bus in buses),
         *([] if folder is None else [f"--identity={cell.path.parent / folder}"]),
     ]
+
+
+def _addressed(key: str, text: str, names: tuple[str, ...]) -> tuple[str, str]:
+    """Return the bus that an option is about, and the value."""
+    name, equals, value = text.partition("=")
+    if len(names) == 1 and name not in names:
+        return names[0], text
+    if not equals or name not in names:
+        listed = ", ".join(names)
+        raise ConfigError(f"--{key}: value {text}: write BUS={key.upper()}; buses: {listed}")
+    return name, value
 
 
 def _with(section: SectionT, **changes: object) -> SectionT:

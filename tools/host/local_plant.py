@@ -135,16 +135,17 @@ class LocalPlant:
 
 
 def private(cell: Cell) -> Cell:
-    """Return a cell on a multicast group, a UDP port and an endpoint that nobody else uses."""
+    """Return a cell on a multicast group, UDP ports and an endpoint that nobody else uses."""
     zenoh = cell.config.zenoh.model_copy(update={"router": None})
     cell = replace(cell, config=cell.config.model_copy(update={"zenoh": zenoh}))
     protocol = "tcp" if zenoh.security.directory is None else "tls"
     group = f"239.{74 + secrets.randbelow(100)}.{secrets.randbelow(256)}.{secrets.randbelow(256)}"
+    names = [bus.name for bus in cell.config.fieldbuses]
     return moved(
         cell,
         endpoint=f"{protocol}/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
-        channel=group,
-        port=free_port(socket.SOCK_DGRAM),
+        channels=[f"{name}={group}" for name in names],
+        ports=[f"{name}={free_port(socket.SOCK_DGRAM)}" for name in names],
     )
 
 

@@ -23,6 +23,7 @@ _FRAME_SCHEMA = {
         "id": {"type": "integer"},
         "data": {"type": "string", "contentEncoding": "base64"},
         "sent": {"type": "boolean", "description": "sent by the daemon"},
+        "bus": {"type": "integer", "description": "index of the bus in the cell"},
     },
 }
 
@@ -42,6 +43,7 @@ class Frame(NamedTuple):
     can_id: int
     data: bytes
     sent: bool
+    bus: int
 
 
 class Recorder:
@@ -65,9 +67,9 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def frame(self, time_s: float, can_id: int, data: bytes, sent: bool) -> None:
+    def frame(self, time_s: float, can_id: int, data: bytes, sent: bool, bus: int = 0) -> None:
         """Write a CAN frame."""
-        row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent}
+        row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent, "bus": bus}
         self._write("can", _FRAME_SCHEMA, time_s, row)
 
     def message(self, topic: str, time_s: float, message: Message) -> None:
@@ -103,7 +105,8 @@ def read_frames(path: Path) -> Iterator[Frame]:
     rows.sort(key=lambda row: row[2].sequence)
     for _, _, message in rows:
         row = json.loads(message.data)
-        yield Frame(message.log_time / 1e9, row["id"], base64.b64decode(row["data"]), row["sent"])
+        data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
+        yield Frame(message.log_time / 1e9, row["id"], data, row["sent"], bus)
 
 
 def read_messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -28,7 +28,7 @@ class MotionStep(Part):
 
 FaultKind = Literal[
     "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-    "cover", "move", "place", "hand",
+    "cover", "move", "place", "hand", "unplug",
 ]  # fmt: skip
 
 

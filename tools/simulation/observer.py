@@ -101,10 +101,13 @@ class Observer:
         self._period = cell.config.timing.period_s
         self._mode = cell.config.mechanism.operation_mode
         self._length = 4 if self._mode == "cst" else 6
-        self._joints: dict[int, _Joint] = {}
+        buses = [bus.name for bus in cell.config.fieldbuses]
+        self._on_bus: list[dict[int, _Joint]] = [{} for _ in buses]
+        """Joints by node, of each bus."""
         for drive in cell.config.mechanism.drives:
             joint = limits[drive.joint]
-            self._joints[drive.node] = _Joint(
+            place = 0 if drive.bus is None else buses.index(drive.bus)
+            self._on_bus[place][drive.node] = _Joint(
                 name=drive.joint,
                 scale=drive.direction / drive.counts_per_radian,
                 zero=drive.zero_rad,
@@ -123,21 +126,22 @@ class Observer:
         self.max_acceleration_ratio = 0.0
         self.syncs = 0
 
-    def frame(self, time_s: float, can_id: int, data: bytes) -> None:
-        """Take in one frame, stamped in seconds."""
+    def frame(self, time_s: float, can_id: int, data: bytes, bus: int = 0) -> None:
+        """Take in one frame, stamped in seconds, of the cell's bus of that index."""
+        joints = self._on_bus[bus]
         if can_id == _SYNC:
-            self.syncs += 1
-            for joint in self._joints.values():
+            self.syncs += bus == 0
+            for joint in joints.values():
                 self._at_sync(joint, time_s)
         elif _RPDO1 < can_id <= _RPDO1 + 127 and len(data) == self._length:
-            watched = self._joints.get(can_id - _RPDO1)
+            watched = joints.get(can_id - _RPDO1)
             if watched is not None:
                 controlword, raw = struct.unpack("<Hh" if self._length == 4 else "<Hi", data)
                 commanded = controlword & _COMMAND_MASK == _COMMAND
                 on = commanded and watched.enabled
                 watched.pending = self._setpoint(watched, raw) if on else None
         elif _TPDO1 < can_id <= _TPDO1 + 127 and len(data) == 8:
-            watched = self._joints.get(can_id - _TPDO1)
+            watched = joints.get(can_id - _TPDO1)
             if watched is not None:
                 statusword, counts = struct.unpack_from("<Hi", data)
                 watched.enabled = statusword & _ENABLED_MASK == _ENABLED

@@ -11,6 +11,7 @@ import sys
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -20,6 +21,7 @@ from ...config.load import Cell, ConfigError, load_cell
 from ...drivers.bus import CanMessage, Hub, InProcessBus
 from ...drivers.device import DeviceError
 from ...drivers.fieldbus import Fieldbus
+from ...drivers.fieldbuses import Fieldbuses
 from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
 from ...protocols.codec import decode_as, encode
@@ -92,16 +94,19 @@ class Simulation:
         if self._recorder is not None:
             self._recorder.about(cell=str(cell.path.resolve()), script=script.description)
         self.cell = cell
-        self.hub = Hub()
+        self.hubs = tuple(Hub() for _ in cell.config.fieldbuses)
         self.clock = VirtualClock()
-        bus = InProcessBus(self.hub)
-        self.rig = Rig(cell, InProcessBus(self.hub))
-        self.hub.pump = self._pump
-        InProcessBus(self.hub, self._on_frame)
+        buses = [InProcessBus(hub) for hub in self.hubs]
+        self.rig = Rig(cell, *(InProcessBus(hub) for hub in self.hubs))
+        for i, hub in enumerate(self.hubs):
+            hub.pump = partial(self._pump, buses[i])
+            InProcessBus(hub, partial(self._on_frame, i))
         self.link = MemoryLink()
-        self.cycle = build(
-            cell, Fieldbus(bus, self.clock.now), self.link, self.clock, seeded_keys("daemon")
+        labels = [bus.label for bus in cell.config.fieldbuses]
+        fieldbuses = Fieldbuses(
+            *(Fieldbus(b, self.clock.now, label) for b, label in zip(buses, labels, strict=True))
         )
+        self.cycle = build(cell, fieldbuses, self.link, self.clock, seeded_keys("daemon"))
         self.player = Player(
             script,
             cell.config.name,
@@ -129,12 +134,12 @@ class Simulation:
         self.on_physics: Callable[[Simulation], None] | None = None
         """Called after every physics step, for one that must not miss a spike."""
         self._hash = hashlib.sha256()
-        self._bus = bus
         self._errors: deque[tuple[float, float] | None] = deque(
             maxlen=round(JUDGED_S / cell.config.timing.period_s)
         )
         self._compute: list[float] = []
-        self.cycle.plant.fieldbus.taps.append(self._on_sent)
+        for i, fieldbus in enumerate(fieldbuses):
+            fieldbus.taps.append(partial(self._on_sent, i))
         self.link.listen(self._on_telemetry)
 
     def run(self, until: Callable[[], bool] | None = None) -> Result:
@@ -151,7 +156,8 @@ class Simulation:
             return self._result()
         finally:
             self.cycle.close()
-            self.hub.close()
+            for hub in self.hubs:
+                hub.close()
             if self._cameras is not None:
                 self._cameras.close()
             if self._recorder is not None:
@@ -160,7 +166,7 @@ class Simulation:
     def step(self) -> None:
         """Advance one period."""
         period = self.cell.config.timing.period_s
-        self.clock.time_s = self.hub.time_s = self.rig.time_s
+        self._tell_time()
         self.player.run(self.clock.time_s)
         if self._cameras is not None:
             self._cameras.run(self.clock.time_s, self.cycle.tick + 1)
@@ -170,7 +176,8 @@ class Simulation:
         self.cycle.finish()
         self._compute.append(self.cycle.compute_s)
         for _ in range(round(period / self.rig.dt)):
-            self.hub.time_s = self.rig.time_s + self.rig.dt  # nodes send at the end of a step
+            for hub in self.hubs:  # nodes send at the end of a step
+                hub.time_s = self.rig.time_s + self.rig.dt
             self.rig.step()
             if self.on_physics is not None:
                 self.on_physics(self)
@@ -191,27 +198,32 @@ class Simulation:
             print(f"telerobot: no pictures: {error}", file=sys.stderr)
             return None
 
-    def _pump(self) -> None:
-        """Let virtual time pass while the daemon waits, as it may in BOOT, until it hears."""
+    def _pump(self, bus: InProcessBus) -> None:
+        """Let virtual time pass while the daemon waits for a bus, as it may in BOOT."""
         for _ in range(PUMP_STEPS):
-            if self._bus.waiting:
+            if bus.waiting:
                 return
             self.rig.poll()
-            if not self._bus.waiting:
+            if not bus.waiting:
                 self.rig.step()
-            self.clock.time_s = self.hub.time_s = self.rig.time_s
+            self._tell_time()
+
+    def _tell_time(self) -> None:
+        self.clock.time_s = self.rig.time_s
+        for hub in self.hubs:
+            hub.time_s = self.rig.time_s
 
     # --- listening ---------------------------------------------------------------------------
 
-    def _on_frame(self, message: CanMessage) -> None:
-        """Every frame on the bus, whoever sent it."""
-        data = bytes(message.data)
-        self.observer.frame(self.hub.time_s, message.arbitration_id, data)
+    def _on_frame(self, bus: int, message: CanMessage) -> None:
+        """Every frame on a bus, whoever sent it."""
+        data, time_s = bytes(message.data), self.hubs[bus].time_s
+        self.observer.frame(time_s, message.arbitration_id, data, bus)
         if self._recorder is not None:
-            self._recorder.frame(self.hub.time_s, message.arbitration_id, data, sent=False)
+            self._recorder.frame(time_s, message.arbitration_id, data, sent=False, bus=bus)
 
-    def _on_sent(self, can_id: int, data: bytes) -> None:
-        self._hash.update(struct.pack("<HB", can_id, len(data)) + data)
+    def _on_sent(self, bus: int, can_id: int, data: bytes) -> None:
+        self._hash.update(struct.pack("<HB", bus << 11 | can_id, len(data)) + data)
 
     def _on_telemetry(self, topic: t.Topic, payload: bytes) -> None:
         if topic is t.STATE:

@@ -6,6 +6,7 @@ from pathlib import Path
 from ....protocols.canopen import can301
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
+from ....protocols.messages.rig import RigFault
 from .link import NodeLink
 from .objects import EDS, NodeSdoServer, ObjectStore, WrongStateError
 from .pdo import Pdo, existing_pdos, is_mapping_of_existing, is_pdo_object
@@ -26,6 +27,8 @@ class CanNode:
     `clock` is the physics' time [s]. Frames are handled when they come; a synchronous RPDO takes
     effect at the next SYNC, after the TPDOs of that SYNC have been sampled and sent.
     """
+
+    samples_after_step = False
 
     def __init__(
         self, node: int, link: NodeLink, clock: Callable[[], float], eds: Path = EDS
@@ -67,7 +70,16 @@ class CanNode:
     def on_master_back(self) -> None:
         """The master's heartbeat is there again."""
 
+    def inject(self, fault: RigFault) -> None:
+        """Apply a fault of the device itself. Raises `ValueError` for one that it has not."""
+        raise ValueError(f"fault {fault.kind}: a {type(self).__name__} has no such fault")
+
     # --- the bus --------------------------------------------------------------------------------
+
+    def identifiers(self) -> tuple[int, ...]:
+        """Return those of its SDO server and its RPDOs."""
+        rpdos = (can301.rpdo1_id(self.node) + 0x100 * i for i in range(can301.DEFAULT_PDOS))
+        return (can301.sdo_request_id(self.node), *rpdos)
 
     def boot(self, *, communication_only: bool = False) -> None:
         """Go through initialisation: defaults, boot-up message, *Pre-operational*."""

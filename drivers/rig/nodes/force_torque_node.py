@@ -1,15 +1,20 @@
 """The simulated Robotous force/torque sensor: free-running, with noise, bias and quantisation."""
 
 from collections.abc import Callable
+from typing import Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....config.schema.mechanism import ForceTorque
+from ....config.schema.on_bus import Entry
 from ....config.schema.rig.rig import RigForceTorque
 from ....protocols.canopen import robotous
 from ....protocols.canopen.can301 import FrameError
 from ....protocols.canopen.robotous import Command
+from ....protocols.messages.rig import RigFault
+from ..physics.world import World
+from .bench import Bench
 from .cross_talk import response
 from .link import NodeLink
 
@@ -17,18 +22,20 @@ _EPSILON_S = 1e-7
 
 
 class SimulatedForceTorque:
-    """Sends the load on itself, `load()` (6,) [N, N·m] in the Sensor frame, at its rate.
+    """Sends the load on itself (6,) [N, N·m] in the Sensor frame at its rate.
 
     Silent until it is told to start. The rate changes only while it is stopped, as the maker's
     manual has it.
     """
+
+    samples_after_step = True
 
     def __init__(
         self,
         config: ForceTorque,
         truth: RigForceTorque,
         link: NodeLink,
-        load: Callable[[], NDArray[np.float64]],
+        world: World,
         rng: np.random.Generator,
         response_rng: np.random.Generator,
         clock: Callable[[], float],
@@ -37,7 +44,7 @@ class SimulatedForceTorque:
         self._reply_ids = config.reply_ids
         self.link = link
         link.on_frame = self.receive
-        self._load = load
+        self._world = world
         self._rng = rng
         self._clock = clock
         self._noise = np.array(truth.noise)
@@ -50,6 +57,26 @@ class SimulatedForceTorque:
         self._frozen = False
         self._mute = False
         self._last: tuple[bytes, bytes] | None = None
+
+    @classmethod
+    def from_bench(cls, entry: Entry, bench: Bench) -> Self:
+        """Make the sensor at the wrist of the bench's arm."""
+        sensor, truth = cast(ForceTorque, entry.section), bench.rig.force_torque
+        link, noise, response = bench.link(), bench.rng(), bench.rng()
+        return cls(sensor, truth, link, bench.world, noise, response, bench.clock)
+
+    def identifiers(self) -> tuple[int, ...]:
+        """Return that of its commands."""
+        return (self.command_id,)
+
+    def boot(self) -> None:
+        """Power on: it is silent until it is told to start."""
+
+    def inject(self, fault: RigFault) -> None:
+        """Freeze the sample. Raises `ValueError` for other faults."""
+        if fault.kind != "freeze":
+            raise ValueError(f"fault {fault.kind}: its target is a joint, not {fault.target}")
+        self.freeze(fault.on, mute=bool(fault.value))
 
     def freeze(self, on: bool, *, mute: bool = False) -> None:
         """Repeat the last sample for ever, or with `mute` send none; `on` false: work again."""
@@ -88,5 +115,5 @@ class SimulatedForceTorque:
             self.link.send(can_id, half)
 
     def _reading(self) -> NDArray[np.float64]:
-        reading: NDArray[np.float64] = self._response @ self._load() + self._bias
+        reading: NDArray[np.float64] = self._response @ self._world.sensor_wrench() + self._bias
         return reading

@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Self, cast
 
 from ....config.schema.mechanism import Gripper
+from ....config.schema.on_bus import Entry
 from ....protocols.canopen.cia401 import KEEP, Object
+from .bench import Bench
 from .can_node import CanNode
 from .link import NodeLink
 
@@ -24,6 +27,12 @@ class SimulatedGripper(CanNode):
         super().__init__(gripper.node, link, clock, EDS)
         self._gripper = gripper
         self._grasp = grasp
+
+    @classmethod
+    def from_bench(cls, entry: Entry, bench: Bench) -> Self:
+        """Make the module, whose output makes the bench's arm take hold."""
+        gripper = cast(Gripper, entry.section)
+        return cls(gripper, bench.link(), bench.world.grasp, bench.clock)
 
     @property
     def closed(self) -> bool:

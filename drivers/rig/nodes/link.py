@@ -1,12 +1,27 @@
 """A simulated node's connection to the bus, and what can go wrong with it."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 import can
 import numpy as np
 
+from ....protocols.messages.rig import RigFault
+from ..fault_values import value_of
+
+LONGEST_DELAY_S = 10.0
+"""A frame that is later than this might as well be lost [s]."""
+
 Frame = tuple[int, bytes]
 """Identifier, data."""
+
+
+class Sender(Protocol):
+    """Sends frames; a bus, or the rig's end of one."""
+
+    def send(self, message: can.Message, /) -> None:
+        """Send a frame."""
+        ...
 
 
 class NodeLink:
@@ -17,9 +32,7 @@ class NodeLink:
     Random draws come from `rng` only while a fault asks for them.
     """
 
-    def __init__(
-        self, bus: can.BusABC, clock: Callable[[], float], rng: np.random.Generator
-    ) -> None:
+    def __init__(self, bus: Sender, clock: Callable[[], float], rng: np.random.Generator) -> None:
         self._bus = bus
         self._clock = clock
         self._rng = rng
@@ -42,6 +55,18 @@ class NodeLink:
     def waiting(self) -> bool:
         """Whether late frames are under way."""
         return bool(self._late)
+
+    def disturb(self, fault: RigFault) -> None:
+        """Apply a fault of the connection, or take it back. Raises `ValueError` for a bad value."""
+        if fault.kind == "silence":
+            self.silent = fault.on
+        elif fault.kind == "delay":
+            if fault.on and fault.value is None:
+                raise ValueError("fault delay: give its value in seconds")
+            self.delay_s = value_of(fault, 0.0, LONGEST_DELAY_S, "s") if fault.on else 0.0
+        else:
+            share = value_of(fault, 0.0, 1.0, "of all frames", default=1.0)
+            setattr(self, fault.kind, share if fault.on else 0.0)
 
     def flush(self) -> None:
         """Let go of the late frames whose time has come, in order."""

@@ -8,8 +8,10 @@ device's EDS); a fault is reset only when its cause has gone.
 """
 
 from collections.abc import Callable
+from typing import Self, cast
 
 from ....config.schema.mechanism import Drive
+from ....config.schema.on_bus import Entry
 from ....protocols.canopen import cia402
 from ....protocols.canopen.can301 import EmcyCode, NmtState
 from ....protocols.canopen.cia402 import (
@@ -19,7 +21,10 @@ from ....protocols.canopen.cia402 import (
     OperationMode,
     Status,
 )
+from ....protocols.messages.rig import RigFault
+from ..fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
 from ..physics.world import World
+from .bench import Bench
 from .can_node import NEVER, CanNode
 from .drive_loops import DriveLoops
 from .link import NodeLink
@@ -77,6 +82,33 @@ class SimulatedDrive(CanNode):
         self._broken = broken
         if broken:
             self._fail(EmcyCode.OVERCURRENT, ramp=False)
+
+    @classmethod
+    def from_bench(cls, entry: Entry, bench: Bench) -> Self:
+        """Make the drive of one of the bench's joints."""
+        drive, delay_s = cast(Drive, entry.section), bench.rig.drive.torque_delay_s
+        joint, link = bench.joint(drive.joint), bench.link()
+        return cls(drive, joint, link, bench.loop, bench.world, delay_s, bench.clock)
+
+    def inject(self, fault: RigFault) -> None:
+        """Break, block, brake or push the joint, or send an emergency message (`faults.py`)."""
+        joint, world = self._joint, self._world
+        if fault.kind == "fault":
+            self.break_down(fault.on)
+        elif fault.kind == "emcy":
+            if fault.on:
+                code = value_of(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)
+                self.emergency(round(code))
+        elif fault.kind == "block":
+            world.set_jam(joint, jammed=fault.on)
+        elif fault.kind == "stick":
+            half = self.drive.max_torque / 2
+            torque = value_of(fault, 0.0, MOST_FRICTION, "N·m", default=half)
+            world.set_extra_friction(joint, torque if fault.on else 0.0)
+        elif fault.kind == "push":
+            world.push_joint(joint, vector_of(fault, MOST_FORCE, "N") if fault.on else None)
+        else:
+            raise ValueError(f"fault {fault.kind}: its target is force_torque, not a joint")
 
     # --- what is measured -----------------------------------------------------------------------
 

@@ -23,7 +23,7 @@ def test_a_moved_cell_differs_in_its_addresses_only():
     cell, plain = parse("pa10", "--endpoint", "tcp/h:1", "--port", "5000"), load_cell("pa10")
     assert cell.config.zenoh.listen == "tcp/h:1"
     assert (cell.config.bus.port, cell.config.bus.channel) == (5000, plain.config.bus.channel)
-    back = moved(cell, plain.config.zenoh.listen, port=plain.config.bus.port)
+    back = moved(cell, plain.config.zenoh.listen, ports=[str(plain.config.bus.port)])
     assert back == plain
 
 

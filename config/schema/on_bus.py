@@ -1,0 +1,63 @@
+"""What every device on a CAN bus has in its table: its bus, its identifiers, its cyclic frames."""
+
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from .section import Name, Section
+
+NodeId = Annotated[int, Field(ge=1, le=127)]
+CanId = Annotated[int, Field(ge=0, le=0x7FF)]
+
+CANOPEN_BASES: Final = (0x080, 0x180, 0x200, 0x580, 0x600, 0x700)
+"""Of every node: EMCY, TPDO1, RPDO1, SDO answer, SDO request, heartbeat (CiA 301, 7.3.5)."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of one kind that a device exchanges with the daemon."""
+
+    data_bytes: int
+    rate_hz: float | None = None
+    """None: one frame every control period, in the burst after SYNC."""
+    count: int = 1
+
+
+class OnBus(Section):
+    """Base of a device's table."""
+
+    bus: Name | None = Field(None, description="bus that it is on; none: the first of the cell")
+
+    def identifiers(self) -> tuple[tuple[str, int], ...]:
+        """Return the CAN identifiers that it uses, each with the key that sets it."""
+        raise NotImplementedError
+
+    def frames(self, operation_mode: str) -> tuple[Frames, ...]:
+        """Return its process data; `operation_mode` is that of the mechanism's drives."""
+        raise NotImplementedError
+
+
+class CanOpenNode(OnBus):
+    """Base of the table of a CANopen node, which has a heartbeat, too."""
+
+    node: NodeId = Field(description="CANopen node id [1]")
+
+    def identifiers(self) -> tuple[tuple[str, int], ...]:
+        """Return those of the predefined connection set."""
+        return tuple(("node", base + self.node) for base in CANOPEN_BASES)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One device of a cell: where its table stands, its name, and the table."""
+
+    key: str
+    """Place in the cell file, for errors."""
+    name: str
+    """Name that events, faults and telemetry use."""
+    section: OnBus
+    bus: str
+    """Bus that it is on."""
+    owner: str
+    """Words for its name in an error."""

@@ -1,0 +1,71 @@
+"""Table of the kinds of devices on a bus: for each, its driver and its simulated node.
+
+A row's key is the class of the device's table in the cell file. The rig imports a node when it
+makes it: a daemon loads no physics.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from ..config.load import Cell
+from ..config.schema.mechanism import Drive, ForceTorque, Gripper
+from ..config.schema.on_bus import Entry, OnBus
+from ..protocols.canopen.cia402 import OperationMode
+from .device import Device
+from .fieldbus import Fieldbus
+from .fieldbuses import Fieldbuses
+from .force_torque import RobotousSensor
+from .gripper import GripperOutput
+from .servo import ServoDrive
+
+EDS: Final = Path(__file__).resolve().parent.parent / "config" / "devices"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Maker of a device's driver, and the class of its simulated node."""
+
+    driver: Callable[[Any, Entry, Fieldbus, Cell], Device]
+    """Takes the device's table, its entry, its bus and the cell."""
+    node: str
+    """Module in `rig/nodes/` and class, which keeps the contract `nodes/node.py`."""
+
+
+def _servo(drive: Drive, _entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+    joint = next(j for j in cell.robot.joints if j.name == drive.joint)
+    return ServoDrive(
+        fieldbus,
+        drive,
+        cell.config.timing,
+        lower=joint.lower,
+        upper=joint.upper,
+        mode=OperationMode[cell.config.mechanism.operation_mode.upper()],
+        eds=EDS / "simulated_drive.eds",
+    )
+
+
+def _sensor(sensor: ForceTorque, entry: Entry, fieldbus: Fieldbus, _cell: Cell) -> Device:
+    return RobotousSensor(fieldbus, sensor, entry.name)
+
+
+def _gripper(gripper: Gripper, _entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+    return GripperOutput(fieldbus, gripper, cell.config.timing, EDS / "simulated_output.eds")
+
+
+KINDS: Final[dict[type[OnBus], Kind]] = {
+    Drive: Kind(_servo, "servo_node:SimulatedDrive"),
+    ForceTorque: Kind(_sensor, "force_torque_node:SimulatedForceTorque"),
+    Gripper: Kind(_gripper, "gripper_node:SimulatedGripper"),
+}
+
+
+def make_drivers(cell: Cell, buses: Fieldbuses) -> tuple[Device, ...]:
+    """Return the drivers of a cell's devices, in the order of booting; none is opened yet."""
+    config = cell.config
+    by_name = {c.name: bus for c, bus in zip(config.fieldbuses, buses, strict=True)}
+    return tuple(
+        KINDS[type(entry.section)].driver(entry.section, entry, by_name[entry.bus], cell)
+        for entry in config.devices
+    )

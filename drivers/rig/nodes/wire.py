@@ -1,0 +1,81 @@
+"""One bus of the rig: which nodes hear which identifier, and whether it is plugged in."""
+
+from collections import deque
+
+import can
+
+from ....protocols.canopen import can301
+from .can_node import CanNode
+from .link import NodeLink
+from .node import Node
+
+
+class RigError(Exception):
+    """The bus is not the rig's alone: names what was heard."""
+
+
+class Wire:
+    """Passes frames between a bus and the nodes on it."""
+
+    def __init__(self, name: str, bus: can.BusABC) -> None:
+        self.name = name
+        self.plugged = True
+        """False: nothing passes in either direction, a fault."""
+        self.sync_count = 0
+        self._bus = bus
+        self._waiting: deque[can.Message] = deque()
+        self._everyone: tuple[NodeLink, ...] = ()
+        self._own_beats: set[int] = set()
+        self._routes: dict[int, tuple[NodeLink, ...]] = {can301.NMT_ID: (), can301.SYNC_ID: ()}
+
+    def add(self, node: Node) -> None:
+        """Wire a node to the bus. Raises `ValueError` for a second one with a node id."""
+        heard = node.identifiers()
+        if isinstance(node, CanNode):
+            self._everyone = (*self._everyone, node.link)
+            beat = can301.heartbeat_id(node.node)
+            if beat in self._own_beats:
+                raise ValueError(f"bus {self.name}: two devices have the same node id {node.node}")
+            self._own_beats.add(beat)
+            heard = (can301.NMT_ID, can301.SYNC_ID, *heard)
+        for can_id in heard:
+            self._routes[can_id] = (*self._routes.get(can_id, ()), node.link)
+
+    def send(self, message: can.Message) -> None:
+        """Send a node's frame."""
+        if self.plugged:
+            self._bus.send(message)
+
+    @property
+    def stamp(self) -> float | None:
+        """Stamp of the next data frame that waits on the bus [s], None when there is none."""
+        while not self._waiting:
+            message = self._bus.recv(0)
+            if message is None:
+                return None
+            odd = message.is_error_frame or message.is_remote_frame or message.is_extended_id
+            if self.plugged and not odd:
+                self._waiting.append(message)
+        return self._waiting[0].timestamp
+
+    def take(self) -> can.Message:
+        """Return the frame that `stamp` told of."""
+        return self._waiting.popleft()
+
+    def deliver(self, can_id: int, data: bytes) -> None:
+        """Hand a frame to every node that hears it.
+
+        Raises `RigError` for one that only a node of the same id sends.
+        """
+        if can_id in self._own_beats:
+            node = can_id - can301.heartbeat_id(0)
+            raise RigError(f"another node {node} is on the bus: is a second rig running on it?")
+        if can_id == can301.SYNC_ID:
+            self.sync_count += 1
+        links = self._routes.get(can_id)
+        if links is None:
+            if can_id <= can301.heartbeat_id(0):
+                return
+            links = self._everyone
+        for link in links:
+            link.deliver(can_id, data)
