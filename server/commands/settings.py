@@ -64,6 +64,8 @@ class OperatorSettings:
         """Number of requests about the load, and the kind of the last one."""
         self.sensor_share = 1.0
         """Part of their gains that the sources of the force/torque sensor act with [1]."""
+        self.load_settles = False
+        """The load was told anew while nothing was measured: they wait until that is in effect."""
         self._rated_payload = config.mechanism.rated_payload
         self._gripper = config.mechanism.gripper
         self.gripper_closed: bool | None = None
@@ -87,6 +89,7 @@ class OperatorSettings:
             payload=self.payload,
             pulls=self.pulls,
             avoid=self.avoid,
+            at_once=WRENCH_SOURCES if self.load_settles else (),
         )
 
     @property

@@ -69,6 +69,8 @@ class Settings:
     """How strongly each redundancy objective acts; as the cell says when None."""
     avoid: bool = False
     """Clearances are kept."""
+    at_once: tuple[str, ...] = ()
+    """Sources whose gains are not ramped: a load that is told anew is, and they must miss it."""
     redefined: int = 0
     """How often MRF or CRF were redefined."""
 

@@ -218,7 +218,7 @@ class Control:
             settings.gains, lambda: _quantities(memory, inputs, k, inputs.time_s - since_s)
         )
         if moving and memory.gains.keys() == gains.keys():
-            gains = self.stages.gains.ramped(memory.gains, gains)
+            gains = self.stages.gains.ramped(memory.gains, gains, settings.at_once)
             pulls = self.stages.redundancy.ramped(memory.pulls, pulls, self.stages.gains.part)
         return evolve(memory, gains=gains, pulls=pulls, moving_since_s=since_s if moving else None)
 

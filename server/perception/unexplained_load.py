@@ -75,8 +75,7 @@ class LoadMonitor:
         self._damping = cell.config.sources.following.damping
         period_s = cell.config.timing.period_s
         self._measured = AveragedWrench(self._bounds, period_s)
-        self.trust = LoadTrust.EXPLAINED
-        self._until_s = 0.0
+        self.trust, self._until_s = LoadTrust.EXPLAINED, 0.0
         self._mark: WrenchMark | None = None
         self._falls = self._vouched = False
         self._using, self._mode = False, Mode.BOOT
@@ -152,6 +151,7 @@ class LoadMonitor:
         self._hear(output, time_s)
         if self._using and self._measured.known:
             self._judge(output, time_s, unloaded)
+        self._settings.load_settles &= self.trust is LoadTrust.SETTLING
         self._settings.sensor_share = 0.0 if self._waits() else self._share(output)
         if self.trust not in LATCHED:
             self._contact.rest()
@@ -173,11 +173,10 @@ class LoadMonitor:
         if self.trust is LoadTrust.SETTLING or self.trust in LATCHED:
             return True
         # Nothing acts before the arm is enabled, and nothing shall in the first tick.
-        return (
-            not self._mode.energised
-            and self.trust is LoadTrust.EXPLAINED
-            and not self._measured.quiet()
-        )
+        if self.trust is LoadTrust.JUDGED:
+            return self._mode is not Mode.ENABLED
+        told = self.trust is LoadTrust.ACKNOWLEDGED or self._measured.quiet()
+        return not (self._mode.energised or told)
 
     def _hear(self, output: Output, time_s: float) -> None:
         """Notice what operators said of the load since the tick before."""
@@ -194,11 +193,12 @@ class LoadMonitor:
                 self.trust, self._known = LoadTrust.ACKNOWLEDGED, self._measured.sizes()
                 self._events.warning("load_acknowledged", "", force_n=float(self._known[0]))
         else:
-            beyond = not self._measured.quiet() and heard == "tare"
-            self._tared = self._measured.sizes() if beyond else np.zeros(2)
+            quiet = self._measured.quiet()
+            self._tared = np.zeros(2) if quiet or heard != "tare" else self._measured.sizes()
             # What was quiet may have been told wrong; contact that is under way stays contact.
-            if self.trust is not LoadTrust.EXPLAINED or self._measured.quiet():
+            if self.trust is not LoadTrust.EXPLAINED or quiet:
                 self.trust, self._until_s = LoadTrust.SETTLING, time_s + RAMPED_S
+                self._settings.load_settles = quiet
 
     def _begin(self, until_s: float) -> None:
         """Begin to judge, from a moment on."""

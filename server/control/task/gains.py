@@ -61,10 +61,12 @@ class Gains:
             found[source] = found[source] * (1.0 - axes * (1.0 - f))
         return found
 
-    def ramped(self, now: dict[str, Array], target: dict[str, Array]) -> dict[str, Array]:
+    def ramped(
+        self, now: dict[str, Array], target: dict[str, Array], at_once: tuple[str, ...] = ()
+    ) -> dict[str, Array]:
         """Return the gains one period later on their way to the target, so that nothing jumps.
 
-        The target itself once all are there.
+        Those of the sources that are named are there `at_once`. The target itself once all are.
         """
         if now is target:
             return target
@@ -72,7 +74,7 @@ class Gains:
         for name, gain in now.items():
             aim = target[name]
             way = aim - gain
-            near = gain is aim or np.abs(way).max() < 1e-7
+            near = gain is aim or name in at_once or np.abs(way).max() < 1e-7
             ramped[name] = aim if near else gain + self.part * way
             there = there and near
         return target if there else ramped
