@@ -62,6 +62,8 @@ class Parameters:
     T_wrist_sensor: Pose | None
     payload: Payload
     """What hangs on the sensor, unless an operator says otherwise."""
+    rated_payload: float
+    """No load is heavier [kg]; infinite where the cell says none."""
     wrench_calibration: Array
     """Reading without bias to wrench in the Sensor's axes (6, 6)."""
     wrench_inertia: bool
@@ -138,6 +140,9 @@ class Parameters:
             payload=Payload(0.0, np.zeros(3))
             if sensor is None
             else Payload(sensor.payload.mass, np.array(sensor.payload.com)),
+            rated_payload=np.inf
+            if c.mechanism.rated_payload is None
+            else c.mechanism.rated_payload,
             wrench_calibration=np.eye(6)
             if sensor is None or sensor.calibration is None
             else np.array(sensor.calibration),

@@ -1,5 +1,7 @@
 """The stages of one cell's tick, each built from the sections and arrays that it needs."""
 
+import numpy as np
+
 from .actuation.actuation import Actuation, BySpeed, ByTorque, by_position
 from .actuation.torque import TorqueLaw
 from .barriers.barriers import Allow
@@ -12,6 +14,8 @@ from .mechanism.kinematics import Mechanism
 from .mechanism.null_space.potential_field import Field
 from .mechanism.null_space.redundancy import Redundancy
 from .parameters import Parameters
+from .rigid_body import wrench_to
+from .spatial import Array
 from .stop.gate import Gate
 from .stop.limiter import Limiter
 from .summing import Summing
@@ -63,11 +67,21 @@ def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
         p.resolve.characteristic_length,
         p.period_s,
         p.max_torque_rate,
+        p.T_wrist_tool,
+        p.rated_payload,
     )
     return ByTorque(
         p.joints.names,
         law,
-        weighs=p.T_wrist_sensor is not None,
+        wrench_of_bias=_wrench_of_bias(p),
         most=p.max_torque,
         most_step=p.max_torque_rate * p.period_s,
     )
+
+
+def _wrench_of_bias(p: Parameters) -> Array | None:
+    """Return what makes a wrench at and in the Wrist of a sensor's bias (6, 6); None without one."""
+    T = p.T_wrist_sensor
+    if T is None:
+        return None
+    return np.stack([wrench_to(T, column) for column in p.wrench_calibration.T], axis=1)

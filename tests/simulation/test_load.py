@@ -15,14 +15,14 @@ PUSH = {"push": "force_torque", "vector": [0.0, 20.0, 0.0]}
 REST = {"twist": [0.0] * 6}
 
 
-def changed(cell, sensor=None, rig=None):
+def changed(cell, sensor=None, rig=None, mode="csp"):
     """Return a cell whose daemon is told other things of the sensor, or whose rig is another."""
     config = cell.config
     mechanism, told = (
         config.mechanism,
         config.mechanism.force_torque.model_copy(update=sensor or {}),
     )
-    mechanism = mechanism.model_copy(update={"force_torque": told})
+    mechanism = mechanism.model_copy(update={"force_torque": told, "operation_mode": mode})
     rig = config.rig.model_copy(update=rig or {})
     return dataclasses.replace(
         cell, config=config.model_copy(update={"mechanism": mechanism, "rig": rig})
@@ -99,8 +99,8 @@ def test_a_payload_that_is_told_wrong_while_enabled_is_said(play):
     assert way(run, 1.0, 4.0) < 6e-3
 
 
-@pytest.mark.parametrize("stiffness", [2e3, 2e4])
-def test_contact_when_the_arm_is_enabled_is_bled_off(play, pa10, stiffness):
+@pytest.mark.parametrize(("mode", "stiffness"), [("csp", 2e3), ("csp", 2e4), ("cst", 2e3)])
+def test_contact_when_the_arm_is_enabled_is_bled_off(play, pa10, mode, stiffness):
     wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
     run = play(
         {"at_s": 0.1, "posture": "ready"},
@@ -108,7 +108,7 @@ def test_contact_when_the_arm_is_enabled_is_bled_off(play, pa10, stiffness):
         {"at_s": 6.5, "mode": "disable"},
         {"at_s": 6.5, "joystick": REST},
         {"at_s": 7.5, "mode": "enable"},
-        cell=changed(pa10, rig={"wall": wall}),
+        cell=changed(pa10, rig={"wall": wall}, mode=mode),
         seconds=12.0,
     )
     assert np.linalg.norm(run.at(7.4).wrench_mrf[:3]) > 20.0

@@ -7,6 +7,8 @@ a posture.
 
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from ..compiled import VECTOR, compiled
 from ..joints import Joints
 from ..mechanism.kinematics import Kinematics
@@ -83,15 +85,16 @@ class ByTorque:
         joints: tuple[str, ...],
         law: TorqueLaw,
         *,
-        weighs: bool,
+        wrench_of_bias: Array | None,
         most: Array,
         most_step: Array,
     ) -> None:
         """Build it: torques are within `most` (n,) [N·m], and change by `most_step` (n,) a period.
 
-        `weighs` tells whether a sensor carries a payload, which the law's dynamics then have.
+        `wrench_of_bias` (6, 6) makes the wrench at and in the Wrist of a sensor's bias; None without
+        a sensor, which carries the payload that the law's dynamics have.
         """
-        self._law, self._weighs = law, weighs
+        self._law, self._wrench_of_bias = law, wrench_of_bias
         # Scratch: what the law's dynamics carry.
         self._carried: bytes | None = None
         self._joints, self._most = joints, most
@@ -99,8 +102,10 @@ class ByTorque:
 
     def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
         """Return the torques (n,) [N·m]."""
-        if self._weighs and now.load is not None:
+        offset = np.zeros(6)
+        if self._wrench_of_bias is not None and now.load is not None:
             self._carry(now.load[:4])
+            offset = self._wrench_of_bias @ now.load[4:]
         kept, torques = self._law.step(
             state,
             now.q,
@@ -111,6 +116,7 @@ class ByTorque:
             now.T_wrist_mrf,
             now.time_s,
             now.settled,
+            offset,
         )
         tau = torques.tau
         refusal = _beyond(self._joints, tau, self._most, "torque", "N·m")

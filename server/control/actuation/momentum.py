@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
 from ..spatial import Array
@@ -40,6 +41,8 @@ class Foreseen(NamedTuple):
     """What answers that, and the force that is felt (n,) [N·m]."""
     rubbing: Array
     """What overcomes friction (n,) [N·m]."""
+    beyond: NDArray[np.bool_]
+    """Joints (n,) of which more was found than is answered."""
 
 
 def begin(momentum: Array) -> MomentumState:
@@ -129,13 +132,13 @@ def _within(x: Array, most: Array) -> Array:
 
 
 @compiled(
-    MATRIX, MATRIX, VECTOR, MATRIX, VECTOR,
+    MATRIX, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR,
     VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
     VECTOR, VECTOR, VECTOR, VECTOR,
     NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
 )  # fmt: skip
 def foreseen(
-    M: Array, C: Array, g: Array, J: Array, wrench: Array,
+    M: Array, C: Array, g: Array, J: Array, wrench: Array, left_out: Array,
     q: Array, rate: Array, rate_foreseen: Array, acting: Array, acted: Array,
     expected: Array, residual: Array,
     q_command: Array, dq_command: Array, friction: Array, authority: Array,
@@ -145,14 +148,16 @@ def foreseen(
     """Return where the arm will be at the next SYNC.
 
     M, C, g are the terms of the dynamics, and `Jᵀ wrench` what is felt at the joints of what
-    pushes the tool. q (n,) was sampled now, `rate` (n,) is the mean one of the period before, and
-    `rate_foreseen` (n,) what that of now was foreseen as. A torque `acted` (n,) over that period,
-    another one is `acting` (n,) until the next SYNC; `expected` and `residual` (n,) are the
-    observer's of one period ago. While `settled`, nothing is suspected.
+    pushes the tool; `left_out` (6,) was measured beside it, and may be there or not. q (n,) was
+    sampled now, `rate` (n,) is the mean one of the period before, and `rate_foreseen` (n,) what
+    that of now was foreseen as. A torque `acted` (n,) over that period, another one is `acting`
+    (n,) until the next SYNC; `expected` and `residual` (n,) are the observer's of one period ago.
+    While `settled`, nothing is suspected.
 
     A `compensation` of what is felt is answered, and of what is found as much as is inside
-    `authority` (n,). `friction` (n,) is Coulomb's; `lead` and `speed` say, of the command, which
-    way it will act.
+    `authority` (n,), counted from anywhere between nothing and all that was measured: what the
+    motors do not feel of that is taken back. `friction` (n,) is Coulomb's; `lead` and `speed` say,
+    of the command, which way it will act.
     """
     n, T, inverse = len(q), period_s, _inverted(M)
     felt, drag, turning = _times(J.T, wrench), _times(C, rate), _times(C.T, rate)
@@ -183,10 +188,15 @@ def foreseen(
     for i in range(n):
         q_next[i] = q[i] + T * (dq[i] + 0.5 * T * ddq[i])
         dq_next[i] = dq[i] + T * ddq[i]
-    answer = _within(found, authority)
+    doubted, answer, beyond = _times(J.T, left_out), np.empty(n), np.zeros(n, dtype=np.bool_)
+    for i in range(n):
+        low = min(0.0, -felt[i], doubted[i]) - authority[i]
+        high = max(0.0, -felt[i], doubted[i]) + authority[i]
+        beyond[i] = found[i] < low or found[i] > high
+        answer[i] = min(max(found[i], low), high)
     rubbing = _heading(q_next, q_command, dq_command, lead, speed)
     for i in range(n):
         answer[i] = -answer[i] - compensation * felt[i]
         rubbing[i] *= friction[i]
     expect = to_expect(momentum, found, bandwidth)
-    return Foreseen(inverse, q_next, dq_next, expect, found, answer, rubbing)
+    return Foreseen(inverse, q_next, dq_next, expect, found, answer, rubbing, beyond)

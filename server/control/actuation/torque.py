@@ -2,8 +2,8 @@
 
     τ = M q̈* + h − Jᵀ F − r
 
-with M q̈* + h of `computed_torque.py`, F the *measured* force on the arm and r what the momentum
-observer (`momentum.py`) found beside it.
+with M q̈* + h of `computed_torque.py`, F the *measured* force on the arm, as far as it is believed
+(`believed.py`), and r what the momentum observer (`momentum.py`) found beside it.
 
 A torque that is computed from what SYNC k sampled acts from SYNC k + 1 to k + 2: the state is
 predicted to k + 1 with the torque that acts until then. M and h are those of the declared payload.
@@ -27,6 +27,14 @@ from ..mechanism.kinematics import Kinematics
 from ..rigid_body import wrench_to
 from ..spatial import Array, Pose, pose_error
 from ..stop.trajectory import Motion
+from .believed import (
+    NOTHING_LEFT_OUT,
+    STANDS,
+    Believed,
+    believed,
+    may_be_weight,
+    without_what_is_there,
+)
 from .computed_torque import computed_torque
 from .load_doubt import LASTS_HZ, held_back, share_at_once
 from .momentum import MomentumState, begin, foreseen
@@ -49,6 +57,8 @@ class TorqueState(NamedTuple):
     time_s: float
     lasting: Array | None = None
     """What lasts of the wrench (6,) on the arm, at and in the Wrist [N, N·m]; None at first."""
+    believed: Believed = NOTHING_LEFT_OUT
+    """What of the measured wrench is left out."""
 
 
 class Torques(NamedTuple):
@@ -73,13 +83,19 @@ class TorqueLaw:
         length: float,
         period_s: float,
         max_torque_rate: Array | None = None,
+        T_wrist_tool: Pose | None = None,
+        rated_payload: float = math.inf,
     ) -> None:
         """Build; `length` weighs radians against metres where the tool's mobility is judged [m].
 
+        The tool reaches to `T_wrist_tool`; no load is heavier than `rated_payload` [kg].
         `friction` is Coulomb's at the joints, fed forward where motion is commanded [N·m].
         `max_torque_rate` [N·m/s] is unbounded when None.
         """
         self._dynamics = dynamics
+        self._T_wrist_tool = Pose.identity() if T_wrist_tool is None else T_wrist_tool
+        self._rated, outboard = rated_payload, self._T_wrist_tool.p - dynamics.sensor_at
+        self._outboard = outboard / max(float(np.linalg.norm(outboard)), 1e-9)
         self._gains = torque
         self._friction = friction
         self._authority = torque.observer_share * max_torque
@@ -103,22 +119,26 @@ class TorqueLaw:
         T_wrist_mrf: Pose,
         time_s: float,
         settled: bool,
+        offset: Array = _NONE,
     ) -> tuple[TorqueState, Torques]:
         """Return what to remember, and the torques to send.
 
         `q` (n,) was sampled at the last SYNC; the command goes from `before`, where the arm is as
         `commanded`, to `after` while the torque acts. `wrench_on_arm` (6,) is measured, at and in
-        the MRF. `settled` is true while the drives are off: nothing is suspected then.
+        the MRF; `offset` (6,) was taken off it as the sensor's bias, at and in the Wrist. `settled`
+        is true while the drives are off: nothing is suspected then.
         """
         T, g = self._T, self._gains
         last, step = (q, self._anywhere) if state is None else (state.tau, self._step)
         if state is None or not 0.5 * T < time_s - state.time_s < 1.5 * T:
-            state = self._restart(q, time_s)
+            state = self._restart(q, time_s, NOTHING_LEFT_OUT if state is None else state.believed)
         rate = (q - state.q) / T  # in the middle of the period that has passed
         terms = self._dynamics.terms(q, rate)
-        felt = _NONE if wrench_on_arm is None else wrench_to(T_wrist_mrf, wrench_on_arm)
+        felt = None if wrench_on_arm is None else wrench_to(T_wrist_mrf, wrench_on_arm)
+        known = self._believed(state, q, rate, felt, offset, terms.J_wrist, settled)
+        felt = _NONE if felt is None else felt - known.left_out
         then = foreseen(
-            terms.M, terms.C, terms.g, terms.J_wrist, felt,
+            terms.M, terms.C, terms.g, terms.J_wrist, felt, known.left_out,
             q, rate, state.dq_next, *state.sent, *state.momentum,
             before.q, after.dq, self._friction, self._authority,
             T, self._trust, g.observer, g.friction_lead, g.friction_speed,
@@ -142,18 +162,41 @@ class TorqueLaw:
         sent, short = within_reach(tau + then.rubbing, last, self._most, step)
         tau = sent - then.rubbing
         momentum = MomentumState(then.expected, then.residual)
-        kept = TorqueState(q, then.dq, (tau, state.sent[0]), sent, momentum, time_s, lasting)
-        return kept, Torques(sent, np.abs(then.residual) > self._authority, short)
+        kept = TorqueState(q, then.dq, (tau, state.sent[0]), sent, momentum, time_s, lasting, known)
+        return kept, Torques(sent, then.beyond, short)
 
     def carry(self, mass: float, com: Array) -> None:
         """Say what is outboard of the Sensor frame: a point mass [kg] at com (3,) [m] in it."""
         self._dynamics.carry(mass, com)
 
-    def _restart(self, q: Array, time_s: float) -> TorqueState:
+    def _believed(
+        self,
+        state: TorqueState,
+        q: Array,
+        rate: Array,
+        wrench: Array | None,
+        offset: Array,
+        J: Array,
+        settled: bool,
+    ) -> Believed:
+        """Return what of a measured wrench (6,) is left out."""
+        before, weight, standing = state.believed, True, False
+        if settled and before.driven:
+            before = without_what_is_there(before, J, state.momentum.residual)
+        if settled and not before.judged and wrench is not None:
+            mass, _ = self._dynamics.carried
+            at_sensor = wrench_to(Pose(np.eye(3), -self._dynamics.sensor_at), wrench)
+            down = self._dynamics.down(q)
+            weight = may_be_weight(at_sensor, down, self._outboard, mass, self._rated)
+            standing = float(np.abs(rate).max()) <= STANDS
+        return believed(before, wrench, offset, weight, settled, standing, self._lasts)
+
+    def _restart(self, q: Array, time_s: float, known: Believed) -> TorqueState:
         """Return the state of an arm that was not looked at before: at rest, and held."""
         rest = np.zeros_like(q)
         held = self._dynamics.bias(q, rest)
-        return TorqueState(q, rest, (held, held), held, begin(rest), time_s - self._T)
+        momentum = begin(rest)
+        return TorqueState(q, rest, (held, held), held, momentum, time_s - self._T, None, known)
 
 
 @compiled(VECTOR, VECTOR, VECTOR, VECTOR)

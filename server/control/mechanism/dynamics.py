@@ -94,6 +94,15 @@ class Dynamics:
         """Return h (n,) [N·m]: the torque that keeps the joints from accelerating."""
         return np.array(pin.nonLinearEffects(self._model, self._data, q, dq))
 
+    @property
+    def sensor_at(self) -> Array:
+        """Where the Sensor is in the Wrist (3,) [m]."""
+        return self._T_wrist_sensor.p
+
+    def down(self, q: Array) -> Array:
+        """Return which way things fall (3,), in the Wrist's axes, of a Base that stands."""
+        return np.asarray(-self._mechanism.pose_wrist(q).R[2])
+
     def kinematics(self, q: Array, T_wrist_mrf: Pose) -> Kinematics:
         """Return the frames and the Jacobian of the MRF at q (n,) [rad]."""
         return self._mechanism.kinematics(q, T_wrist_mrf)

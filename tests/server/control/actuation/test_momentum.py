@@ -84,6 +84,7 @@ def seen(mechanism, rng):
     return {
         **dict(zip(("M", "C", "g", "J"), terms, strict=True)),
         "wrench": rng.normal(0.0, 5.0, 6),
+        "left_out": rng.normal(0.0, 2.0, 6),
         "q": q,
         "rate": rate,
         "rate_foreseen": rate + rng.normal(0.0, 0.02, 7),
@@ -121,9 +122,11 @@ def written_out(seen, bandwidth, settled):
     expected = p - found / bandwidth if bandwidth > 0.0 else p
     ddq = inverse @ (s.acting + felt + found - h)
     q_next = s.q + T * dq + 0.5 * T**2 * ddq
-    answer = -SHARE * felt - np.clip(found, -s.authority, s.authority)
+    ends = np.array([np.zeros(7), -felt, s.J.T @ s.left_out])
+    answered = np.clip(found, ends.min(axis=0) - s.authority, ends.max(axis=0) + s.authority)
+    answer, beyond = -SHARE * felt - answered, found != answered
     rubbing = s.friction * heading(q_next)
-    return Foreseen(inverse, q_next, dq + T * ddq, expected, found, answer, rubbing)
+    return Foreseen(inverse, q_next, dq + T * ddq, expected, found, answer, rubbing, beyond)
 
 
 @pytest.mark.parametrize(("bandwidth", "settled"), [(K, False), (K, True), (0.0, False)])

@@ -16,6 +16,7 @@ START = np.array([0.0, 0.785398, 0.0, 1.570796, 0.0, -0.785398, 0.0])
 STRAIGHT = np.zeros(7)
 TOOL = Pose.from_xyz_rpy((0.0, 0.0, 0.121), (0.0, 0.0, 0.0))
 MOST = np.array([230.0, 230.0, 115.0, 115.0, 30.0, 30.0, 30.0])
+RATED = 10.0
 ROTORS = (1.5, 1.5, 0.8, 0.8, 0.15, 0.15, 0.1)
 QUIET = {"observer": 0.0, "velocity_filter_hz": 500.0}
 
@@ -27,7 +28,7 @@ class Plant:
         self.mechanism = Mechanism.from_cell(load_cell("pa10_hand"))
         self.dynamics = Dynamics(self.mechanism, np.array(ROTORS))
         torque = Torque(**{**QUIET, **gains})
-        self.law = TorqueLaw(self.dynamics, torque, np.zeros(7), MOST, 0.3, T, rate)
+        self.law = TorqueLaw(self.dynamics, torque, np.zeros(7), MOST, 0.3, T, rate, TOOL, RATED)
         self.q, self.dq = q.copy(), np.zeros(7)
         self.acting = self.dynamics.bias(self.q, self.dq)
         self.model = pin.Model(self.mechanism.model)
