@@ -80,7 +80,7 @@ def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
 
 
 def _wrench_of_bias(p: Parameters) -> Array | None:
-    """Return what makes a wrench at and in the Wrist of a sensor's bias (6, 6); None without one."""
+    """Return what makes a wrench at and in the Wrist of a sensor's bias (6, 6), or None."""
     T = p.T_wrist_sensor
     if T is None:
         return None

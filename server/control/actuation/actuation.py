@@ -91,8 +91,8 @@ class ByTorque:
     ) -> None:
         """Build it: torques are within `most` (n,) [N·m], and change by `most_step` (n,) a period.
 
-        `wrench_of_bias` (6, 6) makes the wrench at and in the Wrist of a sensor's bias; None without
-        a sensor, which carries the payload that the law's dynamics have.
+        `wrench_of_bias` (6, 6) makes the wrench at and in the Wrist of a sensor's bias; None
+        without a sensor, which carries the payload that the law's dynamics have.
         """
         self._law, self._wrench_of_bias = law, wrench_of_bias
         # Scratch: what the law's dynamics carry.

@@ -24,7 +24,7 @@ from ....config.schema.torque import Torque
 from ..compiled import VECTOR, compiled
 from ..mechanism.dynamics import Dynamics
 from ..mechanism.kinematics import Kinematics
-from ..rigid_body import wrench_to
+from ..rigid_body import jacobian_at, wrench_to
 from ..spatial import Array, Pose, pose_error
 from ..stop.trajectory import Motion
 from .believed import (
@@ -88,7 +88,8 @@ class TorqueLaw:
     ) -> None:
         """Build; `length` weighs radians against metres where the tool's mobility is judged [m].
 
-        The tool reaches to `T_wrist_tool`; no load is heavier than `rated_payload` [kg].
+        The tool is led at `T_wrist_tool`, the Wrist itself when None, wherever the MRF is; no load
+        is heavier than `rated_payload` [kg].
         `friction` is Coulomb's at the joints, fed forward where motion is commanded [N·m].
         `max_torque_rate` [N·m/s] is unbounded when None.
         """
@@ -150,11 +151,12 @@ class TorqueLaw:
         share, answer = share_at_once(then.inverse, terms.J_wrist, at, mass), then.answer
         if share < 1.0:
             answer = answer + g.compensation * held_back(terms.J_wrist, felt, lasting, share)
-        actual = self._dynamics.kinematics(then.q, T_wrist_mrf)
-        error = pose_error(commanded.T_world_mrf, actual.T_world_mrf)
+        T_world_tool, J_tool = self._at_tool(commanded)
+        actual = self._dynamics.kinematics(then.q, self._T_wrist_tool)
+        error = pose_error(T_world_tool, actual.T_world_mrf)
         tau = computed_torque(
             terms.M, self._dynamics.bias(then.q, then.dq), answer,
-            then.inverse, commanded.J, actual.J, error,
+            then.inverse, J_tool, actual.J, error,
             before.q, before.dq, after.dq, then.q, then.dq, self._weight,
             T, g.damping, g.stiffness, g.null_damping, g.null_stiffness,
             g.singular_region, g.singular_damping,
@@ -168,6 +170,15 @@ class TorqueLaw:
     def carry(self, mass: float, com: Array) -> None:
         """Say what is outboard of the Sensor frame: a point mass [kg] at com (3,) [m] in it."""
         self._dynamics.carry(mass, com)
+
+    def _at_tool(self, k: Kinematics) -> tuple[Pose, Array]:
+        """Return the pose and the Jacobian (6, n) of the tool, from those of the MRF.
+
+        With a far MRF, a turn of the tool would be a way of metres to the law's stiffness.
+        """
+        T = k.T_world_wrist @ self._T_wrist_tool
+        lever = T.p - k.T_world_mrf.p
+        return T, jacobian_at(k.J, lever) if np.count_nonzero(lever) > 0 else k.J
 
     def _believed(
         self,

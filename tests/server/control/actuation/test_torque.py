@@ -8,6 +8,7 @@ from telerobot.config.schema.torque import Torque
 from telerobot.server.control.actuation.torque import TorqueLaw
 from telerobot.server.control.mechanism.dynamics import Dynamics
 from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.rigid_body import wrench_to
 from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.server.control.stop.trajectory import Motion
 
@@ -110,6 +111,23 @@ def test_a_moving_command_is_followed_without_lag() -> None:
         worst = max(worst, float(np.abs(plant.q - last.q).max()))
         last = motion
     assert worst < 2e-3
+
+
+def test_a_far_mrf_changes_no_torque() -> None:
+    far = Pose.from_xyz_rpy((40.0, -90.0, 10.0), (0.4, 1.0, -0.3))
+    push, torques = np.array([0.0, 10.0, 4.0, 0.0, 0.5, 0.0]), []
+    moving = Motion(START + 0.01, np.linspace(-0.5, 1.0, 7), np.zeros(7))
+    for T_wrist_mrf in (TOOL, far):
+        plant, commanded = Plant(START), moving.q + np.linspace(0.02, -0.02, 7)
+        k = plant.mechanism.kinematics(commanded, T_wrist_mrf)
+        felt = wrench_to(T_wrist_mrf.inverse() @ TOOL, push)
+        state = None
+        for i in range(3):
+            state, now = plant.law.step(
+                state, START + i * 0.01, moving, moving, k, felt, T_wrist_mrf, i * T, False
+            )
+        torques.append(now.tau)
+    np.testing.assert_allclose(torques[0], torques[1], atol=1e-6)
 
 
 def test_the_measured_force_on_the_arm_is_compensated() -> None:
