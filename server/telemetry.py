@@ -12,7 +12,7 @@ from .control.mechanism.null_space.priority import Near
 from .control.mechanism.payload import Payload
 from .control.spatial import Array
 from .control.state import Output
-from .control.task.sources.position import Progress
+from .control.task.paths.leading import Progress
 from .mode import Mode
 from .operators.admission import Admission
 from .operators.exposure import network

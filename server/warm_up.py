@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from ..config.load import Cell
-from ..config.schema.cell import OBJECTIVES
+from ..config.schema.null_space.redundancy import OBJECTIVES
 from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
 from ..protocols.messages.messages import JoystickTwist
 from .commands.commands import Commands
 from .control.mechanism.null_space.redundancy import Pulls
-from .control.state import Inputs, Intent, StickCommand
+from .control.state import Inputs, Intent
+from .control.task.asked import StickCommand, ViewGoal
 from .control.task.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
-from .control.task.sources.vision import ViewGoal
 from .control.tick import Control
 from .telemetry import describe
 

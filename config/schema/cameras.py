@@ -1,13 +1,12 @@
-"""What a cell file may say of cameras, of the vision source, and of tags in the virtual world."""
+"""What a cell file may say of cameras, and of tags in the virtual world."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .section import Name, Pose, Section, Vector3, Vector6
+from .section import Name, Pose, Section, Vector3
 
 TagFamily = Literal["4x4_50", "5x5_50", "6x6_50", "apriltag_36h11"]
-Gain = Annotated[float, Field(ge=0, le=100)]
 Pixels = Annotated[float, Field(gt=0, le=1e5)]
 
 
@@ -75,35 +74,6 @@ class Camera(Section):
         return (self.size[0] / 2 - 0.5, self.size[1] / 2 - 0.5)
 
 
-class Vision(Section):
-    """A camera's view: rate = K_V (desired view − seen view), per axis of the Lens."""
-
-    enabled: bool = Field(False, description="switch at start")
-    gain: tuple[Gain, Gain, Gain, Gain, Gain, Gain] = Field(
-        (1.0,) * 6, description="K_V: error to rate [1/s]"
-    )
-    camera: Name | None = Field(None, description="whose view; none: the first camera's")
-    view: Pose | None = Field(
-        None, description="desired tag in the Lens at start; none: until a view is stored"
-    )
-    speed: float = Field(0.15, gt=0, le=5, description="largest rate of the Lens [m/s]")
-    angular_speed: float = Field(0.5, gt=0, le=10, description="the same [rad/s]")
-    timeout_s: float = Field(
-        0.25, gt=0, le=5, description="a picture older than this is stale: the source fades [s]"
-    )
-    least_quality: float = Field(0.3, ge=0, le=1, description="pictures below are refused [1]")
-    jump_speed: float = Field(
-        0.5, gt=0, le=100, description="faster than this no seen target moves [m/s]"
-    )
-    jump_angular_speed: float = Field(2.0, gt=0, le=100, description="the same [rad/s]")
-    jump_slack: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]] = Field(
-        (0.02, 0.12), description="difference of two pictures that is still noise [m], [rad]"
-    )
-    smoothing_s: float = Field(
-        0.25, ge=0, le=2, description="time constant of the filter over the seen target [s]"
-    )
-
-
 class RigTag(Section):
     """A planar tag of the virtual world: x to the right of its picture, y up, z out of its face."""
 
@@ -120,6 +90,3 @@ class RigTag(Section):
         if (self.T_world_tag is None) == (self.T_wrist_tag is None):
             raise ValueError("give either T_world_tag or T_wrist_tag")
         return self
-
-
-__all__ = ["Camera", "RigTag", "Section", "TagFamily", "Vector6", "Vision"]

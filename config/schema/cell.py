@@ -5,28 +5,25 @@ One TOML file describes one cell. Unknown keys are errors, numbers are finite, S
 description; `check.py` in the tools judges what a schema cannot see.
 """
 
-from typing import Literal
-
 from pydantic import Field, model_validator
 
 from .bus import Bus
-from .cameras import Camera, Vision
-from .following import Following
+from .cameras import Camera
 from .mechanism import Mechanism
 from .moving import Frames
 from .null_space.potential import PotentialField
 from .null_space.priority import Priority
+from .null_space.redundancy import Redundancy
 from .obstacles import Avoidance, Obstacle
 from .on_bus import Entry, OnBus
 from .reflection import Reflection
 from .rig.rig import Rig
-from .section import Name, NonNegative, Pose, Section, Share, Vector6
+from .schedule import Schedule
+from .section import Name, Pose, Section
 from .security import Zenoh
+from .sources.sources import Sources
 from .torque import Torque
 from .touch import Touch
-
-OBJECTIVES = ("mid_range", "manipulability", "posture", "least_energy", "field", "spheres")
-"""The redundancy objectives."""
 
 
 class Timing(Section):
@@ -54,76 +51,6 @@ class Timing(Section):
     max_command_age_s: float = Field(
         0.500, gt=0, le=10, description="oldest telemetry a command may be based on [s]"
     )
-
-
-class Joystick(Section):
-    """Rates from a stick, times a gain per axis (K_HC)."""
-
-    enabled: bool = Field(True, description="switch at start")
-    gain: Vector6 = Field((1.0,) * 6, description="K_HC [1]")
-
-
-class Position(Section):
-    """Target poses: a jerk-limited path, followed with error feedback (K_P)."""
-
-    enabled: bool = Field(True, description="switch at start")
-    gain: Vector6 = Field((2.0,) * 6, description="K_P: error to rate [1/s]")
-    speed: float = Field(0.15, gt=0, le=5, description="path speed [m/s]")
-    angular_speed: float = Field(0.5, gt=0, le=10, description="path speed [rad/s]")
-
-
-class Force(Section):
-    """Force–moment accommodation: rate = K_F (desired wrench − wrench), per axis."""
-
-    enabled: bool = Field(True, description="switch at start")
-    gain: Vector6 = Field(
-        (7e-4, 7e-4, 7e-4, 0.03, 0.03, 0.03), description="K_F [m/s/N, rad/s/(N·m)]"
-    )
-    hold_threshold: float = Field(
-        30.0, gt=0, le=1e4, description="contact force in HOLD that FMA bleeds off [N]"
-    )
-    hold_leash: float = Field(
-        0.02, ge=0, le=0.2, description="largest tool travel while bleeding off [m]"
-    )
-
-
-class Sources(Section):
-    """What may ask the tool for a rate. All on at once; the rates add."""
-
-    joystick: Joystick = Field(default_factory=Joystick, description="the operator's stick")
-    position: Position = Field(default_factory=Position, description="target poses")
-    vision: Vision = Field(default_factory=Vision, description="a camera's view")
-    force: Force = Field(default_factory=Force, description="force control")
-    following: Following = Field(default_factory=Following, description="a hand at the tool")
-
-
-class Schedule(Section):
-    """A source's gain as a function of something measured: a table of factors, interpolated."""
-
-    source: Literal["joystick", "position", "force", "following"] = Field(
-        description="whose gain it is"
-    )
-    by: Literal["contact_force", "distance", "time"] = Field(
-        description="what decides: contact force at the MRF [N], distance from the MRF to the "
-        "target [m], or time since enable [s]"
-    )
-    at: tuple[NonNegative, ...] = Field(
-        min_length=2, max_length=32, description="where the table's points are, rising [N, m or s]"
-    )
-    factor: tuple[Share, ...] = Field(
-        min_length=2, max_length=32, description="the gain's factor at each, 0 to 1 [1]"
-    )
-    axes: tuple[Share, Share, Share, Share, Share, Share] = Field(
-        (1.0,) * 6, description="how much each axis heeds the factor: 1 in full, 0 not at all [1]"
-    )
-
-    @model_validator(mode="after")
-    def _is_a_table(self) -> "Schedule":
-        if len(self.at) != len(self.factor):
-            raise ValueError(f"{len(self.at)} points in 'at', {len(self.factor)} in 'factor'")
-        if any(b <= a for a, b in zip(self.at, self.at[1:], strict=False)):
-            raise ValueError("'at' must rise from point to point")
-        return self
 
 
 class Limits(Section):
@@ -164,38 +91,6 @@ class Resolve(Section):
                     f"{name} = {value:g} must be below singular_region = {self.singular_region:g}"
                 )
         return self
-
-
-class Redundancy(Section):
-    """What the null space is used for; each gain 0 switches its objective off."""
-
-    mid_range: float = Field(
-        0.2, ge=0, le=10, description="pull of every joint to the middle of its range [1/s]"
-    )
-    manipulability: float = Field(
-        0.0, ge=0, le=10, description="away from singularities, times the slope of √det(JJᵀ) [1/s]"
-    )
-    posture: float = Field(
-        0.0, ge=0, le=10, description="pull of every joint to the posture of that name [1/s]"
-    )
-    posture_name: Name = Field("ready", description="posture that the joints are pulled to")
-    least_energy: float = Field(
-        0.0, ge=0, le=1, description="share of the way to the least kinetic energy [1]"
-    )
-    field: float = Field(
-        0.0, ge=0, le=10, description="how quickly to the least of the potential field [1/s]"
-    )
-    spheres: float = Field(
-        0.0, ge=0, le=10, description="share of the rates that [priority] asks for [1]"
-    )
-    max_rate: float = Field(
-        0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
-    )
-
-    @property
-    def gains(self) -> dict[str, float]:
-        """The objectives' gains by name."""
-        return {name: getattr(self, name) for name in OBJECTIVES}
 
 
 class CellConfig(Section):

@@ -16,7 +16,8 @@ from ...protocols.messages import motion, moving
 from ...protocols.topics import TOPICS, Flow
 from ..control.frame_tree import GROUNDS, UnknownFrame
 from ..control.spatial import Pose
-from ..control.state import Output, Settings, StickCommand
+from ..control.state import Output, Settings
+from ..control.task.asked import StickCommand
 from ..control.task.paths.goals import Goal, PathGoal, Pursuit
 from ..reflection.force_reflection import Reflector
 from ..refusals import Refused, Why

@@ -3,7 +3,8 @@
 from typing import NamedTuple
 
 from ..control.spatial import Array, Pose
-from ..control.state import Settings, StickCommand
+from ..control.state import Settings
+from ..control.task.asked import StickCommand
 from ..control.task.paths.goals import Goal
 
 

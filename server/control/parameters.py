@@ -6,16 +6,18 @@ import numpy as np
 
 from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
-from ...config.schema.cell import CellConfig, Limits, Redundancy, Resolve, Schedule
-from ...config.schema.following import Following
+from ...config.schema.cell import CellConfig, Limits, Resolve
 from ...config.schema.null_space.potential import PotentialField
+from ...config.schema.null_space.redundancy import Redundancy
+from ...config.schema.schedule import Schedule
+from ...config.schema.sources.sources import Sources
 from ...config.schema.torque import Torque
 from .joints import Joints
 from .mechanism.null_space.priority import Priority
 from .mechanism.payload import Payload
 from .proximity.capsules import Links
 from .spatial import Array, Pose
-from .task.sources.following import Impedance
+from .task.source import Shaping
 
 
 def _bounds(translation: float, rotation: float) -> Array:
@@ -26,17 +28,6 @@ def _shape_matters(c: CellConfig) -> bool:
     """Return whether anything in a cell may keep the arm's links away from something."""
     asked = c.redundancy.field > 0.0 or c.potential.virtual_link is not None
     return bool(c.obstacles) or c.avoidance.enabled or asked
-
-
-def _impedance(f: Following) -> Impedance:
-    return Impedance(
-        mass=_bounds(f.mass, f.inertia),
-        damping=_bounds(f.damping, f.angular_damping),
-        stiffness=f.stiffness,
-        deadband=(f.deadband, f.moment_deadband),
-        most=(f.max_force, f.max_moment),
-        payload_smoothing_s=f.payload_smoothing_s,
-    )
 
 
 @dataclass(frozen=True)
@@ -51,12 +42,9 @@ class Parameters:
     pull_posture: Array
     """Posture (n,) that the posture objective pulls to [rad]."""
     schedules: tuple[Schedule, ...]
-    path_speed: Array
-    """Path bounds of the position source (6,) [m/s, rad/s]."""
-    vision_speed: Array
-    """Bounds of the rate that the vision source asks for (6,) [m/s, rad/s]."""
-    shaping_acceleration: Array
-    shaping_jerk: Array
+    sources: Sources
+    shaping: Shaping
+    """What bounds the sources' rates."""
     T_wrist_tool: Pose
     """The MRF at start: singularities are judged there, whatever the MRF is later."""
     T_wrist_sensor: Pose | None
@@ -69,15 +57,11 @@ class Parameters:
     wrench_inertia: bool
     wrench_smoothing: float
     """Share of the new sample in the filtered wrench, per tick [1]."""
-    hold_threshold: float
-    hold_leash: float
     potential: PotentialField
     links: Links | None
     """The arm's shape; None where nothing asks for it."""
     priority: Priority | None
     """Virtual spheres; None where the cell has none."""
-    impedance: Impedance
-    """What the tool feels like to a hand."""
     operation_mode: str
     """What the drives are sent: "csp", "csv" or "cst"."""
     torque: Torque
@@ -110,7 +94,6 @@ class Parameters:
         smoothing = 1.0
         if sensor is not None:
             smoothing = 1.0 - float(np.exp(-2 * np.pi * sensor.filter_hz * c.timing.period_s))
-        position, vision = c.sources.position, c.sources.vision
         mrf = c.mechanism.T_wrist_mrf
         return cls(
             period_s=c.timing.period_s,
@@ -129,10 +112,13 @@ class Parameters:
             redundancy=c.redundancy,
             pull_posture=np.array(c.mechanism.postures[c.redundancy.posture_name]),
             schedules=c.schedules,
-            path_speed=_bounds(position.speed, position.angular_speed),
-            vision_speed=_bounds(vision.speed, vision.angular_speed),
-            shaping_acceleration=_bounds(c.limits.acceleration, c.limits.angular_acceleration),
-            shaping_jerk=_bounds(c.limits.jerk, c.limits.angular_jerk),
+            sources=c.sources,
+            shaping=Shaping(
+                _bounds(c.limits.acceleration, c.limits.angular_acceleration),
+                _bounds(c.limits.jerk, c.limits.angular_jerk),
+                (c.limits.speed, c.limits.angular_speed),
+                c.timing.period_s,
+            ),
             T_wrist_tool=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),
             T_wrist_sensor=None
             if sensor is None
@@ -148,12 +134,9 @@ class Parameters:
             else np.array(sensor.calibration),
             wrench_inertia=sensor is not None and sensor.inertia,
             wrench_smoothing=smoothing,
-            hold_threshold=c.sources.force.hold_threshold,
-            hold_leash=c.sources.force.hold_leash,
             potential=c.potential,
             links=Links(cell) if _shape_matters(c) else None,
             priority=Priority.from_cell(cell),
-            impedance=_impedance(c.sources.following),
             operation_mode=c.mechanism.operation_mode,
             torque=c.torque,
             rotor_inertia=np.array([d.rotor_inertia for d in ordered]),

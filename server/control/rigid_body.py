@@ -7,6 +7,11 @@ from .spatial import Array, Pose, cross, sizes, skew
 from .stop.trajectory import Motion
 
 
+def differ(a: Pose, b: Pose) -> bool:
+    """Return whether two poses are not the same to the last bit."""
+    return a is not b and not (np.array_equal(a.p, b.p) and np.array_equal(a.R, b.R))
+
+
 def twist_at(twist: Array, lever: Array) -> Array:
     """Return a body's twist (6,) at a point that is `lever` (3,) [m] away, in the same axes."""
     moved = twist.copy()

@@ -7,19 +7,20 @@ from .actuation.torque import TorqueLaw
 from .barriers.barriers import Allow
 from .barriers.collision import Guard
 from .hold.retreat import Retreat
+from .mechanism.contact_wrench import ContactWrench
 from .mechanism.dynamics import Dynamics
 from .mechanism.joint_motion import JointMotion
 from .mechanism.joint_rates import Resolver
 from .mechanism.kinematics import Mechanism
 from .mechanism.null_space.potential_field import Field
 from .mechanism.null_space.redundancy import Redundancy
+from .mechanism.wrist import Wrist
 from .parameters import Parameters
 from .rigid_body import wrench_to
-from .spatial import Array
+from .spatial import Array, Pose
 from .stop.gate import Gate
 from .stop.limiter import Limiter
-from .summing import Summing
-from .task.gains import Gains
+from .task.task import Task
 
 
 class Stages:
@@ -28,8 +29,16 @@ class Stages:
     def __init__(self, p: Parameters, mechanism: Mechanism, guard: Guard | None) -> None:
         """Build it; `guard` keeps clearances, None in a cell that has none to keep."""
         T, joints = p.period_s, p.joints
-        self.summing = Summing(p)
-        self.gains = Gains(p.schedules, T)
+        self.task = Task(p.sources, p.schedules, p.shaping)
+        contact = ContactWrench(
+            p.T_wrist_sensor or Pose.identity(),
+            p.wrench_smoothing,
+            T,
+            p.wrench_calibration,
+            p.wrench_inertia,
+            p.limits.acceleration,
+        )
+        self.wrist = Wrist(contact, p.payload, T)
         self.redundancy = Redundancy(joints, mechanism, p.redundancy, p.pull_posture)
         field = Field(joints, p.potential, p.links, mechanism.rank)
         self.resolver = Resolver(

@@ -18,16 +18,14 @@ from .mechanism.null_space.potential_field import Felt
 from .mechanism.null_space.priority import Near
 from .mechanism.null_space.redundancy import Pulls, SelfMotion
 from .mechanism.payload import Payload
+from .mechanism.wrist import WristMemory
 from .scene import Scene
 from .spatial import Array, Pose
 from .stop.trajectory import Motion, Stop
+from .task.asked import StickCommand, ViewGoal
 from .task.paths.goals import Goal
-from .task.sources.feedforward import About, FramesState
-from .task.sources.following import FollowingState
-from .task.sources.force import ForceState
-from .task.sources.joystick import JoystickState
-from .task.sources.position import PositionState, Progress
-from .task.sources.vision import ViewGoal, VisionState
+from .task.paths.leading import Progress
+from .task.task import TaskMemory
 
 
 class Intent(Enum):
@@ -44,20 +42,12 @@ class Intent(Enum):
 
 
 @dataclass(frozen=True)
-class StickCommand:
-    """A stick twist u (6,) in the axes that `R_world_axes` (3, 3) maps to World."""
-
-    twist: Array
-    R_world_axes: Array
-
-
-@dataclass(frozen=True)
 class Settings:
     """What an operator may change while running; the tick ramps every change."""
 
     gains: dict[str, Array]
-    """Effective gain (6,) of each source by name; zeros where it is switched off. Following may be
-    left out where there is no hand."""
+    """Effective gain (6,) of each source by name; zeros where it is switched off. One that is left
+    out asks for nothing."""
     T_wrist_mrf: Pose
     T_world_crf: Pose
     wrench_bias: Array
@@ -129,29 +119,16 @@ class Memory:
     """The verified way to rest from `motion`."""
     sent: tuple[Array, Array, Array]
     """The last three commanded postures, newest first."""
-    gains: dict[str, Array]
-    """The sources' gains (6,) in effect."""
     pulls: Pulls
     """The redundancy objectives' gains in effect."""
-    joystick: JoystickState
-    position: PositionState
-    vision: VisionState
-    force: ForceState
-    following: FollowingState
-    frames: FramesState = field(default_factory=FramesState)
-    about: About | None = None
-    """What the sources' rates of the last tick were about."""
-    load: Array | None = None
-    """Payload and bias in effect (10,), see `sources.force.load_of`."""
+    task: TaskMemory
+    """What the sources remember."""
+    wrist: WristMemory = field(default_factory=WristMemory)
+    """What the force/torque sensor told."""
     quickness: float = 0.0
     """Greatest acceleration that the tool was lately told [m/s²]."""
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
-    hold: Array | None = None
-    """Where the Wrist was in Base when HOLD began (3,) [m]."""
-    bleeding: bool = False
-    off_path: Array | None = None
-    """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
     levels: Levels = field(default_factory=dict)
     """Best gap so far of pairs of links and obstacles that are below their bounds."""
     near: Near | None = None

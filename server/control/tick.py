@@ -9,13 +9,14 @@ A pure function of its inputs: no I/O, no clock, no thread, no logging.
 
 import math
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .actuation.actuation import Now
 from .barriers.barriers import Allowed, State
 from .barriers.collision import Guard, Watch
+from .context import context_of, path_of_mrf, quantities, sample_of
 from .evolve import evolve
 from .mechanism.joint_motion import at_posture
 from .mechanism.joint_rates import Around, Wish
@@ -26,20 +27,10 @@ from .parameters import Parameters
 from .proximity.capsules import Placed
 from .spatial import Array, Pose, sizes
 from .stages import Stages
-from .state import Inputs, Intent, Memory, Output
+from .state import Inputs, Intent, Memory, Output, Settings
 from .stop.limiter import Limited
 from .stop.trajectory import Motion, Stop
-from .task.gains import Quantities
-from .task.sources.following import FollowingState
-from .task.sources.force import ForceState
-from .task.sources.joystick import JoystickState
-from .task.sources.position import PositionState
-from .task.sources.vision import VisionState
-
-ORDERED: Final = 1e-3
-"""A source that asks for more than this means it; below, it makes up for noise [m/s, rad/s]."""
-
-_ACCOMMODATION: Final = "force"
+from .task.source import Granted
 
 SLID = 0.99
 """A tool that does less than this part of what its path does has been turned off it [1]."""
@@ -84,13 +75,8 @@ class Control:
             motion=rest,
             stop=self.stages.limiter.verified_stop(rest),
             sent=(q, q, q),
-            gains={},
             pulls=self.stages.redundancy.pulls,
-            joystick=JoystickState.idle(),
-            position=PositionState(),
-            vision=VisionState.idle(),
-            force=ForceState(),
-            following=FollowingState(),
+            task=self.stages.task.idle,
             retreat=None if self.stages.retreat is None else self.stages.retreat.start,
         )
 
@@ -98,20 +84,23 @@ class Control:
         """Return where the command has the MRF, in World."""
         return self.mechanism.pose_wrist(memory.motion.q, T_world_base) @ T_wrist_mrf
 
+    def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
+        """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
+        mrf, payload, bias = settings.T_wrist_mrf, settings.payload, settings.wrench_bias
+        return self.stages.wrist.weight(T_world_mrf, mrf, payload, bias)
+
     def tick(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Output]:
         """Return the next memory and what to send: one period of control."""
         moved = inputs.moved
         T_world_wrist_measured = self.mechanism.pose_wrist(
             inputs.q_measured, None if moved is None else moved.T_world_base_measured
         )
-        memory = self.stages.summing.measure(memory, inputs, T_world_wrist_measured)
+        memory = self._measure(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
             if inputs.energised is not None:
                 q = np.where(inputs.energised, memory.motion.q, q)
-            memory = evolve(
-                self.seed(q), torque=memory.torque, force=memory.force, load=memory.load
-            )
+            memory = evolve(self.seed(q), torque=memory.torque, wrist=memory.wrist)
         kinematics = self.mechanism.kinematics(
             memory.motion.q,
             inputs.settings.T_wrist_mrf,
@@ -123,7 +112,10 @@ class Control:
             placed = self.stages.links.place(
                 memory.motion.q[None], None if moved is None else moved.base.T
             )
-        memory, asked = self._ask(memory, inputs, kinematics, placed)
+        mrf = inputs.settings.T_wrist_mrf
+        wrench = self.stages.wrist.wrench_mrf(memory.wrist, mrf)
+        hand = self.stages.wrist.hand_mrf(memory.wrist, mrf)
+        memory, asked = self._ask(memory, inputs, kinematics, placed, wrench, hand)
         memory, dq = self._give_way(memory, inputs, kinematics, asked.dq)
         error = memory.sent[1] - inputs.q_measured
         allowed = self.stages.allow.nearest(
@@ -144,13 +136,11 @@ class Control:
                 base=None if moved is None else moved.base,
                 placed=placed,
                 by_joint=asked.by_joint,
-                ordered=self.stages.allow.guard is None or _ordered(asked.twists, inputs),
+                ordered=self.stages.allow.guard is None or self._ordered(asked.twists, inputs),
             ),
         )
         limited = self._limit(memory, inputs, allowed)
         refusal = self.stages.gate.refusal(limited.motion.q, memory.sent)
-        wrench = self.stages.summing.wrench_mrf(memory, inputs.settings.T_wrist_mrf)
-        hand = self.stages.summing.hand_mrf(memory, inputs.settings.T_wrist_mrf)
         actuated = self.stages.actuate(
             memory.torque,
             Now(
@@ -163,7 +153,7 @@ class Control:
                 inputs.settings.T_wrist_mrf,
                 inputs.time_s,
                 inputs.intent is Intent.SEED,
-                memory.load,
+                memory.wrist.load,
             ),
         )
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
@@ -172,7 +162,7 @@ class Control:
             levels=allowed.levels,
             torque=actuated.state,
             resistance=allowed.resistance,
-            **self._moved_on(memory, inputs, limited, asked, scale, pace, kinematics),
+            **self._moved_on(memory, limited, asked, scale, pace, kinematics),
         )
         return memory, Output(
             q=limited.motion.q,
@@ -196,16 +186,31 @@ class Control:
             shown=allowed.shown,
             near=memory.near,
             sigma_min=asked.sigma_min,
-            gains=memory.gains,
+            gains=memory.task.gains,
             pulls=memory.pulls,
             self_motion=asked.self_motion,
             at_goal=self._at_goal(memory, inputs),
-            bleeding=memory.bleeding,
-            path=memory.position.progress,
-            T_world_path=_path_of_mrf(inputs, memory.position.T_world_path),
+            bleeding=memory.task.force.bleeding,
+            path=memory.task.position.progress,
+            T_world_path=path_of_mrf(inputs, memory.task.position.T_world_path),
             field=asked.field,
-            off_path=memory.off_path,
+            off_path=memory.task.off_path,
         )
+
+    def _measure(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> Memory:
+        """Return the memory with the newest wrench in it; the Wrist was measured at a pose."""
+        wrist, settings = self.stages.wrist, inputs.settings
+        measured = wrist.measure(
+            memory.wrist,
+            sample_of(inputs),
+            wrist.load(settings.payload, settings.wrench_bias),
+            T_world_wrist,
+            inputs.time_s,
+            inputs.moved,
+            memory.quickness,
+            at_once=inputs.intent is Intent.SEED,
+        )
+        return evolve(memory, wrist=measured)
 
     # --- gains -------------------------------------------------------------------------------
 
@@ -214,25 +219,38 @@ class Control:
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
         pulls = settings.pulls or self.stages.redundancy.pulls
         since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
-        gains = self.stages.gains.scheduled(
-            settings.gains, lambda: _quantities(memory, inputs, k, inputs.time_s - since_s)
+        task = self.stages.task.tuned(
+            memory.task,
+            settings.gains,
+            lambda: quantities(memory, inputs, k, inputs.time_s - since_s),
+            moving,
+            settings.at_once,
         )
-        if moving and memory.gains.keys() == gains.keys():
-            gains = self.stages.gains.ramped(memory.gains, gains, settings.at_once)
-            pulls = self.stages.redundancy.ramped(memory.pulls, pulls, self.stages.gains.part)
-        return evolve(memory, gains=gains, pulls=pulls, moving_since_s=since_s if moving else None)
+        if moving and memory.task.gains:
+            pulls = self.stages.redundancy.ramped(memory.pulls, pulls, self.stages.task.part)
+        return evolve(memory, task=task, pulls=pulls, moving_since_s=since_s if moving else None)
 
     # --- what is asked for -------------------------------------------------------------------
 
     def _ask(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, placed: Placed | None
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        k: Kinematics,
+        placed: Placed | None,
+        wrench: Array | None,
+        hand: Array | None,
     ) -> tuple[Memory, _Asked]:
         """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
         base = None if inputs.moved is None else inputs.moved.base.T
         if self.p.priority is not None:
             near = self.p.priority.look(memory.motion.q, inputs.scene, memory.near, base)
             memory = evolve(memory, near=near)
-        memory, twists = self.stages.summing.twists(memory, inputs, k)
+        context = context_of(
+            memory, inputs, k, self.stages.wrist, self.p.T_wrist_tool.p, wrench, hand
+        )
+        task, twists = self.stages.task.twists(memory.task, context)
+        memory = evolve(memory, task=task)
         twist = np.zeros(6)
         for part in twists.values():
             twist = twist + part
@@ -258,7 +276,7 @@ class Control:
             memory.pulls,
             inputs.settings.speed_factor,
             inputs.intent is Intent.MOVE and not inputs.at_posture,
-            memory.off_path,
+            memory.task.off_path,
             inputs.goal is not None,
         )
         around = Around(inputs.scene, memory.near, base, placed)
@@ -289,6 +307,15 @@ class Control:
         )
         return memory if state is memory.retreat else evolve(memory, retreat=state), dq
 
+    def _ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:
+        """Return whether anything but accommodation tells the arm to move.
+
+        News of obstacles needs no lease: an arm that nobody tells to move shall not be led away by
+        it.
+        """
+        asked = inputs.jog is not None or inputs.posture is not None
+        return asked or bool(inputs.wrench_desired.any()) or self.stages.task.orders(twists)
+
     def _tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
         v, w = sizes(twist)
@@ -317,7 +344,6 @@ class Control:
     def _moved_on(
         self,
         memory: Memory,
-        inputs: Inputs,
         limited: Limited,
         asked: _Asked,
         scale: float,
@@ -331,14 +357,19 @@ class Control:
             "stop": limited.stop,
             "quickness": max(sizes(k.J @ limited.motion.ddq)[0], LATELY * memory.quickness),
             "sent": (limited.motion.q, memory.sent[0], memory.sent[1]),
-            "position": self.stages.summing.position.advance(
-                memory.position, 0.0 if limited.stopped else pace, slid=scale < SLID * pace
+            "task": evolve(
+                self.stages.task.advanced(
+                    memory.task,
+                    Granted(
+                        granted,
+                        0.0 if limited.stopped else pace,
+                        scale < SLID * pace,
+                        asked.twist,
+                        k.T_world_mrf,
+                    ),
+                ),
+                off_path=further(memory.task.off_path, asked.give_way, granted * self.p.period_s),
             ),
-            "following": self.stages.summing.following.advance(
-                memory.following, asked.twist, granted, k.T_world_mrf
-            ),
-            "hold": memory.hold if inputs.intent is Intent.HOLD else None,
-            "off_path": further(memory.off_path, asked.give_way, granted * self.p.period_s),
         }
 
     def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
@@ -346,49 +377,7 @@ class Control:
             return False
         if inputs.posture is not None:
             return at_posture(memory.motion.q, inputs.posture)
-        return memory.position.at_goal and on_path(memory.off_path)
-
-
-def _quantities(memory: Memory, inputs: Inputs, k: Kinematics, time_s: float) -> Quantities:
-    """Return what gains may depend on."""
-    wrench = memory.force.wrench
-    target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
-    way = None
-    if target is not None:
-        led = inputs.T_wrist_goal
-        way = target.p - (k.T_world_mrf if led is None else k.T_world_wrist @ led).p
-    return Quantities(
-        contact_force=None if wrench is None else sizes(wrench)[0],
-        distance=None if way is None else math.sqrt(float(way @ way)),
-        time=time_s,
-    )
-
-
-def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:
-    """Return where a pose on the present ground is in World."""
-    ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
-    return T if ground is None or T is None else ground.T @ T
-
-
-def _path_of_mrf(inputs: Inputs, T: Pose | None) -> Pose | None:
-    """Return where the path has the MRF in World, from where it has the point that it leads."""
-    T, led = _in_world(inputs, T), inputs.T_wrist_goal
-    if T is None or led is None:
-        return T
-    return T @ (led.inverse() @ inputs.settings.T_wrist_mrf)
-
-
-def _ordered(twists: dict[str, Array], inputs: Inputs) -> bool:
-    """Return whether anything but accommodation tells the arm to move.
-
-    Noise of the force/torque sensor always asks for a little. News of obstacles needs no lease: an
-    arm that nobody tells to move shall not be led away by it.
-    """
-    if inputs.jog is not None or inputs.posture is not None or inputs.wrench_desired.any():
-        return True
-    return any(
-        max(sizes(twist)) > ORDERED for source, twist in twists.items() if source != _ACCOMMODATION
-    )
+        return memory.task.position.at_goal and on_path(memory.task.off_path)
 
 
 def _shortfall(guard: Guard, watch: Watch, stop: Stop) -> float:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ...config.load import Cell
-from ...config.schema.cameras import Camera, Vision
+from ...config.schema.cameras import Camera
+from ...config.schema.sources.vision import Vision
 from ...protocols.messages.sightings import Sighting
 from ..control.frame_tree import Mount
 from ..control.spatial import Pose
-from ..control.task.sources.vision import ViewGoal
+from ..control.task.asked import ViewGoal
 from ..refusals import Refused, Why
 from ..runtime.events import Events
 from .filters.sighting import KnownTarget, PictureRejection, SightingBounds, judge

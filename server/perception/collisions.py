@@ -71,11 +71,11 @@ class CollisionMonitor:
         """
         if self._touch is None:
             return
-        if reading.q is None or not reading.enabled or memory is None or memory.load is None:
+        if reading.q is None or not reading.enabled or memory is None or memory.wrist.load is None:
             self._state, self._blind_ticks = DetectorState(), 0
             self._giving.reset()
             return
-        load = self._carried(reading, memory.load)
+        load = self._carried(reading, memory.wrist.load)
         base = moved.T_world_base_measured
         free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
         self._touch.dynamics.fall(free_fall)
@@ -90,7 +90,7 @@ class CollisionMonitor:
     def _carried(self, reading: PlantReading, load: Array) -> SensorLoad | None:
         """Return what the sensor reads; while it is stale, its payload is what the arm carries.
 
-        Without a sensor that is what the URDF says. `load` (10,), see `sources.force.load_of`.
+        Without a sensor that is what the URDF says. `load` (10,), see `contact_wrench.load_of`.
         """
         if self._touch is None or self._calibration is None:
             return None

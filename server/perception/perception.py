@@ -44,7 +44,7 @@ class Perception:
             weight, twists = None, {}
             if output is not None:
                 twists = output.twists
-                weight = self._control.stages.summing.weight(
+                weight = self._control.weight(
                     output.T_world_mrf_measured, commands.control_settings()
                 )
             self.sensor.update(reading, weight, twists)

@@ -3,8 +3,8 @@
 import math
 
 from ...config.load import Cell
+from ..control.mechanism.contact_wrench import INERTIA_PERIODS, MEAN_PERIODS
 from ..control.task.sources.following import smoothing_s
-from ..control.task.sources.force import INERTIA_PERIODS, MEAN_PERIODS
 from .force_loop import BUS_PERIODS, filter_periods
 
 AHEAD_PERIODS = 1.0

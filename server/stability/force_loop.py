@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...config.load import Cell
+from ..control.mechanism.contact_wrench import INERTIA_PERIODS
 from ..control.mechanism.kinematics import Mechanism
 from ..control.spatial import Pose
-from ..control.task.sources.force import INERTIA_PERIODS
 
 BUS_PERIODS = 2.0
 """From what a SYNC samples to what a later SYNC applies [periods]."""

@@ -21,11 +21,11 @@ import numpy as np
 
 from ...config.agree.agree import REQUIRED_POSTURES
 from ...config.load import Cell
+from ..control.mechanism.contact_wrench import INERTIA_PERIODS
 from ..control.mechanism.dynamics import Dynamics
 from ..control.mechanism.kinematics import Mechanism
 from ..control.spatial import Array, Pose
 from ..control.task.sources.following import smoothing_s
-from ..control.task.sources.force import INERTIA_PERIODS
 
 STEPS = 10
 """Least number of steps into which a period is divided [1]. Their rule (speed first) has encoders

@@ -9,7 +9,8 @@ from telerobot.config.load import Cell, load_cell, shipped
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Array, Pose
-from telerobot.server.control.state import Inputs, Intent, Output, Settings, StickCommand
+from telerobot.server.control.state import Inputs, Intent, Output, Settings
+from telerobot.server.control.task.asked import StickCommand
 from telerobot.server.control.tick import Control
 
 SOURCES = ("joystick", "position", "vision", "force")

@@ -18,9 +18,9 @@ from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.mechanism.null_space.redundancy import Pulls
 from ...server.control.parameters import Parameters
 from ...server.control.spatial import Array, Pose
-from ...server.control.state import Inputs, Intent, Settings, StickCommand
-from ...server.control.task.sources.position import PathGoal
-from ...server.control.task.sources.vision import ViewGoal
+from ...server.control.state import Inputs, Intent, Settings
+from ...server.control.task.asked import StickCommand, ViewGoal
+from ...server.control.task.paths.goals import PathGoal
 from ...server.control.tick import Control
 from ...server.daemon import guard_of
 from ...server.perception.obstacle_map import ObstacleMap

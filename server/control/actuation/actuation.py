@@ -38,7 +38,7 @@ class Now(NamedTuple):
     settled: bool
     """The drives are off."""
     load: Array | None = None
-    """Payload and bias in effect (10,), see `sources.force.load_of`; None: the URDF's tool."""
+    """Payload and bias in effect (10,), see `contact_wrench.load_of`; None: the URDF's tool."""
 
 
 class Actuated(NamedTuple):

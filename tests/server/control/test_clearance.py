@@ -10,7 +10,7 @@ from telerobot.server.control.barriers.collision import Guard
 from telerobot.server.control.frame_tree import Body, Moved
 from telerobot.server.control.scene import Scene
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.state import StickCommand
+from telerobot.server.control.task.asked import StickCommand
 from telerobot.server.control.tick import Control
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events

@@ -23,10 +23,10 @@ class Wall:
         """Return the sensor's reading (6,): the contact, the payload's weight and the bias."""
         self.forces.append(self.stiffness * max(0.0, self.run.pose.p[0] - self.x))
         control, settings = self.run.arm.control, self.run.settings
-        M = settings.T_wrist_mrf.inverse() @ control.stages.summing.force.T_wrist_sensor
+        M = settings.T_wrist_mrf.inverse() @ control.stages.wrist.contact.T_wrist_sensor
         at_mrf = pin.Force(self.run.pose.R.T @ [self.forces[0], 0, 0], np.zeros(3))
         at_sensor = pin.SE3(M.R, M.p).actInv(at_mrf).vector
-        weight = control.stages.summing.weight(self.run.pose, settings)
+        weight = control.weight(self.run.pose, settings)
         return at_sensor + weight + settings.wrench_bias
 
     def press(self, seconds, **inputs):
@@ -86,7 +86,7 @@ def test_a_sensor_that_falls_silent_ends_the_force_sources_motion(run):
 
 
 def test_in_hold_strong_contact_is_bled_off_inside_the_leash_and_then_left(run):
-    at, threshold = run.pose.p, run.arm.p.hold_threshold
+    at, threshold = run.pose.p, run.arm.p.sources.force.hold_threshold
     wall = Wall(run, 20_000.0, -1.5 * threshold / 20_000.0)
     output = wall.press(0.05, intent=Intent.HOLD)
     assert output.bleeding
@@ -94,12 +94,12 @@ def test_in_hold_strong_contact_is_bled_off_inside_the_leash_and_then_left(run):
     assert not output.bleeding
     assert wall.forces[-1] < threshold
     assert output.at_rest
-    assert 0 < at[0] - run.pose.p[0] < run.arm.p.hold_leash
+    assert 0 < at[0] - run.pose.p[0] < run.arm.p.sources.force.hold_leash
     run.observe()
 
 
 def test_in_hold_a_gentle_touch_moves_nothing(run):
-    wall = Wall(run, 20_000.0, -0.9 * run.arm.p.hold_threshold / 20_000.0)
+    wall = Wall(run, 20_000.0, -0.9 * run.arm.p.sources.force.hold_threshold / 20_000.0)
     output = wall.press(1.0, intent=Intent.HOLD)
     assert wall.forces[-1] > 20.0
     np.testing.assert_array_equal(output.q, run.q)
@@ -109,11 +109,11 @@ def test_in_hold_a_gentle_touch_moves_nothing(run):
 def test_in_hold_a_force_without_end_gets_no_further_than_the_leash(run):
     """As from a sensor that drifted: FMA alone would walk away."""
     at = run.arm.mechanism.pose_wrist(run.q).p
-    wrench = run.arm.control.stages.summing.weight(run.pose, run.settings)
+    wrench = run.arm.control.weight(run.pose, run.settings)
     wrench[2] += 80.0
     run.go(6.0, intent=Intent.HOLD, wrench_sensor=wrench)
     moved = np.linalg.norm(run.arm.mechanism.pose_wrist(run.memory.motion.q).p - at)
-    leash = run.arm.p.hold_leash
+    leash = run.arm.p.sources.force.hold_leash
     assert 0.5 * leash < moved <= 1.05 * leash
     run.observe()
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.cell import OBJECTIVES
+from telerobot.config.schema.null_space.redundancy import OBJECTIVES
 from telerobot.server.control.mechanism.null_space.redundancy import Pulls
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Intent
-from telerobot.server.control.task.paths.goals import Pursuit, Route, Segment, TwistRoute
-from telerobot.server.control.task.sources.position import PathGoal
+from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
 
 SECONDS = 12.0
 

@@ -45,7 +45,7 @@ def led_past_the_pole(case):
     for i in range(round(7.0 / p.period_s)):
         t = i * p.period_s
         hand = np.array([0.0, 4.0, 0.0]) * math.sin(math.pi * t / 6.0) ** 2 * (t < 6.0)
-        wrench = arm.control.stages.summing.weight(run.pose, settings)
+        wrench = arm.control.weight(run.pose, settings)
         wrench[:3] -= run.pose.R.T @ hand
         run.tick(scene=scene, wrench_sensor=wrench)
     run.observe()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.schema.obstacles import Obstacle
 from telerobot.server.control.spatial import Pose, rotation_log
-from telerobot.server.control.task.sources.position import PathGoal
+from telerobot.server.control.task.paths.goals import PathGoal
 
 from .test_clearance import BALL, TABLE, Kept
 

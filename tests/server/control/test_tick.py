@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.sources.position import PathGoal
-from telerobot.server.control.task.sources.vision import ViewGoal
+from telerobot.server.control.task.asked import ViewGoal
+from telerobot.server.control.task.paths.goals import PathGoal
 from telerobot.server.control.tick import Control
 
 FORWARD = (0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -94,7 +94,7 @@ def bits(output):
 def test_the_same_inputs_give_the_same_bits_whatever_was_computed_in_between(run, stick, rng):
     inputs = everything_at_once(run, stick)
     run.go(0.2, **inputs)
-    kept = pickle.dumps((run.memory.motion, run.memory.sent, run.memory.force))
+    kept = pickle.dumps((run.memory.motion, run.memory.sent, run.memory.wrist))
     memory, control = run.memory, run.arm.control
     given = Inputs(0.0, Intent.MOVE, memory.sent[1], run.settings, **inputs)
     first_memory, first = control.tick(memory, given)
@@ -107,7 +107,7 @@ def test_the_same_inputs_give_the_same_bits_whatever_was_computed_in_between(run
     assert bits(first) == bits(again) == bits(fresh)
     assert first_memory.motion.ddq.tobytes() == again_memory.motion.ddq.tobytes()
     # Nor was anything that went in written to.
-    assert pickle.dumps((memory.motion, memory.sent, memory.force)) == kept
+    assert pickle.dumps((memory.motion, memory.sent, memory.wrist)) == kept
 
 
 # --- changes while running ------------------------------------------------------------------------
@@ -191,7 +191,7 @@ def test_seeding_puts_the_command_where_the_joints_are(run, stick):
     np.testing.assert_array_equal(output.q, measured)
     assert output.at_rest
     assert output.refusal is None
-    assert not run.memory.joystick.motion.dq.any()
+    assert not run.memory.task.states["joystick"].motion.dq.any()
 
 
 def test_a_drive_that_is_already_on_keeps_its_command_while_the_others_follow_their_joints(run):

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.cell import OBJECTIVES, Schedule
+from ....config.schema.null_space.redundancy import OBJECTIVES
+from ....config.schema.schedule import Schedule
 from ....protocols.messages.messages import Frame
 from ...scripts.script import Step
 from ..steps import Draw, step

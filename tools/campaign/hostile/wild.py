@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.cell import OBJECTIVES
+from ....config.schema.null_space.redundancy import OBJECTIVES
 from ....protocols.messages.messages import Frame
 from ...scripts.script import Script, Step
 from ..steps import Draw, step

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .....config.schema.cell import Redundancy as Config
+from .....config.schema.null_space.redundancy import Redundancy as Config
 from ...compiled import MATRIX, NUMBER, VECTOR, compiled
 from ...joints import Joints
 from ...spatial import Array

@@ -15,9 +15,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .....config.schema.sources.following import Following as Section
 from ...compiled import MATRIX, NUMBER, VECTOR, compiled
 from ...evolve import evolve
+from ...rigid_body import slowed_at
 from ...spatial import Array, Pose, moved_near, pose_error, right_jacobian
+from ..source import Context, Granted, Redefined, Shaping, Source
 
 STANDING = 1e-6
 """A reference that is slower than this, and has no force to come, is at rest [m/s, rad/s]."""
@@ -27,6 +30,7 @@ SLACK = (0.02, 0.1)
 catch up afterwards with all that it missed."""
 
 _NONE = np.zeros(6)
+_NONE.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -62,45 +66,72 @@ class FollowingState:
     """The low-passed wrench on the arm at the MRF, in World axes (6,); None before there is one."""
 
 
-class Following:
-    """Follows the wrench on the arm."""
+_IDLE = FollowingState()
 
-    def __init__(self, impedance: Impedance, period_s: float) -> None:
-        self._impedance = impedance
-        self._period_s = period_s
+
+class Following(Source[FollowingState]):
+    """Follows the wrench of a hand on the arm."""
+
+    def __init__(self, section: Section, shaping: Shaping) -> None:
+        self._impedance = impedance(section)
+        self._most, self._period_s = shaping.most, shaping.period_s
+
+    def idle(self) -> FollowingState:
+        """Return the state of a tool that nobody leads."""
+        return _IDLE
 
     def rate(
-        self,
-        state: FollowingState,
-        wrench_on_arm: Array | None,
-        gain: Array,
-        T_world_mrf: Pose,
-        share: float = 1.0,
-        load: Array | None = None,
+        self, context: Context, state: FollowingState, gain: Array
     ) -> tuple[Array, FollowingState]:
-        """Return the twist (6,) of the MRF in World axes, and the next state.
+        """Return the twist of a damped mass under the hand's force.
 
-        `wrench_on_arm` (6,) is what pushes the arm, at and in the MRF, None when stale: the motion
-        then dies out with M/B. `gain` (6,) is the share of it that is followed, in MRF axes;
-        `share` scales all of it, for an avoidance that takes precedence (eq. 10: 1 − α). `load`
-        (10,) is the payload as `force.load_of` has it, None for none.
+        `gain` (6,) is the share of the force that is followed, in MRF axes. A stale force is none:
+        the motion then dies out with M/B. An avoidance that takes precedence leaves `1 − α` of it
+        (eq. 10).
         """
+        if not context.guided:
+            state, gain = _IDLE, _NONE
         strength = min(1.0, float(gain.max()))
         if strength <= 0.0 and float(np.abs(state.twist).max()) < STANDING:
-            return np.zeros(6), FollowingState()
-        felt = None
+            return np.zeros(6), _IDLE
+        T_world_mrf, felt = context.T_world_mrf, None
+        wrench_on_arm = None if context.hand is None else -context.hand
         if wrench_on_arm is not None:
             wrench_on_arm, felt = _calmed(
-                wrench_on_arm, T_world_mrf.R, state.felt, *self._shares(load)
+                wrench_on_arm, T_world_mrf.R, state.felt, *self._shares(context.load)
             )
         i, T = self._impedance, state.T_world_reference or T_world_mrf
         # What is switched off lets go of its reference as its gain fades.
         twist, step, asked = _led(
             state.twist, _NONE if wrench_on_arm is None else wrench_on_arm, gain, T_world_mrf.R,
             pose_error(T, T_world_mrf), i.mass, i.damping, *i.deadband, *i.most,
-            share, strength * i.stiffness, self._period_s,
+            1.0 - context.precedence, strength * i.stiffness, self._period_s,
         )  # fmt: skip
         return asked, FollowingState(twist, T, step, asked, felt)
+
+    def carry(
+        self, state: FollowingState, context: Context, redefined: Redefined
+    ) -> FollowingState:
+        """Return the state with the reference told at the MRF of now."""
+        if redefined.lever is None:
+            return state
+        T = state.T_world_reference
+        if T is not None:
+            T = T @ (redefined.before.T_wrist_mrf.inverse() @ context.T_wrist_mrf)
+            T = moved_near(T, np.zeros(6), context.T_world_mrf, SLACK)
+        twist = slowed_at(state.twist, redefined.lever, self._most)
+        return evolve(state, T_world_reference=T, twist=twist)
+
+    def advance(self, state: FollowingState, granted: Granted) -> FollowingState:
+        """Return the state with the reference moved on by what was let through."""
+        if state.T_world_reference is None:
+            return state
+        step = granted.share * (state.step + self._period_s * (granted.twist - state.asked))
+        if step[3:].any():
+            # As all points of one rigid body move, so that it does not matter which is the MRF.
+            step[:3] = right_jacobian(-step[3:]) @ step[:3]
+        reference = moved_near(state.T_world_reference, step, granted.T_world_mrf, SLACK)
+        return evolve(state, T_world_reference=reference)
 
     def _shares(self, load: Array | None) -> tuple[float, float]:
         """Return the share of a new force and of a new moment that is taken over, 0 to 1."""
@@ -116,22 +147,18 @@ class Following:
     def _share(self, time_s: float) -> float:
         return 1.0 if time_s <= 0.0 else -math.expm1(-self._period_s / time_s)
 
-    def advance(
-        self, state: FollowingState, twist: Array, granted: float, T_world_mrf: Pose
-    ) -> FollowingState:
-        """Return the state after a tick that asked for `twist` (6,) in all.
 
-        `granted` (0 to 1) is the share of it that was let through, `T_world_mrf` the pose that the
-        command now has.
-        """
-        if state.T_world_reference is None:
-            return state
-        step = granted * (state.step + self._period_s * (twist - state.asked))
-        if step[3:].any():
-            # As all points of one rigid body move, so that it does not matter which is the MRF.
-            step[:3] = right_jacobian(-step[3:]) @ step[:3]
-        reference = moved_near(state.T_world_reference, step, T_world_mrf, SLACK)
-        return evolve(state, T_world_reference=reference)
+def impedance(section: Section) -> Impedance:
+    """Return the impedance that a cell's section describes."""
+    f = section
+    return Impedance(
+        mass=np.array([f.mass] * 3 + [f.inertia] * 3),
+        damping=np.array([f.damping] * 3 + [f.angular_damping] * 3),
+        stiffness=f.stiffness,
+        deadband=(f.deadband, f.moment_deadband),
+        most=(f.max_force, f.max_moment),
+        payload_smoothing_s=f.payload_smoothing_s,
+    )
 
 
 def smoothing_s(per_mass_s: float, payload: float, mass: float) -> float:

@@ -1,288 +1,88 @@
 """Force control by accommodation (Williams 1997, section 2.5): twist = K_F (F_desired − F).
 
-F is the wrench that the arm exerts on its environment, at and in the MRF, after the weight and the
-inertial forces of everything outboard of the sensor are taken off. With F_desired = 0 this is
-force–moment accommodation (FMA): pressing on a wall, the arm backs off. Together with a stick it
-turns a rate into a force by itself: F = K_HC u / K_F.
-
-Both are taken from the *measured* joints, at the instant of the sample. An acceleration is a second
-difference, so it is known one period late; half of that is bridged by its own trend, and the wrench
-is brought to the same instant as a mean of two: `INERTIA_PERIODS` of delay, which the stability
-bound counts.
-
-For whatever is as light as a hand's virtual mass this is too rough. Drives run from setpoint to
-setpoint in jerks, of which one newest sample sees a part that depends on its instant. So there is
-a second wrench, a little later: the reading is the sensor's mean over a period, and the mean of two
-is that over two periods, weighted as a triangle. So is the second difference of places; the
-payload's own force falls out of `hand` whatever the tool does between two SYNCs.
+F is the wrench that the arm exerts on its environment, at and in the MRF. With F_desired = 0 this
+is force–moment accommodation (FMA): pressing on a wall, the arm backs off. Together with a stick it
+turns a rate into a force by itself: F = K_HC u / K_F. In HOLD it goes on alone, inside a small
+leash, until contact is bled off.
 """
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from ...compiled import ARRAY3, FLAG, MATRIX, NUMBER, VECTOR, compiled
-from ...rigid_body import wrench_to
-from ...spatial import GRAVITY, Array, Pose, rotate_twist
-
-INERTIA_PERIODS = 0.5
-"""Delay of the wrench where inertial forces are taken off [periods]."""
-
-MEAN_PERIODS = 0.5
-"""Delay of a reading that is the mean over a period; for `hand`, on top of the other [periods]."""
-
-_OLDEST = 1.0
-"""An instant is interpolated between the last two SYNCs, so at most this old [periods]."""
-
-
-def load_of(mass: float, com: Array, bias: Array) -> Array:
-    """Return what the sensor carries and adds by itself (10,): m [kg], m·com (3,), bias (6,).
-
-    All that is taken off a reading is linear in these ten numbers, so that ramping them ramps it.
-    """
-    return np.concatenate([[mass], mass * com, bias])
+from .....config.schema.sources.force import Force as Section
+from ...rigid_body import twist_at, wrench_to
+from ...spatial import Array, rotate_twist
+from ..bleed import bleed
+from ..source import Context, Redefined, Shaping, Source
 
 
 @dataclass(frozen=True)
 class ForceState:
-    """What the next sample is seen with; empty before the first one and after a stale one."""
+    """Contact being bled off in HOLD."""
 
-    wrench: Array | None = None
-    """Filtered contact wrench (6,) at and in the Sensor frame."""
-    contact: Array | None = None
-    """The newest wrench (6,) without weight, not filtered."""
-    places: Array = field(default_factory=lambda: np.empty((0, 3, 4)))
-    """T_world_sensor at the newest SYNCs, newest first (0 to 4, 3, 4): R and p side by side."""
-    hand: Array | None = None
-    """Filtered contact wrench (6,) of the mean readings, at and in the Sensor frame."""
-    mean: Array | None = None
-    """The newest mean reading (6,) without weight, not filtered."""
-    time_s: float = 0.0
+    hold: Array | None = None
+    """Where the Wrist was in Base when HOLD began (3,) [m]; None outside of HOLD."""
+    bleeding: bool = False
 
 
-class Force:
-    """Accommodates the measured wrench.
+_FREE = ForceState()
 
-    `calibration` (6, 6) maps a reading without bias to the wrench in the Sensor's axes. The
-    payload's acceleration is believed up to `max_acceleration` [m/s²] beyond the commanded one:
-    more means that SYNC was late, not that the tool was quick. Without `inertia`, only weight is
-    taken off, and nothing is delayed.
-    """
 
-    def __init__(
-        self,
-        T_wrist_sensor: Pose,
-        smoothing: float,
-        period_s: float,
-        calibration: Array | None = None,
-        inertia: bool = True,
-        max_acceleration: float = math.inf,
-    ) -> None:
-        self.T_wrist_sensor = T_wrist_sensor
-        self.inertia = inertia
-        self._smoothing = smoothing
-        self._period_s = period_s
-        self._calibration = np.eye(6) if calibration is None else calibration
-        self._reading_of = np.linalg.inv(self._calibration)
-        self._max_acceleration = max_acceleration
-        # Scratch: the transform of the MRF asked for last.
-        self._mrf = Pose.identity()
-        self._T_mrf_sensor = T_wrist_sensor
+class Force(Source[ForceState]):
+    """Accommodates the contact wrench."""
 
-    def weight(self, R_world_sensor: Array, load: Array) -> Array:
-        """Return the reading (6,) that the payload's weight alone makes, exerted sign."""
-        return np.asarray(self._reading_of @ _held(load, R_world_sensor.T @ -GRAVITY))
+    ORDERS: ClassVar[bool] = False
 
-    def measure(
-        self,
-        state: ForceState,
-        sample: Array | None,
-        load: Array,
-        T_world_wrist: Pose,
-        time_s: float = 0.0,
-        age_s: float = 0.0,
-        free_fall: Array = GRAVITY,
-        commanded: float = 0.0,
-        mean: tuple[Array, float] | None = None,
-    ) -> ForceState:
-        """Return the state after one sample (6,), None when stale.
+    def __init__(self, section: Section, shaping: Shaping) -> None:
+        self._threshold, self._leash = section.hold_threshold, section.hold_leash
 
-        `T_world_wrist` is the measured Wrist pose at the last SYNC, `age_s` how much older the
-        sample is [s], `time_s` the tick's time [s], `free_fall` (3,) how what is let go accelerates
-        there [m/s²]: a Base that accelerates may stand for World, with its own acceleration in it.
-        `commanded` is the greatest acceleration that the tool was lately told [m/s²], `mean` the
-        mean of the period's samples (6,) and its age [s]; None: the newest stands for all.
-        """
-        if sample is None:
-            return ForceState()
-        if time_s - state.time_s > 1.5 * self._period_s:
-            # Ticks were missed: differences would be wrong.
-            state = ForceState(state.wrench, hand=state.hand)
-        whole, whole_age_s = (sample, age_s) if mean is None else mean
-        last, before = state.contact, state.wrench
-        wrench, newest, places, hand, whole = _seen(
-            *T_world_wrist,
-            *self.T_wrist_sensor,
-            state.places,
-            self._calibration,
-            sample,
-            whole,
-            load,
-            free_fall,
-            sample if last is None else last,
-            sample if before is None else before,
-            sample if state.mean is None else state.mean,
-            sample if state.hand is None else state.hand,
-            self._older(age_s),
-            self._older(whole_age_s),
-            self._period_s,
-            self._max_acceleration + commanded,
-            1.0 if before is None else self._smoothing,
-            self.inertia and last is not None,
-        )
-        return ForceState(wrench, newest, places, hand, whole, time_s)
+    def idle(self) -> ForceState:
+        """Return the state of an arm that is not held."""
+        return _FREE
 
-    def _older(self, age_s: float) -> float:
-        return min(max(age_s / self._period_s, 0.0), _OLDEST)
+    def rate(self, context: Context, state: ForceState, gain: Array) -> tuple[Array, ForceState]:
+        """Return K_F (desired − wrench); `gain` (6,) is K_F [m/s/N, rad/s/(N·m)], MRF axes."""
+        if not (context.moving or context.holding):
+            return np.zeros(6), _FREE
+        twist = accommodation(context.wrench, desired_at_mrf(context), gain, context.T_world_mrf.R)
+        return (twist, _FREE) if context.moving else self._bled(context, state, twist)
 
-    def wrench_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
-        """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
-        return self._at_mrf(state.wrench, T_wrist_mrf)
-
-    def hand_mrf(self, state: ForceState, T_wrist_mrf: Pose) -> Array | None:
-        """Return the contact wrench (6,) of the mean readings there; None when stale."""
-        return self._at_mrf(state.hand, T_wrist_mrf)
-
-    def _at_mrf(self, wrench: Array | None, T_wrist_mrf: Pose) -> Array | None:
-        if wrench is None:
+    def jump(
+        self, context: Context, redefined: Redefined, state: ForceState, gain: Array, twist: Array
+    ) -> Array | None:
+        """Return the rate about the MRF of before, told at that of now, less the rate of now."""
+        if redefined.lever is None:
             return None
-        if T_wrist_mrf is not self._mrf:
-            self._mrf = T_wrist_mrf
-            self._T_mrf_sensor = T_wrist_mrf.inverse() @ self.T_wrist_sensor
-        return wrench_to(self._T_mrf_sensor, wrench)
+        before = redefined.before.T_wrist_mrf
+        desired = wrench_to(before.inverse() @ context.T_wrist_mrf, desired_at_mrf(context))
+        R_world_before = context.T_world_wrist.R @ before.R
+        was = accommodation(context.wrench_at(before), desired, gain, R_world_before)
+        return twist_at(was, redefined.lever) - twist
 
-    def rate(
-        self, wrench_mrf: Array | None, desired: Array, gain: Array, R_world_mrf: Array
-    ) -> Array:
-        """Return the twist (6,) in World axes; `gain` (6,) is K_F [m/s/N, rad/s/(N·m)]."""
-        if wrench_mrf is None:
-            return np.zeros(6)
-        return rotate_twist(R_world_mrf, gain * (desired - wrench_mrf))
-
-
-@compiled(VECTOR, VECTOR)
-def _held(load: Array, acceleration: Array) -> Array:
-    """Return the wrench (6,) exerted on the load to give it an acceleration (3,), Sensor axes.
-
-    Holding it up against gravity is accelerating it upwards by 9.81 m/s².
-    """
-    x, y, z = load[1], load[2], load[3]
-    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
-    out = np.empty(6)
-    for i in range(3):
-        out[i] = load[0] * acceleration[i]
-    out[3], out[4], out[5] = y * az - z * ay, z * ax - x * az, x * ay - y * ax
-    return out
+    def _bled(self, context: Context, state: ForceState, twist: Array) -> tuple[Array, ForceState]:
+        """Return the twist of accommodation as far as it bleeds off contact in HOLD."""
+        at = context.T_world_wrist.p
+        base = None if context.moved is None else context.moved.base.T
+        if base is not None:
+            at = base.R.T @ (at - base.p)
+        hold = state.hold if state.hold is not None else at
+        away = at - hold if base is None else base.R @ (at - hold)
+        bled = bleed(state.bleeding, context.wrench, twist, away, self._threshold, self._leash)
+        return bled.twist, ForceState(hold, bled.bleeding)
 
 
-@compiled(MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3)
-def _followed(
-    R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array
-) -> Array:
-    """Return placements (k, 3, 4) with a newer one before them, the newest four.
-
-    The newer one is that of the Sensor on a Wrist at R, p.
-    """
-    out = np.zeros((min(len(places) + 1, 4), 3, 4))
-    for i in range(3):
-        for k in range(3):
-            for j in range(3):
-                out[0, i, j] += R[i, k] * R_wrist_sensor[k, j]
-            out[0, i, 3] += R[i, k] * p_wrist_sensor[k]
-        out[0, i, 3] += p[i]
-    for s in range(1, len(out)):
-        for i in range(3):
-            for j in range(4):
-                out[s, i, j] = places[s - 1, i, j]
-    return out
+def desired_at_mrf(context: Context) -> Array:
+    """Return the wrench to exert (6,), at the MRF and in its axes."""
+    asked = context.asked
+    if asked.R_world_wrench is None:
+        return asked.wrench_desired
+    return rotate_twist(context.T_world_mrf.R.T @ asked.R_world_wrench, asked.wrench_desired)
 
 
-@compiled(MATRIX, VECTOR, VECTOR, ARRAY3, VECTOR, NUMBER)
-def _unladen(
-    calibration: Array, sample: Array, load: Array, places: Array, free_fall: Array, older: float
-) -> Array:
-    """Return a sample (6,) without bias and weight, `older` periods before the newest place."""
-    before, up = min(1, len(places) - 1), np.zeros(3)
-    for i in range(3):
-        for k in range(3):
-            up[i] -= ((1.0 - older) * places[0, k, i] + older * places[before, k, i]) * free_fall[k]
-    out = _held(load, up)
-    for i in range(6):
-        out[i] = -out[i]
-        for k in range(6):
-            out[i] += calibration[i, k] * (sample[k] - load[4 + k])
-    return out
-
-
-@compiled(VECTOR, ARRAY3, NUMBER, NUMBER, NUMBER)
-def _inertial(load: Array, places: Array, ahead: float, period_s: float, bound: float) -> Array:
-    """Return the wrench (6,) that accelerates the payload, the trend carried `ahead` periods on.
-
-    From the Sensor at the last four SYNCs (4, 3, 4). The second difference of the centre of mass
-    itself holds all of `a + α × r + ω × (ω × r)`. `bound` is the greatest acceleration that is
-    believed [m/s²].
-    """
-    x, a, size2 = np.empty((4, 3)), np.empty(3), 0.0
-    for i in range(3):
-        for s in range(4):
-            x[s, i] = places[s, i, 3]
-            for k in range(3):
-                x[s, i] += places[s, i, k] * load[1 + k] / load[0]
-        newer = x[0, i] - 2.0 * x[1, i] + x[2, i]  # one period ago
-        before = x[1, i] - 2.0 * x[2, i] + x[3, i]  # two
-        a[i] = (newer + ahead * (newer - before)) / period_s**2
-        size2 += a[i] ** 2
-    share = min(1.0, bound / math.sqrt(size2)) if size2 > 0.0 else 1.0
-    turned = np.zeros(3)
-    for i in range(3):
-        for k in range(3):
-            turned[i] += places[1, k, i] * share * a[k]
-    return _held(load, turned)
-
-
-@compiled(
-    MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3, MATRIX,
-    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
-    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
-)  # fmt: skip
-def _seen(
-    R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array,
-    calibration: Array, sample: Array, mean: Array, load: Array, free_fall: Array,
-    last: Array, before: Array, last_mean: Array, hand_before: Array,
-    older: float, mean_older: float, period_s: float, bound: float, smoothing: float,
-    inertia: bool,
-) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
-    """Return the filtered wrench (6,), the newest without weight (6,), placements, hand and mean.
-
-    The Wrist is at R, p. With `inertia`, the newest is taken in the mean with the `last` one, and
-    the payload's acceleration is taken off as soon as four placements tell it. `smoothing` is the
-    share of what is new that is taken over `before` (6,), the filtered wrench of the tick before.
-    The last two are the same of the period's `mean` reading, which needs no trend carried on.
-    """
-    at = _followed(R, p, R_wrist_sensor, p_wrist_sensor, places)
-    newest = _unladen(calibration, sample, load, at, free_fall, older)
-    whole = _unladen(calibration, mean, load, at, free_fall, mean_older)
-    carried, swung = np.zeros(6), np.zeros(6)
-    if inertia and len(at) == 4 and load[0] > 0.0:
-        carried = _inertial(load, at, 1.0 - INERTIA_PERIODS - older, period_s, bound)
-        swung = _inertial(load, at, 0.0, period_s, bound)
-    filtered, hand = np.empty(6), np.empty(6)
-    for i in range(6):
-        contact, felt = newest[i], whole[i]
-        if inertia:
-            contact = 0.5 * (newest[i] + last[i]) - carried[i]
-            felt = 0.5 * (whole[i] + last_mean[i]) - swung[i]
-        filtered[i] = before[i] + smoothing * (contact - before[i])
-        hand[i] = hand_before[i] + smoothing * (felt - hand_before[i])
-    return filtered, newest, at, hand, whole
+def accommodation(wrench: Array | None, desired: Array, gain: Array, R_world_mrf: Array) -> Array:
+    """Return the twist (6,) in World axes for wrenches (6,) in MRF axes; zero for a stale one."""
+    if wrench is None:
+        return np.zeros(6)
+    return rotate_twist(R_world_mrf, gain * (desired - wrench))

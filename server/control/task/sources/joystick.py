@@ -8,8 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .....config.schema.sources.joystick import Joystick as Section
+from ...rigid_body import motion_at
 from ...spatial import Array, rotate_twist
 from ...stop.trajectory import Motion, VelocityPlanner
+from ..source import Context, Redefined, Shaping, Source
 
 
 @dataclass(frozen=True)
@@ -24,25 +27,36 @@ class JoystickState:
         return JoystickState(Motion(np.zeros(6), np.zeros(6), np.zeros(6)))
 
 
-class Joystick:
-    """Shapes the stick's twist; `acceleration` and `jerk` (6,) bound it."""
+class Joystick(Source[JoystickState]):
+    """Shapes the stick's twist inside acceleration and jerk bounds."""
 
-    def __init__(self, acceleration: Array, jerk: Array, period_s: float) -> None:
-        self._planner = VelocityPlanner(acceleration, jerk)
-        self._period_s = period_s
+    def __init__(self, section: Section, shaping: Shaping) -> None:
+        self._shaping = shaping
+        self._planner = VelocityPlanner(shaping.acceleration, shaping.jerk)
+
+    def idle(self) -> JoystickState:
+        """Return the state of a released stick."""
+        return JoystickState.idle()
 
     def rate(
-        self, state: JoystickState, twist: Array | None, R_world_axes: Array, gain: Array
+        self, context: Context, state: JoystickState, gain: Array
     ) -> tuple[Array, JoystickState]:
-        """Return the twist (6,) in World axes that the stick asks for.
-
-        `twist` (6,) [m/s, rad/s] is in the axes that `R_world_axes` maps to World, None when the
-        stream has expired; `gain` (6,) applies in the stick's own axes.
-        """
-        target = np.zeros(6) if twist is None else rotate_twist(R_world_axes, gain * twist)
+        """Return the shaped twist; `gain` (6,) applies in the stick's own axes [1]."""
+        stick, target = context.asked.stick, np.zeros(6)
+        if not context.moving:
+            stick, state = None, JoystickState.idle()
+        if stick is not None:
+            target = rotate_twist(stick.R_world_axes, gain * stick.twist)
         motion = state.motion
         if motion.stands() and not np.count_nonzero(target):
             return target, state
-        shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
+        shaped = self._planner.step(motion, target, self._shaping.period_s, synchronised=True)
         shaped = Motion(np.zeros(6), shaped.dq, shaped.ddq)
         return shaped.dq, JoystickState(shaped)
+
+    def carry(self, state: JoystickState, context: Context, redefined: Redefined) -> JoystickState:
+        """Return the state with the same motion of the rigid body, told at the MRF of now."""
+        if redefined.lever is None:
+            return state
+        most, acceleration = self._shaping.most, self._shaping.acceleration
+        return JoystickState(motion_at(state.motion, redefined.lever, most, acceleration))

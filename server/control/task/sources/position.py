@@ -9,225 +9,136 @@ pose are followed by the same law: only the path differs.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from .....config.schema.sources.position import Position as Section
 from ...compiled import MATRIX, VECTOR, compiled
 from ...evolve import evolve
+from ...rigid_body import differ, motion_at, twist_at
 from ...spatial import Array, Pose, pose_error, rotate_twist
-from ..paths.free import Free, FreePlanner
-from ..paths.goals import Goal, PathGoal, Pursuit, Route, TwistRoute
-from ..paths.straight import Path, StraightPlanner
-
-__all__ = ["Path", "PathGoal", "Position", "PositionState", "Progress"]
+from ...stop.trajectory import Motion
+from ..asked import Asked
+from ..paths.free import Free
+from ..paths.goals import Goal
+from ..paths.leading import Leader, PositionState, within_bounds
+from ..paths.straight import Path
+from ..source import Context, Granted, Redefined, Shaping, Source
 
 FULL_FEED_FORWARD = 0.5
 """Gain from which the path's own rate is passed on in full [1/s]; below, in proportion."""
 
-REACHED = (5e-4, 1e-3)
-"""A goal is reached within this distance [m] and angle [rad]."""
-
 CAUGHT_UP = (5e-3, 2e-2)
 """A tool that slid off its path is on it again within this distance [m] and angle [rad]."""
 
-PAUSE_TIME_S = 0.15
-"""Time constant with which a path is paused and resumed [s]."""
 
+class Position(Source[PositionState]):
+    """Follows goals; the section's speeds and the task's shaping bound its paths.
 
-@dataclass(frozen=True)
-class Progress:
-    """How far a goal is under way."""
+    It leads the point of the tool that the goal was ordered for, on the ground that the goal was
+    placed on, so that no MRF of now is the path's.
+    """
 
-    leg: int
-    """Leg or segment under way, counted from 0; that of the last one at the end."""
-    legs: int
-    part: float
-    """Part of its time that is over, 0 to 1 [1]."""
-    pace: float
-    """Part of the path's own speed that it goes at: 0 when paused [1]."""
+    def __init__(self, section: Section, shaping: Shaping) -> None:
+        self._speed = np.array([section.speed] * 3 + [section.angular_speed] * 3)
+        self._most, self._acceleration = shaping.most, shaping.acceleration
+        self._leader = Leader(self._speed, shaping.acceleration, shaping.jerk, shaping.period_s)
 
-
-@dataclass(frozen=True)
-class PositionState:
-    """The path under way, if any, and whether its goal is reached."""
-
-    path: Path | Free | None = None
-    at_goal: bool = False
-    goal: Goal | None = None
-    T_world_path: Pose | None = None
-    """Where the path had the MRF in this tick."""
-    leg: int = 0
-    leg_s: float = 0.0
-    """Time since the present segment of twists began [s]."""
-    pace: float = 1.0
-    """Part of its own speed at which the path goes: falls to 0 while it is paused [1]."""
-    behind: bool = False
-    """The tool slid off the path and has not caught up: no leg ends before it has."""
-
-    @property
-    def progress(self) -> Progress | None:
-        """How far it is, None without a goal that has an end."""
-        match self.goal:
-            case PathGoal() | Route() if isinstance(self.path, Path):
-                legs = len(self.goal.legs) if isinstance(self.goal, Route) else 1
-                return Progress(self.leg, legs, self.path.part, self.pace)
-            case TwistRoute(segments):
-                over = self.leg >= len(segments)
-                part = 1.0 if over else min(1.0, self.leg_s / segments[self.leg].duration_s)
-                leg = min(self.leg, len(segments) - 1)
-                return Progress(leg, len(segments), part, self.pace)
-        return None
-
-
-class Position:
-    """Follows goals; `speed`, `acceleration`, `jerk` (6,) bound its paths."""
-
-    def __init__(self, speed: Array, acceleration: Array, jerk: Array, period_s: float) -> None:
-        self._speed = speed
-        self._period_s = period_s
-        self._straight = StraightPlanner(speed, acceleration, jerk)
-        self._free = FreePlanner(speed, acceleration, jerk)
+    def idle(self) -> PositionState:
+        """Return the state without a goal."""
+        return PositionState()
 
     def rate(
-        self,
-        state: PositionState,
-        goal: Goal | None,
-        T_world_mrf: Pose,
-        twist_now: Array,
-        gain: Array,
-        R_world_axes: Array,
-        factor: float,
-        paused: bool = False,
+        self, context: Context, state: PositionState, gain: Array
     ) -> tuple[Array, PositionState]:
-        """Return the twist (6,) in World axes that leads along the path to the goal.
+        """Return the twist that leads along the path to the goal.
 
-        `twist_now` (6,) is the MRF's commanded twist in World axes: a new path starts from it.
-        `gain` (6,) is K_P [1/s], per axis of the frame that `R_world_axes` (3, 3) maps to World;
-        an axis of gain zero is left to the other sources. `factor` scales the path's speed.
+        `gain` (6,) is K_P [1/s], per axis of the CRF; an axis of gain zero is left to the other
+        sources.
         """
+        return self._rate(context, state, gain, context.asked.T_world_crf.R)
+
+    def advance(self, state: PositionState, granted: Granted) -> PositionState:
+        """Return the state with the path moved on by what was granted of a period."""
+        return self._leader.advance(state, granted.pace, granted.slid)
+
+    def carry(self, state: PositionState, context: Context, redefined: Redefined) -> PositionState:
+        """Return the state with a steered reference told at the point of the tool led now."""
+        free, before, point = state.path, redefined.before.T_wrist_goal, context.asked.T_wrist_goal
+        if not isinstance(free, Free) or not differ(point, before):
+            return state
+        pose = free.pose @ (before.inverse() @ point)
+        now = Motion(np.zeros(6), free.twist, free.acceleration)
+        now = motion_at(now, pose.p - free.pose.p, self._most, self._acceleration)
+        return evolve(state, path=free._replace(pose=pose, twist=now.dq, acceleration=now.ddq))
+
+    def jump(
+        self,
+        context: Context,
+        redefined: Redefined,
+        state: PositionState,
+        gain: Array,
+        twist: Array,
+    ) -> Array | None:
+        """Return what a goal on another ground, or K_P along other axes, takes off the rate."""
+        before, goal = redefined.before, context.asked.goal
+        if redefined.grounded and context.carried is not None:
+            if before.serial == (None if goal is None else goal.serial):
+                return None
+            return twist_at(before.twists["position"], redefined.way) - twist
+        axes = before.R_world_crf
+        if goal is None or np.array_equal(axes, context.asked.T_world_crf.R):
+            return None
+        return self._rate(context, state, gain, axes)[0] - twist
+
+    def _rate(
+        self, context: Context, state: PositionState, gain: Array, axes: Array
+    ) -> tuple[Array, PositionState]:
+        """Return the twist of the MRF and the next state; `axes` (3, 3) are the gains' in World."""
+        asked, goal, ground = context.asked, context.asked.goal, context.ground
         if goal is None:
             return np.zeros(6), PositionState()
-        state, path = self._lead(state, goal, T_world_mrf, twist_now, factor, paused)
-        T_world_path, twist_path = path.now()
-        if isinstance(path, Path):
-            twist_path = state.pace * twist_path
-        error = pose_error(T_world_path, T_world_mrf)
-        rate = _followed(R_world_axes, error, twist_path, gain, factor * self._speed)
-        reached = self._reached(state, path, goal, T_world_mrf)
-        behind = state.behind and not _within(error, CAUGHT_UP)
-        state = evolve(state, at_goal=reached, T_world_path=T_world_path, behind=behind)
-        return rate, state
+        T, twist, lever = context.T_world_mrf, context.twist, None
+        if context.carried is not None:
+            twist = twist - context.carried
+        if differ(asked.T_wrist_goal, asked.T_wrist_mrf):
+            T = context.T_world_wrist @ asked.T_wrist_goal
+            lever = T.p - context.T_world_mrf.p
+            twist = twist_at(twist, lever)
+        if context.off_path is not None:
+            T = Pose(T.R, T.p - context.off_path)  # without the virtual link: it is held there
+        if ground is not None:
+            there = ground.T.R.T
+            T, axes = ground.T.inverse() @ T, there @ axes
+            twist = rotate_twist(there, twist)
+        rate, state = self._led(state, goal, T, twist, gain, axes, asked)
+        rate = rate if ground is None else rotate_twist(ground.T.R, rate)
+        return (rate if lever is None else twist_at(rate, -lever)), state
 
-    def advance(self, state: PositionState, granted: float, slid: bool = False) -> PositionState:
-        """Return the state with the path moved on by `granted` (0 to 1) of a period.
-
-        `slid` tells that a barrier turned the tool off the path.
-        """
-        step_s = granted * self._period_s
-        if slid and not state.behind:
-            state = evolve(state, behind=True)
-        match state.path:
-            case Path() as path:
-                moved = path.advanced(state.pace * step_s)
-                return state if moved is path else evolve(state, path=moved)
-            case Free() as free:
-                # Reduced speed, like a pause, stretches time: the same way at a lower speed.
-                leg_s = state.leg_s + state.pace * free.factor * step_s
-                return evolve(state, path=self._free.step(free, step_s), leg_s=leg_s)
-        return state
-
-    # --- leading ------------------------------------------------------------------------------
-
-    def _lead(
-        self, state: PositionState, goal: Goal, T: Pose, twist: Array, factor: float, paused: bool
-    ) -> tuple[PositionState, Path | Free]:
-        """Return the state with a path to what the goal is now, begun, turned or gone on with."""
-        before = state.goal
-        if before is None or before.serial != goal.serial:
-            state, begin = PositionState(goal=goal), True
-        else:
-            begin = before.attempt != goal.attempt
-            state = evolve(state, goal=goal) if goal is not before else state
-        pace, way = state.pace, (0.0 if paused else 1.0) - state.pace
-        if way:
-            part = 1.0 - math.exp(-self._period_s / PAUSE_TIME_S)
-            pace = pace + way if abs(way) < 1e-4 else pace + part * way
-            state = evolve(state, pace=pace)
-        path: Path | Free
-        match goal:
-            case PathGoal() | Route():
-                state, path = self._straightly(state, goal, T, twist, factor, begin)
-            case TwistRoute():
-                state, path = self._by_twists(
-                    state, goal, self._freed(state, T, twist, factor, begin)
-                )
-            case Pursuit():
-                aim = np.zeros(6) if goal.T_world_target is None else goal.T_world_target
-                path = self._freed(state, T, twist, factor, begin)._replace(aim=aim)
-        return evolve(state, path=path), path
-
-    def _straightly(
+    def _led(
         self,
         state: PositionState,
-        goal: PathGoal | Route,
+        goal: Goal,
         T: Pose,
-        twist: Array,
-        factor: float,
-        begin: bool,
-    ) -> tuple[PositionState, Path]:
-        legs = goal.legs if isinstance(goal, Route) else (goal,)
-        path = state.path
-        if begin or not isinstance(path, Path):
-            return state, self._straight.plan(legs[state.leg], T, twist, factor)
-        if state.leg + 1 < len(legs) and not state.behind:
-            near = isinstance(goal, Route) and goal.blend > 0.0 and path.distance() < goal.blend
-            if path.finished or near:
-                leg = state.leg + 1
-                turned = self._straight.turn(path, legs[leg], factor)
-                if turned is not None:
-                    return evolve(state, leg=leg), turned
-        return state, path
+        twist_now: Array,
+        gain: Array,
+        R_axes: Array,
+        asked: Asked,
+    ) -> tuple[Array, PositionState]:
+        """Return the twist (6,) of the point at T that is led, all seen from the goal's ground.
 
-    def _by_twists(
-        self, state: PositionState, goal: TwistRoute, free: Free
-    ) -> tuple[PositionState, Free]:
-        leg, leg_s = state.leg, state.leg_s
-        # What a segment runs over by is the next one's, so that none lasts too long.
-        while leg < len(goal.segments) and leg_s > goal.segments[leg].duration_s - 1e-9:
-            leg_s -= goal.segments[leg].duration_s
-            leg += 1
-        aim = np.zeros(6)
-        if leg < len(goal.segments):
-            aim = state.pace * free.factor * goal.segments[leg].twist
-            if goal.moving_axes:
-                aim = rotate_twist(free.pose.R, aim)
-        return evolve(state, leg=leg, leg_s=leg_s), free._replace(aim=aim)
-
-    def _freed(
-        self, state: PositionState, T: Pose, twist: Array, factor: float, begin: bool
-    ) -> Free:
-        """Return the reference that is steered; a new one starts from where the MRF is."""
-        if begin or not isinstance(state.path, Free):
-            return Free(T, twist.copy(), np.zeros(6), np.zeros(6), factor)
-        return state.path._replace(factor=factor)
-
-    def _reached(self, state: PositionState, path: Path | Free, goal: Goal, T: Pose) -> bool:
-        if isinstance(goal, Pursuit) or not path.finished:
-            return False
-        if isinstance(goal, TwistRoute) and state.leg < len(goal.segments):
-            return False
-        if isinstance(goal, Route) and state.leg + 1 < len(goal.legs):
-            return False
-        return _within(pose_error(goal.T_world_target or path.now()[0], T), REACHED)
-
-
-def _within(error: Array, bounds: tuple[float, float]) -> bool:
-    """Return whether an error (6,) is below bounds of distance [m] and angle [rad]."""
-    return (
-        math.sqrt(float(error[:3] @ error[:3])) < bounds[0]
-        and math.sqrt(float(error[3:] @ error[3:])) < bounds[1]
-    )
+        `twist_now` (6,) is its commanded twist: a new path starts from it.
+        """
+        factor = asked.speed_factor
+        state, path = self._leader.lead(state, goal, T, twist_now, factor, asked.paused)
+        T_path, twist_path = path.now()
+        if isinstance(path, Path):
+            twist_path = state.pace * twist_path
+        error = pose_error(T_path, T)
+        rate = _followed(R_axes, error, twist_path, gain, factor * self._speed)
+        reached = self._leader.reached(state, path, goal, T)
+        behind = state.behind and not within_bounds(error, CAUGHT_UP)
+        return rate, evolve(state, at_goal=reached, T_world_path=T_path, behind=behind)
 
 
 @compiled(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR)

@@ -17,21 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .....config.schema.sources.vision import Vision as Section
 from ...compiled import MATRIX, NUMBER, VECTOR, compiled
+from ...rigid_body import twist_at
 from ...spatial import Array, Pose, pose_error
 from ...stop.trajectory import Motion, VelocityPlanner
-
-
-@dataclass(frozen=True)
-class ViewGoal:
-    """Where something that moves with the Wrist is to be, so that the view is the desired one."""
-
-    T_wrist_point: Pose
-    """What is to be moved, in the Wrist: a carried Lens, or a carried target."""
-    T_world_goal: Pose
-    """Where that is to be, in World."""
-    R_world_lens: Array | None = None
-    """Axes (3, 3) of a Lens that stands in World; None: the moved point is the Lens."""
+from ..asked import ViewGoal
+from ..source import Context, Shaping, Source
 
 
 @dataclass(frozen=True)
@@ -46,32 +38,41 @@ class VisionState:
         return VisionState(Motion(np.zeros(6), np.zeros(6), np.zeros(6)))
 
 
-class Vision:
-    """Keeps a view; `speed` (6,) bounds the Lens, `acceleration`, `jerk` (6,) shape its rate."""
+class Vision(Source[VisionState]):
+    """Keeps a view; the Lens is no faster than the section's speeds, and its rate is shaped."""
 
-    def __init__(self, speed: Array, acceleration: Array, jerk: Array, period_s: float) -> None:
-        self._speed, self._turn = float(speed[0]), float(speed[3])
-        self._planner = VelocityPlanner(acceleration, jerk)
-        self._period_s = period_s
+    def __init__(self, section: Section, shaping: Shaping) -> None:
+        self._speed, self._turn = section.speed, section.angular_speed
+        self._planner = VelocityPlanner(shaping.acceleration, shaping.jerk)
+        self._period_s = shaping.period_s
 
-    def rate(
-        self,
-        state: VisionState,
-        goal: ViewGoal | None,
-        T_world_wrist: Pose,
-        p_world_tool: Array,
-        gain: Array,
-        factor: float,
-    ) -> tuple[Array, VisionState]:
-        """Return the twist (6,) of the tool in World axes that leads to the desired view.
+    def idle(self) -> VisionState:
+        """Return the state of a source that asks for nothing."""
+        return VisionState.idle()
 
-        `gain` (6,) is K_V [1/s] per axis of the Lens, `p_world_tool` (3,) the point of the tool
-        whose twist it is, always the same one [m], `factor` scales the speed. Without a goal, or
-        with a new one, the rate changes within the acceleration and jerk bounds.
+    def rate(self, context: Context, state: VisionState, gain: Array) -> tuple[Array, VisionState]:
+        """Return the twist that leads to the desired view.
+
+        `gain` (6,) is K_V [1/s] per axis of the Lens. It is shaped where the MRF was at start,
+        always the same point of the tool. Without a goal, or with a new one, the rate changes
+        within the acceleration and jerk bounds.
         """
+        twist, state = self._shaped(context, state, gain)
+        if np.count_nonzero(context.lever):
+            twist = twist_at(twist, -context.lever)
+        return twist, state
+
+    def _shaped(
+        self, context: Context, state: VisionState, gain: Array
+    ) -> tuple[Array, VisionState]:
+        goal = context.asked.view if context.guided else None
         target = np.zeros(6)
         if goal is not None and np.count_nonzero(gain):
-            target = self._asked(goal, T_world_wrist, p_world_tool, gain, factor)
+            p_world_tool = context.T_world_mrf.p + context.lever
+            factor = context.asked.speed_factor
+            target = self._asked(goal, context.T_world_wrist, p_world_tool, gain, factor)
+        if not context.moving:
+            state = VisionState.idle()
         motion = state.motion
         if motion.stands() and not np.count_nonzero(target):
             return target, state

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from telerobot.config.schema.cell import Schedule
+from telerobot.config.schema.schedule import Schedule
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Intent
 from telerobot.server.control.task.gains import GAIN_TIME_S, Gains, Quantities
-from telerobot.server.control.task.sources.position import PathGoal
+from telerobot.server.control.task.paths.goals import PathGoal
 from telerobot.server.control.tick import Control
 
 GAIN = {"joystick": np.ones(6), "position": np.full(6, 2.0), "force": np.full(6, 1e-3)}
@@ -112,7 +112,7 @@ def test_a_schedule_by_force_softens_the_stick_in_contact(scheduled, stick):
     run = scheduled(schedule(at=(0.0, 20.0), factor=(1.0, 0.25)))
     run.set(gains=run.arm.gains(force=0.0))
     given = {"stick": stick(0, 0, 0.02, 0, 0, 0)}
-    weight = run.arm.control.stages.summing.weight(run.pose, run.settings)
+    weight = run.arm.control.weight(run.pose, run.settings)
     free = run.go(1.5, **given, wrench_sensor=weight)
     assert free.gains["joystick"] == pytest.approx(np.ones(6), abs=1e-2)
     pressing = weight + np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])

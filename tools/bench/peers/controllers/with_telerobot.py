@@ -10,7 +10,7 @@ from .....server.control.mechanism.kinematics import Mechanism
 from .....server.control.parameters import Parameters
 from .....server.control.spatial import Array, Pose
 from .....server.control.state import Inputs, Intent
-from .....server.control.task.sources.position import PathGoal
+from .....server.control.task.paths.goals import PathGoal
 from .....server.control.tick import Control
 from .....server.daemon import guard_of
 from .....server.perception.obstacle_map import ObstacleMap

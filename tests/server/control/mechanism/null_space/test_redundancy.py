@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.cell import OBJECTIVES
+from telerobot.config.schema.null_space.redundancy import OBJECTIVES
 from telerobot.server.control.mechanism.null_space.objectives.manipulability import slope
 from telerobot.server.control.mechanism.null_space.redundancy import Pulls, Redundancy
 from telerobot.server.control.parameters import Parameters

@@ -2,40 +2,41 @@
 
 import numpy as np
 import pytest
+from telerobot.config.schema.sources.following import Following as Section
 from telerobot.server.control.spatial import Pose, rotation_rpy
-from telerobot.server.control.task.sources.following import Following, FollowingState, Impedance
+from telerobot.server.control.task.sources.following import Following, FollowingState
 
-T = 0.01
+from ..shown import SHAPING, T, shown
+from ..shown import granted as let_through
+
 FORCE = np.array([0.0, 4.0, 0.0, 0.0, 0.0, 0.0])
 ONLY_FORCE = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 OFF = np.zeros(6)
 
 
-def impedance(**changes):
-    given = {
-        "mass": np.ones(6),
-        "damping": np.full(6, 20.0),
-        "stiffness": 5.0,
-        "deadband": (0.3, 0.05),
-        "most": (30.0, 5.0),
-    }
-    return Impedance(**{**given, **changes})
+def felt(wrench_on_arm, T_world_mrf, **said):
+    """Return what a hand with a wrench (6,) on the arm shows; None for a stale sensor."""
+    hand = None if wrench_on_arm is None else -wrench_on_arm
+    return shown(hand=hand, T_world_mrf=T_world_mrf, **said)
 
 
 class Tool:
     """A tool that does what it is told."""
 
-    def __init__(self, **changes):
-        self.source = Following(impedance(**changes), T)
+    def __init__(self):
+        self.source = Following(Section(), SHAPING)
         self.state = FollowingState()
         self.pose = Pose.identity()
 
     def tick(self, wrench, gain=ONLY_FORCE, others=OFF, granted=1.0, share=1.0):
         before = self.pose
-        twist, self.state = self.source.rate(self.state, wrench, gain, before, share)
+        context = felt(wrench, before, precedence=1.0 - share)
+        twist, self.state = self.source.rate(context, self.state, gain)
         total = twist + others
         self.pose = Pose(before.R, before.p + T * granted * total[:3])
-        self.state = self.source.advance(self.state, total, granted, before)
+        self.state = self.source.advance(
+            self.state, let_through(granted, twist=total, T_world_mrf=before)
+        )
         return twist
 
 
@@ -113,9 +114,9 @@ def test_a_stick_adds_to_the_hand_and_is_not_fought() -> None:
 def test_an_arm_that_could_not_follow_does_not_catch_up_afterwards() -> None:
     tool = Tool()
     for _ in range(300):
-        tool.source.rate(tool.state, FORCE, ONLY_FORCE, tool.pose)
-        twist, tool.state = tool.source.rate(tool.state, FORCE, ONLY_FORCE, tool.pose)
-        tool.state = tool.source.advance(tool.state, twist, 1.0, tool.pose)  # and it stood
+        twist, tool.state = tool.source.rate(felt(FORCE, tool.pose), tool.state, ONLY_FORCE)
+        # It stood, but was told that all was granted.
+        tool.state = tool.source.advance(tool.state, let_through(1.0, twist=twist))
     assert tool.state.T_world_reference.p[1] <= 0.02 + 1e-9
     for _ in range(100):
         tool.tick(OFF)

@@ -1,18 +1,24 @@
 import numpy as np
+from telerobot.config.schema.sources.joystick import Joystick as Section
+from telerobot.server.control.task.asked import StickCommand
 from telerobot.server.control.task.sources.joystick import Joystick, JoystickState
 
-T = 0.01
-A = np.array([2.0] * 3 + [6.0] * 3)
-J = np.array([40.0] * 3 + [120.0] * 3)
+from ..shown import SHAPING, A, J, T, shown
+
 ONE, WORLD = np.ones(6), np.eye(3)
 TURN = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
+def held_at(twist, axes=WORLD):
+    """Return what a stick at `twist` shows, None for one that fell silent."""
+    return shown(stick=None if twist is None else StickCommand(twist, axes))
 
 
 def hold(source, twist, seconds, state=None, axes=WORLD, gain=ONE):
     """Hold the stick; return the twists that came of it, and the last state."""
     state, rates = state or JoystickState.idle(), []
     for _ in range(round(seconds / T)):
-        rate, state = source.rate(state, twist, axes, gain)
+        rate, state = source.rate(held_at(twist, axes), state, gain)
         rates.append(rate)
     return np.array(rates), state
 
@@ -26,7 +32,7 @@ def in_bounds(rates):
 def test_the_stick_is_followed_inside_acceleration_and_jerk(rng):
     for _ in range(10):
         twist = rng.uniform(-1, 1, 6) * [0.3, 0.3, 0.3, 1, 1, 1]
-        rates, _ = hold(Joystick(A, J, T), twist, 1.0)
+        rates, _ = hold(Joystick(Section(), SHAPING), twist, 1.0)
         in_bounds(rates)
         np.testing.assert_allclose(rates[-1], twist, atol=1e-9)
 
@@ -35,7 +41,7 @@ def test_a_stick_that_falls_silent_fades_to_exactly_nothing_in_the_same_directio
     for _ in range(10):
         direction = rng.normal(size=6)
         twist = 0.3 * direction / np.linalg.norm(direction)
-        source = Joystick(A, J, T)
+        source = Joystick(Section(), SHAPING)
         held, state = hold(source, twist, 1.0)
         faded, state = hold(source, None, 1.0, state)
         in_bounds(np.vstack([held, faded]))
@@ -50,24 +56,24 @@ def test_a_stick_that_falls_silent_fades_to_exactly_nothing_in_the_same_directio
 
 
 def test_a_stick_thrown_from_side_to_side_breaks_no_bound(rng):
-    source, state, rates = Joystick(A, J, T), JoystickState.idle(), []
+    source, state, rates = Joystick(Section(), SHAPING), JoystickState.idle(), []
     for _ in range(300):
         twist = None if rng.random() < 0.1 else rng.choice([-0.5, 0.5], 6)
         for _ in range(rng.integers(1, 12)):
-            rate, state = source.rate(state, twist, WORLD, ONE)
+            rate, state = source.rate(held_at(twist), state, ONE)
             rates.append(rate)
     in_bounds(np.array(rates))
 
 
 def test_gains_apply_in_the_axes_that_the_stick_names():
     gain = np.array([1.0, 0.0, 1.0, 0.5, 1.0, 1.0])
-    rates, _ = hold(Joystick(A, J, T), np.full(6, 0.2), 1.0, axes=TURN, gain=gain)
+    rates, _ = hold(Joystick(Section(), SHAPING), np.full(6, 0.2), 1.0, axes=TURN, gain=gain)
     # The stick's x is World's y, its y is World's −x and is switched off.
     np.testing.assert_allclose(rates[-1], [0.0, 0.2, 0.2, -0.2, 0.1, 0.2], atol=1e-9)
 
 
 def test_an_untouched_stick_asks_for_nothing():
     idle = JoystickState.idle()
-    rate, state = Joystick(A, J, T).rate(idle, None, WORLD, ONE)
+    rate, state = Joystick(Section(), SHAPING).rate(held_at(None), idle, ONE)
     assert not rate.any()
     assert state is idle

@@ -1,14 +1,18 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from telerobot.config.schema.sources.position import Position as Section
 from telerobot.server.control.spatial import Pose, rotate_twist, rotation_exp, rotation_log
-from telerobot.server.control.task.sources.position import PathGoal, Position, PositionState
+from telerobot.server.control.task.paths.goals import PathGoal
+from telerobot.server.control.task.paths.leading import PositionState
+from telerobot.server.control.task.sources.position import Position
 
-T = 0.01
+from ..shown import SHAPING, A, T, shown
+from ..shown import granted as let_through
+
 V, W = 0.2, 0.6
 SPEED = np.array([V] * 3 + [W] * 3)
-A = np.array([2.0] * 3 + [6.0] * 3)
-J = np.array([40.0] * 3 + [120.0] * 3)
+PATHS = Section(speed=V, angular_speed=W)
 GAIN, WORLD = np.full(6, 2.0), np.eye(3)
 
 
@@ -16,16 +20,21 @@ class Tool:
     """A tool that moves exactly as it is told, and what it was told."""
 
     def __init__(self, T_world_mrf):
-        self.pose, self.source, self.state = T_world_mrf, Position(SPEED, A, J, T), PositionState()
+        self.pose, self.source, self.state = T_world_mrf, Position(PATHS, SHAPING), PositionState()
         self.twist = np.zeros(6)
         self.twists, self.poses = [], [self.pose]
 
     def go(self, seconds, goal, granted=1.0, gain=GAIN, axes=WORLD, factor=1.0, push=None):
         for _ in range(round(seconds / T)):
-            twist, self.state = self.source.rate(
-                self.state, goal, self.pose, self.twist, gain, axes, factor
+            context = shown(
+                goal=goal,
+                T_world_mrf=self.pose,
+                T_world_crf=Pose(axes, np.zeros(3)),
+                twist=self.twist,
+                speed_factor=factor,
             )
-            self.state = self.source.advance(self.state, granted)
+            twist, self.state = self.source.rate(context, self.state, gain)
+            self.state = self.source.advance(self.state, let_through(granted))
             self.twists.append(twist)
             self.twist = granted * twist + (0.0 if push is None else push)
             turn = rotation_exp(T * self.twist[3:])

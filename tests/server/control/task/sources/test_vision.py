@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from telerobot.config.schema.sources.vision import Vision as Section
 from telerobot.server.control.rigid_body import twist_at
 from telerobot.server.control.spatial import (
     Pose,
@@ -8,12 +9,12 @@ from telerobot.server.control.spatial import (
     rotation_log,
     rotation_rpy,
 )
-from telerobot.server.control.task.sources.vision import ViewGoal, Vision, VisionState
+from telerobot.server.control.task.asked import ViewGoal
+from telerobot.server.control.task.sources.vision import Vision, VisionState
 
-T = 0.01
+from ..shown import SHAPING, A, J, T, shown
+
 SPEED = np.array([0.2] * 3 + [0.5] * 3)
-A = np.array([2.0] * 3 + [6.0] * 3)
-J = np.array([40.0] * 3 + [120.0] * 3)
 ONE = np.ones(6)
 LENS = Pose(rotation_rpy(0.1, -0.2, 1.5), np.array([-0.07, 0.02, 0.03]))
 WRIST = Pose(rotation_rpy(0.3, 1.4, -0.2), np.array([0.6, 0.1, 0.4]))
@@ -21,7 +22,13 @@ P_MRF = WRIST.p + WRIST.R @ np.array([0.0, 0.0, 0.12])
 
 
 def source():
-    return Vision(SPEED, A, J, T)
+    return Vision(Section(speed=SPEED[0], angular_speed=SPEED[3]), SHAPING)
+
+
+def seen(view, wrist, p_mrf, factor=1.0):
+    """Return what the source is shown with the MRF at p_mrf (3,) of World."""
+    T_world_mrf = Pose(wrist.R, p_mrf)
+    return shown(view=view, T_world_wrist=wrist, T_world_mrf=T_world_mrf, speed_factor=factor)
 
 
 def moved(pose, twist, seconds):
@@ -33,7 +40,7 @@ def settled(goal, wrist=WRIST, gain=ONE, factor=1.0):
     """Return what the source asks for once its shaping is through."""
     vision, state = source(), VisionState.idle()
     for _ in range(200):
-        rate, state = vision.rate(state, goal, wrist, P_MRF, gain, factor)
+        rate, state = vision.rate(seen(goal, wrist, P_MRF, factor), state, gain)
     return rate
 
 
@@ -91,7 +98,7 @@ def drive(goals, gain=ONE, wrist=WRIST):
     """Let an arm that follows at once be driven; return rates and the last Wrist pose."""
     vision, state, rates, p_mrf = source(), VisionState.idle(), [], P_MRF
     for goal in goals:
-        rate, state = vision.rate(state, goal, wrist, p_mrf, gain, 1.0)
+        rate, state = vision.rate(seen(goal, wrist, p_mrf), state, gain)
         rates.append(rate)
         arm = p_mrf - wrist.p
         at_wrist = rate.copy()

@@ -6,40 +6,24 @@ conveyor is followed without a steady error, and a tool keeps still in World abo
 sways. It is one more term of the sum (Williams 1997, section 2: rates add), and leaves the others
 as they are.
 
-What sources remember is carried to a new MRF (`redefinition.py`). The rest of a redefinition, such
-as a gain that acts along other axes, or another ground, makes the sum jump while the arm moves.
-What it jumps by is owed: added, and paid back inside the acceleration and jerk bounds. No more is
-ever owed than the tool's greatest speed, so that it is soon paid, however often frames change.
+What sources remember is carried to a new MRF (`Source.carry`). The rest of a redefinition, such as
+a gain that acts along other axes, or another ground, makes the sum jump while the arm moves. What
+it jumps by (`Source.jump`) is owed: added, and paid back inside the acceleration and jerk bounds.
+No more is ever owed than the tool's greatest speed, so that it is soon paid, however often frames
+change.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from ...rigid_body import twist_at, within
-from ...spatial import Array, Pose
-from ...stop.trajectory import Motion, VelocityPlanner
-
-
-class About(NamedTuple):
-    """What the sources' rates of one tick were about."""
-
-    T_wrist_mrf: Pose
-    T_wrist_goal: Pose
-    """The point of the tool that was led to the goal."""
-    serial: int | None
-    """Of the goal; None without one."""
-    ground: str
-    R_world_crf: Array
-    redefined: int
-    """How often MRF or CRF had been redefined."""
-    position: Array
-    """What the position source asked for (6,)."""
+from ..rigid_body import twist_at, within
+from ..spatial import Array
+from ..stop.trajectory import Motion, VelocityPlanner
 
 
 @dataclass(frozen=True)
-class FramesState:
+class FeedforwardState:
     """What is still owed."""
 
     leading: bool = False
@@ -48,7 +32,7 @@ class FramesState:
     """At a point of the tool that stays the same, World axes (6,)."""
 
 
-class Frames:
+class Feedforward:
     """Feeds the ground's motion forward; `acceleration`, `jerk` (6,) bound how debts are paid.
 
     No more is owed than a twist of `most` [m/s], [rad/s].
@@ -62,8 +46,8 @@ class Frames:
         self._period_s = period_s
 
     def rate(
-        self, state: FramesState, carried: Array | None, jump: Array | None, lever: Array
-    ) -> tuple[Array, FramesState]:
+        self, state: FeedforwardState, carried: Array | None, jump: Array | None, lever: Array
+    ) -> tuple[Array, FeedforwardState]:
         """Return the twist (6,) of the MRF in World axes that is added to the sources' sum.
 
         `carried` (6,) is the ground's twist seen from Base, at the MRF; None where nothing moves.
@@ -84,4 +68,4 @@ class Frames:
         twist = np.zeros(6) if carried is None else carried
         if owed is not None:
             twist = twist + twist_at(owed.dq, -lever)
-        return twist, FramesState(True, owed)
+        return twist, FeedforwardState(True, owed)

@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
+from telerobot.config.schema.sources.position import Position as Section
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp, rotation_log
 from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
-from telerobot.server.control.task.sources.position import Position, PositionState
+from telerobot.server.control.task.paths.leading import PositionState
+from telerobot.server.control.task.sources.position import Position
 
-T = 0.01
+from ..shown import SHAPING, A, T, shown
+from ..shown import granted as let_through
+
 V, W = 0.2, 0.6
 SPEED = np.array([V] * 3 + [W] * 3)
-A = np.array([2.0] * 3 + [6.0] * 3)
-J = np.array([40.0] * 3 + [120.0] * 3)
+PATHS = Section(speed=V, angular_speed=W)
 GAIN = np.full(6, 2.0)
 PUSH = np.array([0.0, 0.0, 0.15, 0.0, 0.3, 0.0])
 CORNERS = ((0.1, 0.0, 0.0), (0.1, 0.1, 0.0), (0.0, 0.1, 0.05))
@@ -21,16 +24,21 @@ class Tool:
 
     def __init__(self, pose=None):
         self.pose = pose or Pose.identity()
-        self.source, self.state = Position(SPEED, A, J, T), PositionState()
+        self.source, self.state = Position(PATHS, SHAPING), PositionState()
         self.twist = np.zeros(6)
         self.twists, self.poses, self.said = [self.twist], [self.pose], []
 
     def go(self, seconds, goal, granted=1.0, factor=1.0, paused=False, push=None):
         for _ in range(round(seconds / T)):
-            twist, self.state = self.source.rate(
-                self.state, goal, self.pose, self.twist, GAIN, np.eye(3), factor, paused
+            context = shown(
+                goal=goal,
+                T_world_mrf=self.pose,
+                twist=self.twist,
+                speed_factor=factor,
+                paused=paused,
             )
-            self.state = self.source.advance(self.state, granted)
+            twist, self.state = self.source.rate(context, self.state, GAIN)
+            self.state = self.source.advance(self.state, let_through(granted))
             self.twists.append(twist)
             self.said.append(self.state.progress)
             self.twist = granted * twist + (0.0 if push is None else push)
@@ -155,10 +163,9 @@ def test_no_leg_ends_while_a_barrier_has_the_tool_off_its_path(blend):
     aside, other = Tool().go(0.3, route(blend)), Tool().go(0.3, route(blend))
     for tool, slid in ((aside, True), (other, False)):
         for _ in range(300):  # the path goes on, the tool stands
-            _, tool.state = tool.source.rate(
-                tool.state, route(blend), tool.pose, np.zeros(6), GAIN, np.eye(3), 1.0
-            )
-            tool.state = tool.source.advance(tool.state, 1.0, slid)
+            context = shown(goal=route(blend), T_world_mrf=tool.pose)
+            _, tool.state = tool.source.rate(context, tool.state, GAIN)
+            tool.state = tool.source.advance(tool.state, let_through(slid=slid))
     assert aside.state.leg == 0
     assert other.state.leg == 2
     aside.go(8.0, route(blend))

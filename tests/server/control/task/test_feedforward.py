@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import cross
-from telerobot.server.control.task.sources.feedforward import Frames, FramesState
+from telerobot.server.control.task.feedforward import Feedforward, FeedforwardState
 
 T = 0.01
 A, J = np.repeat([2.0, 6.0], 3), np.repeat([40.0, 120.0], 3)
@@ -13,11 +13,11 @@ JUMP = np.array([0.1, 0.0, -0.04, 0.2, 0.4, -0.2])
 
 @pytest.fixture
 def frames():
-    return Frames(A, J, MOST, T)
+    return Feedforward(A, J, MOST, T)
 
 
 def settled(frames, carried):
-    state = FramesState()
+    state = FeedforwardState()
     for _ in range(200):
         twist, state = frames.rate(state, carried, None, HERE)
     return twist, state
@@ -29,7 +29,7 @@ def test_where_nothing_moves_and_nothing_is_redefined_it_asks_for_nothing(frames
 
 
 def test_the_grounds_motion_is_passed_on_whole_once_it_was_taken_up(frames):
-    first, _ = frames.rate(FramesState(), CARRIED, None, HERE)
+    first, _ = frames.rate(FeedforwardState(), CARRIED, None, HERE)
     np.testing.assert_allclose(first, 0.0, atol=1e-15)
     twist, _ = settled(frames, CARRIED)
     np.testing.assert_array_equal(twist, CARRIED)

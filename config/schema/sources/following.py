@@ -1,16 +1,18 @@
 """What a cell file may say of the source that follows a hand."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from .section import Section
+from .source import Source
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class Following(Section):
+class Following(Source):
     """The tool moves as a damped mass would under the hand's force, and its attitude stays."""
+
+    NEEDS: ClassVar[Literal["force_torque"]] = "force_torque"
 
     enabled: bool = Field(False, description="switch at start")
     gain: tuple[Share, Share, Share, Share, Share, Share] = Field(

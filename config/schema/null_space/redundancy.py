@@ -1,0 +1,46 @@
+"""What a cell file may say of the redundancy objectives."""
+
+from pydantic import Field
+
+from ..section import Name, Section
+
+
+class Objectives(Section):
+    """Gains of the redundancy objectives: one field each."""
+
+    mid_range: float = Field(
+        0.2, ge=0, le=10, description="pull of every joint to the middle of its range [1/s]"
+    )
+    manipulability: float = Field(
+        0.0, ge=0, le=10, description="away from singularities, times the slope of √det(JJᵀ) [1/s]"
+    )
+    posture: float = Field(
+        0.0, ge=0, le=10, description="pull of every joint to the posture of that name [1/s]"
+    )
+    least_energy: float = Field(
+        0.0, ge=0, le=1, description="share of the way to the least kinetic energy [1]"
+    )
+    field: float = Field(
+        0.0, ge=0, le=10, description="how quickly to the least of the potential field [1/s]"
+    )
+    spheres: float = Field(
+        0.0, ge=0, le=10, description="share of the rates that [priority] asks for [1]"
+    )
+
+
+OBJECTIVES = tuple(Objectives.model_fields)
+"""Names of the redundancy objectives, in the order in which their rates are summed."""
+
+
+class Redundancy(Objectives):
+    """What the null space is used for; each gain 0 switches its objective off."""
+
+    posture_name: Name = Field("ready", description="posture that the joints are pulled to")
+    max_rate: float = Field(
+        0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
+    )
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """The objectives' gains by name."""
+        return {name: getattr(self, name) for name in OBJECTIVES}

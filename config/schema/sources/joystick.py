@@ -1,0 +1,12 @@
+"""What a cell file may say of the operator's stick."""
+
+from pydantic import Field
+
+from ..section import Vector6
+from .source import Source
+
+
+class Joystick(Source):
+    """Rates from a stick, times a gain per axis (K_HC)."""
+
+    gain: Vector6 = Field((1.0,) * 6, description="K_HC [1]")

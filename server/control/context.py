@@ -1,0 +1,97 @@
+"""What the sources of a task see of one tick, and what a task tells of its goal."""
+
+import math
+from functools import partial
+
+from .mechanism.kinematics import Kinematics
+from .mechanism.wrist import Sample, Wrist
+from .spatial import Array, Pose, sizes
+from .state import Inputs, Intent, Memory
+from .task.asked import Asked
+from .task.gains import Quantities
+from .task.source import Context
+
+
+def sample_of(inputs: Inputs) -> Sample:
+    """Return the tick's reading of the force/torque sensor."""
+    return Sample(inputs.wrench_sensor, inputs.wrench_age_s, inputs.wrench_mean)
+
+
+def context_of(
+    memory: Memory,
+    inputs: Inputs,
+    k: Kinematics,
+    wrist: Wrist,
+    p_wrist_tool: Array,
+    wrench: Array | None,
+    hand: Array | None,
+) -> Context:
+    """Return what the sources see.
+
+    `p_wrist_tool` (3,) is where the MRF was at start, in the Wrist [m]; `wrench` and `hand` (6,)
+    are what the arm exerts, at and in the MRF, of the newest and of the mean readings.
+    """
+    settings, moving, moved = inputs.settings, inputs.intent is Intent.MOVE, inputs.moved
+    mrf, led = settings.T_wrist_mrf, inputs.T_wrist_goal
+    asked = Asked(
+        T_wrist_mrf=mrf,
+        T_world_crf=settings.T_world_crf,
+        redefined=settings.redefined,
+        ground=inputs.ground,
+        speed_factor=settings.speed_factor,
+        stick=inputs.stick,
+        goal=inputs.goal if moving and inputs.posture is None else None,
+        T_wrist_goal=mrf if led is None else led,
+        paused=inputs.paused,
+        view=inputs.view,
+        wrench_desired=inputs.wrench_desired,
+        R_world_wrench=inputs.R_world_wrench,
+    )
+    return Context(
+        asked=asked,
+        moving=moving,
+        guided=moving and inputs.posture is None and inputs.jog is None,
+        holding=inputs.intent is Intent.HOLD,
+        T_world_wrist=k.T_world_wrist,
+        T_world_mrf=k.T_world_mrf,
+        twist=k.J @ memory.motion.dq,
+        lever=k.T_world_wrist.R @ (p_wrist_tool - mrf.p),
+        moved=moved,
+        ground=None if moved is None else moved.body(inputs.ground),
+        carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
+        wrench=wrench,
+        hand=hand,
+        wrench_at=partial(wrist.wrench_mrf, memory.wrist),
+        load=memory.wrist.load,
+        precedence=0.0 if memory.near is None else memory.near.alpha,
+        off_path=memory.task.off_path,
+    )
+
+
+def quantities(memory: Memory, inputs: Inputs, k: Kinematics, time_s: float) -> Quantities:
+    """Return what gains may depend on."""
+    wrench = memory.wrist.wrench.wrench
+    target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
+    way = None
+    if target is not None:
+        led = inputs.T_wrist_goal
+        way = target.p - (k.T_world_mrf if led is None else k.T_world_wrist @ led).p
+    return Quantities(
+        contact_force=None if wrench is None else sizes(wrench)[0],
+        distance=None if way is None else math.sqrt(float(way @ way)),
+        time=time_s,
+    )
+
+
+def path_of_mrf(inputs: Inputs, T: Pose | None) -> Pose | None:
+    """Return where the path has the MRF in World, from where it has the point that it leads."""
+    T, led = _in_world(inputs, T), inputs.T_wrist_goal
+    if T is None or led is None:
+        return T
+    return T @ (led.inverse() @ inputs.settings.T_wrist_mrf)
+
+
+def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:
+    """Return where a pose on the present ground is in World."""
+    ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
+    return T if ground is None or T is None else ground.T @ T
