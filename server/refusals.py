@@ -20,6 +20,8 @@ class Why(StrEnum):
     WRONG_JOINTS = "wrong_joints"
     UNKNOWN_POSTURE = "unknown_posture"
     UNKNOWN_PAYLOAD = "unknown_payload"
+    UNKNOWN_SOURCE = "unknown_source"
+    UNKNOWN_OBJECTIVE = "unknown_objective"
     LEASE_TAKEN = "lease_taken"
     PROTECTIVE_STOP = "protective_stop"
     NOT_YOURS = "not_yours"

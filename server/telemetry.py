@@ -5,6 +5,7 @@ from importlib import metadata
 
 from ..config.joint_bounds import joint_bounds
 from ..config.load import Cell
+from ..config.schema.sources.sources import SOURCES
 from ..protocols.messages.messages import VERSION, Description, State, Vector6
 from .commands.commands import Commands
 from .control.mechanism.null_space.potential_field import Felt
@@ -27,7 +28,6 @@ def describe(cell: Cell) -> Description:
     drives = config.mechanism.drives
     joints = cell.robot.joints
     bounds = joint_bounds(joints, drives)
-    sources = config.sources
     return Description(
         cell=config.name,
         description=config.description,
@@ -38,14 +38,8 @@ def describe(cell: Cell) -> Description:
         upper=bounds.upper,
         max_velocity=tuple(d.max_velocity for d in drives),
         postures=config.mechanism.postures,
-        sources=("joystick", "position", "vision", "force", "following"),
-        gains={
-            "joystick": sources.joystick.gain,
-            "position": sources.position.gain,
-            "vision": sources.vision.gain,
-            "force": sources.force.gain,
-            "following": sources.following.gain,
-        },
+        sources=SOURCES,
+        gains={name: section.gain for name, section in config.sources.each.items()},
         lease_timeout_s=config.timing.lease_timeout_s,
         stream_timeout_s=config.timing.stream_timeout_s,
         max_command_age_s=config.timing.max_command_age_s,

@@ -34,6 +34,8 @@ JointVector = Annotated[tuple[float, ...], Field(min_length=1, max_length=64)]
 Joules = Annotated[float, Field(ge=0, le=1e6)]
 Key = Annotated[bytes, Field(min_length=32, max_length=32)]
 OperatorName = Annotated[str, Field(min_length=1, max_length=64)]
+Identifier = Annotated[str, Field(max_length=32, pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+"""Name of something that the cell has, such as a source or a redundancy objective."""
 Count = Annotated[int, Field(ge=0, le=2**63 - 1)]
 
 
@@ -49,16 +51,6 @@ class Frame(StrEnum):
     SENSOR = "sensor"
     LENS = "lens"
     """Of the camera whose view is kept."""
-
-
-class SourceName(StrEnum):
-    """A source of tool rates."""
-
-    JOYSTICK = "joystick"
-    POSITION = "position"
-    VISION = "vision"
-    FORCE = "force"
-    FOLLOWING = "following"
 
 
 class Message(BaseModel):

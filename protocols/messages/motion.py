@@ -3,12 +3,11 @@
 The envelope, units and conventions are those of `messages.py`.
 """
 
-from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Angle, Attitude, Command, Frame, Joules, Metres, Place, Twist
+from .messages import Angle, Attitude, Command, Frame, Identifier, Joules, Metres, Place, Twist
 
 MOST = 64
 """Most waypoints or segments of one path [1]."""
@@ -18,34 +17,21 @@ PathSpeed = Annotated[float, Field(ge=1e-4, le=10)]
 Duration = Annotated[float, Field(gt=0, le=600)]
 
 
-class ObjectiveName(StrEnum):
-    """A redundancy objective: what spare degrees of freedom are used for."""
-
-    MID_RANGE = "mid_range"
-    MANIPULABILITY = "manipulability"
-    POSTURE = "posture"
-    LEAST_ENERGY = "least_energy"
-    FIELD = "field"
-    SPHERES = "spheres"
-
-
 class RedundancyRequest(Command):
     """Sets the gain of one redundancy objective, 0 for off; the change is ramped.
 
-    For `posture`, a name from the cell may say which posture to pull to. `least_energy` is a
-    share, at most 1.
+    `objective` is its name in the cell file, and the bounds there hold here. For `posture`, a name
+    from the cell may say which posture to pull to.
     """
 
-    objective: ObjectiveName
+    objective: Identifier
     gain: float = Field(ge=0, le=10)
     posture: str | None = Field(None, max_length=32)
 
     @model_validator(mode="after")
     def _fits(self) -> "RedundancyRequest":
-        if self.posture is not None and self.objective is not ObjectiveName.POSTURE:
+        if self.posture is not None and self.objective != "posture":
             raise ValueError("a posture is for the objective posture")
-        if self.objective is ObjectiveName.LEAST_ENERGY and self.gain > 1.0:
-            raise ValueError("the gain of least_energy is a share, at most 1")
         return self
 
 

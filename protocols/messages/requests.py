@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Command, Count, Gains, Key, Message, OperatorName, Place, SourceName
+from .messages import Command, Count, Gains, Identifier, Key, Message, OperatorName, Place
 
 _BiasForce = Annotated[float, Field(ge=-100, le=100)]
 _BiasMoment = Annotated[float, Field(ge=-10, le=10)]
@@ -58,12 +58,12 @@ class ProtectiveClear(Message):
 
 
 class GainRequest(Command):
-    """Sets the gain vector of one source; the change is ramped.
+    """Sets the gain vector of one source, by its name in the cell file; the change is ramped.
 
     Gains beyond the bound of sampled stability are refused, unless they are `forced`.
     """
 
-    source: SourceName
+    source: Identifier
     gain: Gains
     forced: bool = False
 
@@ -71,7 +71,7 @@ class GainRequest(Command):
 class SwitchRequest(Command):
     """Switches one source on or off; the change is ramped."""
 
-    source: SourceName
+    source: Identifier
     on: bool
 
 

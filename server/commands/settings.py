@@ -3,9 +3,11 @@
 from typing import Self
 
 import numpy as np
+from pydantic import ValidationError
 
 from ...config.load import Cell
 from ...config.schema.cell import CellConfig
+from ...config.schema.null_space.redundancy import OBJECTIVES, Objectives
 from ...protocols.messages import requests
 from ...protocols.messages.motion import RedundancyRequest
 from ..control.mechanism.null_space.redundancy import Pulls
@@ -26,19 +28,12 @@ class OperatorSettings:
     def __init__(self, config: CellConfig, payload_bounds: PayloadBounds) -> None:
         sources = config.sources
         self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
-        self.gains = {
-            "joystick": np.array(sources.joystick.gain),
-            "position": np.array(sources.position.gain),
-            "vision": np.array(sources.vision.gain),
-            "force": np.array(sources.force.gain),
-            "following": np.array(sources.following.gain),
-        }
+        sensor = config.mechanism.force_torque
+        there = {"camera": bool(config.cameras), "force_torque": sensor is not None}
+        self.gains = {name: np.array(section.gain) for name, section in sources.each.items()}
         self.on = {
-            "joystick": sources.joystick.enabled,
-            "position": sources.position.enabled,
-            "vision": sources.vision.enabled and bool(config.cameras),
-            "force": sources.force.enabled and config.mechanism.force_torque is not None,
-            "following": sources.following.enabled,
+            name: section.enabled and there.get(section.NEEDS or "", True)
+            for name, section in sources.each.items()
         }
         self._vision_on = self.on["vision"]
         self.avoid = config.avoidance.enabled
@@ -47,7 +42,6 @@ class OperatorSettings:
         self.speed_factor = config.limits.speed_factor
         redundancy = config.redundancy
         self.pulls = Pulls(redundancy.gains, self._postures[redundancy.posture_name])
-        sensor = config.mechanism.force_torque
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self.T_wrist_sensor = None
         """None without a sensor."""
@@ -120,10 +114,29 @@ class OperatorSettings:
         """Put the vision source's switch back to what it was at start."""
         self.on["vision"] = self._vision_on
 
+    def require_source(self, source: str) -> None:
+        """Raise `Refused` for a source that there is not."""
+        if source not in self.gains:
+            known = ", ".join(self.gains)
+            raise Refused(Why.UNKNOWN_SOURCE, f"{source!r} is none of {known}")
+
     def set_objective(self, request: RedundancyRequest) -> None:
-        """Set a redundancy objective's gain. Raises `Refused` for a posture that is unknown."""
+        """Set a redundancy objective's gain.
+
+        Raises `Refused` for an objective or a posture that there is not, and for a gain that the
+        cell file may not have.
+        """
+        name = request.objective
+        if name not in OBJECTIVES:
+            known = ", ".join(OBJECTIVES)
+            raise Refused(Why.UNKNOWN_OBJECTIVE, f"{name!r} is none of {known}")
+        try:
+            Objectives.model_validate({name: request.gain})
+        except ValidationError as error:
+            complaint = error.errors()[0]["msg"]
+            raise Refused(Why.OUT_OF_RANGE, f"{name}: gain {request.gain:g}: {complaint}") from None
         q = self.pulls.posture if request.posture is None else self.posture(request.posture)
-        self.pulls = Pulls({**self.pulls.gains, str(request.objective): request.gain}, q)
+        self.pulls = Pulls({**self.pulls.gains, name: request.gain}, q)
 
     def set_payload(self, request: requests.PayloadRequest) -> None:
         """Redefine what hangs on the sensor.

@@ -186,6 +186,7 @@ class Services:
             case requests.ProtectiveClear():
                 return self._clear(message, asked.proof, context)
             case requests.GainRequest():
+                self._commands.settings.require_source(message.source)
                 reason = context.gain_bound(message.source, message.gain)
                 reason = reason or self._commands.settings.gain_refusal(
                     message.source, message.gain
@@ -197,11 +198,12 @@ class Services:
                 self._commands.settings.gains[message.source] = np.array(message.gain)
                 self._events.info("gain_set", message.source, gain=str(list(message.gain)))
             case requests.SwitchRequest():
-                if message.on and message.source is m.SourceName.VISION:
+                self._commands.settings.require_source(message.source)
+                if message.on and message.source == "vision":
                     context.vision.require_view()
                 self._commands.settings.switch(message.source, message.on)
                 self._commands.goals.idle = self._commands.goals.idle and not message.on
-                if message.on and message.source is m.SourceName.POSITION:
+                if message.on and message.source == "position":
                     self._commands.goals.restart_path()
                 self._events.info("source_switched", message.source, on=message.on)
             case FrameRequest():

@@ -3,22 +3,22 @@
 from collections.abc import Callable
 
 from ...config.load import Cell
+from ...config.schema.sources.source import Source
 from .following import following_refusal
 from .force_loop import BUS_PERIODS, DRIVE_PERIODS, bound, force_axis, vision_periods
 
 
 def gain_check(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
     """Return a judge: source and gains (6,) to the reason why they would be unstable, or None."""
-    period = cell.config.timing.period_s
+    period, sections = cell.config.timing.period_s, cell.config.sources.each
 
     def judge(source: str, gains: tuple[float, ...]) -> str | None:
-        if source in ("force", "following") and cell.config.mechanism.force_torque is None:
+        section = sections[source]
+        if section.NEEDS == "force_torque" and cell.config.mechanism.force_torque is None:
             return "the cell has no force/torque sensor"
         for i, gain in enumerate(gains):
-            if source == "position":
-                loop, limit = gain * period, bound(BUS_PERIODS + DRIVE_PERIODS)
-            elif source == "vision":
-                loop, limit = gain * period, bound(vision_periods(cell))
+            if section.ERROR_GAIN is not None:
+                loop, limit = gain * period, bound(error_delay_periods(cell, section))
             elif source == "following":
                 refusal = following_refusal(cell, i, gain)
                 if refusal is not None:
@@ -36,3 +36,8 @@ def gain_check(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
         return None
 
     return judge
+
+
+def error_delay_periods(cell: Cell, section: Source) -> float:
+    """Return the delay of the loop that a gain of the pose's error closes [periods]."""
+    return vision_periods(cell) if section.NEEDS == "camera" else BUS_PERIODS + DRIVE_PERIODS

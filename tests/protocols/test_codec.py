@@ -25,6 +25,7 @@ COUNTS = st.integers(0, 2**63 - 1)
 VECTOR6 = st.tuples(*[FLOATS] * 6)
 VECTOR3 = st.tuples(*[FLOATS] * 3)
 FRAMES = st.sampled_from(m.Frame)
+NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,31}", fullmatch=True)
 COMMAND: dict[str, Any] = {
     "seen_tick": COUNTS,
 }
@@ -47,7 +48,7 @@ MESSAGES: list[tuple[Topic, dict[str, Any]]] = [
         {**COMMAND, "xyz": VECTOR3, "rpy": VECTOR3, "expressed_in": st.none() | FRAMES},
     ),
     (topics.JOG, {**COMMAND, "rates": st.lists(FLOATS, min_size=1).map(tuple)}),
-    (topics.GAIN, {**COMMAND, "source": st.sampled_from(m.SourceName), "gain": VECTOR6}),
+    (topics.GAIN, {**COMMAND, "source": NAMES, "gain": VECTOR6}),
     (
         topics.EVENT,
         {

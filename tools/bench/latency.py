@@ -16,7 +16,7 @@ import numpy as np
 from ...config.load import Cell
 from ...protocols import topics as t
 from ...protocols.canopen.can301 import rpdo1_id
-from ...protocols.messages.messages import Frame, SourceName
+from ...protocols.messages.messages import Frame
 from .figures import Figures, percentiles
 from .plant import Driven, driven, without_self_motion
 
@@ -37,7 +37,7 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
     with tempfile.TemporaryDirectory() as folder:
         still = without_self_motion(cell, Path(folder))
         with driven(still) as plant:
-            plant.operator.request(t.SWITCH, source=SourceName.FORCE, on=False)
+            plant.operator.request(t.SWITCH, source="force", on=False)
             watch = _Watch(plant)
             draw = np.random.default_rng(1)
             seconds: list[float] = []

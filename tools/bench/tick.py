@@ -146,16 +146,13 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
 
 def settings_of(cell: Cell) -> Settings:
     """Return a cell's settings at start, every source on."""
-    sources, config = cell.config.sources, cell.config
+    config = cell.config
     mrf, crf = config.mechanism.T_wrist_mrf, config.T_world_crf
     gains: dict[str, Array] = {
-        "joystick": np.array(sources.joystick.gain),
-        "position": np.array(sources.position.gain),
-        "vision": np.array(sources.vision.gain),
-        "force": np.array(sources.force.gain),
+        name: np.array(section.gain)
+        for name, section in config.sources.each.items()
+        if section.enabled or name != "following"
     }
-    if sources.following.enabled:
-        gains["following"] = np.array(sources.following.gain)
     return Settings(
         gains=gains,
         T_wrist_mrf=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy),

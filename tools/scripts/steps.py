@@ -4,6 +4,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from ...config.schema.null_space.redundancy import ObjectiveName
+from ...config.schema.sources.sources import SourceName
 from ...protocols.messages import messages as m
 from ...protocols.messages import motion
 from ...protocols.topics import TOPICS
@@ -80,7 +82,7 @@ class ClutchStep(Part):
 class Objective(Part):
     """The gain of a redundancy objective."""
 
-    objective: motion.ObjectiveName
+    objective: ObjectiveName
     gain: float = Field(ge=0, le=10)
     posture: str | None = Field(None, max_length=32)
 
@@ -88,7 +90,7 @@ class Objective(Part):
 class Gain(Part):
     """Gains of one source."""
 
-    source: m.SourceName
+    source: SourceName
     gain: m.Gains
     forced: bool = False
 
@@ -96,7 +98,7 @@ class Gain(Part):
 class Switch(Part):
     """A source on or off."""
 
-    source: m.SourceName
+    source: SourceName
     on: bool
 
 

@@ -1,6 +1,8 @@
 """What a cell file may say of the redundancy objectives."""
 
-from pydantic import Field
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
 
 from ..section import Name, Section
 
@@ -30,6 +32,15 @@ class Objectives(Section):
 
 OBJECTIVES = tuple(Objectives.model_fields)
 """Names of the redundancy objectives, in the order in which their rates are summed."""
+
+
+def _known(name: str) -> str:
+    if name not in OBJECTIVES:
+        raise ValueError(f"no such objective: the objectives are {', '.join(OBJECTIVES)}")
+    return name
+
+
+ObjectiveName = Annotated[str, AfterValidator(_known)]
 
 
 class Redundancy(Objectives):

@@ -11,7 +11,7 @@ from .source import Source
 class Position(Source):
     """Target poses: a jerk-limited path, followed with error feedback (K_P)."""
 
-    CLOSES_A_LOOP: ClassVar[bool] = True
+    ERROR_GAIN: ClassVar[str | None] = "K_P"
 
     gain: Vector6 = Field((2.0,) * 6, description="K_P: error to rate [1/s]")
     speed: float = Field(0.15, gt=0, le=5, description="path speed [m/s]")

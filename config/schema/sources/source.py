@@ -12,8 +12,9 @@ class Source(Section):
 
     NEEDS: ClassVar[Literal["force_torque", "camera"] | None] = None
     """Sensor without which it stays off."""
-    CLOSES_A_LOOP: ClassVar[bool] = False
-    """Its gain turns an error of the pose into a rate [1/s], so the loop's delay bounds it."""
+    ERROR_GAIN: ClassVar[str | None] = None
+    """Symbol of a gain that turns an error of the pose into a rate [1/s], which the loop's delay
+    bounds; None for a gain of another kind."""
 
     enabled: bool = Field(True, description="switch at start")
     gain: Vector6

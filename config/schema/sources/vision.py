@@ -14,7 +14,7 @@ class Vision(Source):
     """A camera's view: rate = K_V (desired view − seen view), per axis of the Lens."""
 
     NEEDS: ClassVar[Literal["camera"]] = "camera"
-    CLOSES_A_LOOP: ClassVar[bool] = True
+    ERROR_GAIN: ClassVar[str | None] = "K_V"
 
     enabled: bool = Field(False, description="switch at start")
     gain: tuple[Gain, Gain, Gain, Gain, Gain, Gain] = Field(

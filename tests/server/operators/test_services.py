@@ -169,8 +169,8 @@ def test_secrets_are_in_no_event(ann):
 def test_without_the_lease_nothing_is_changed(counter, topic):
     fields = {
         t.MODE: {"action": "enable"},
-        t.GAIN: {"source": m.SourceName.JOYSTICK, "gain": (2.0,) * 6},
-        t.SWITCH: {"source": m.SourceName.JOYSTICK, "on": False},
+        t.GAIN: {"source": "joystick", "gain": (2.0,) * 6},
+        t.SWITCH: {"source": "joystick", "on": False},
         t.FRAME: {"frame": "mrf", "xyz": (0, 0, 0.1), "rpy": (0, 0, 0)},
         t.SPEED: {"factor": 0.5},
     }.get(topic, {})
@@ -436,18 +436,44 @@ def test_the_proof_of_a_lease_that_ran_out_clears_nothing(ann):
 
 def test_gains_are_set_unless_they_would_be_unstable(ann):
     before = ann.commands.settings.gains["position"]
-    reply = ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(6.0,) * 6)
+    reply = ann.ask(t.GAIN, source="position", gain=(6.0,) * 6)
     assert (reply.ok, reply.reason, reply.detail) == (False, Why.UNSTABLE_GAIN, "too high")
     assert ann.commands.settings.gains["position"] is before
-    assert ann.ask(t.GAIN, source=m.SourceName.POSITION, gain=(3.0,) * 6).ok
+    assert ann.ask(t.GAIN, source="position", gain=(3.0,) * 6).ok
     np.testing.assert_array_equal(ann.commands.control_settings().gains["position"], [3.0] * 6)
 
 
 def test_a_source_is_switched_off_and_on(ann):
-    assert ann.ask(t.SWITCH, source=m.SourceName.JOYSTICK, on=False).ok
+    assert ann.ask(t.SWITCH, source="joystick", on=False).ok
     assert not ann.commands.control_settings().gains["joystick"].any()
-    assert ann.ask(t.SWITCH, source=m.SourceName.JOYSTICK, on=True).ok
+    assert ann.ask(t.SWITCH, source="joystick", on=True).ok
     assert ann.commands.control_settings().gains["joystick"].all()
+
+
+@pytest.mark.parametrize(
+    ("topic", "more"), [(t.GAIN, {"gain": (1.0,) * 6}), (t.SWITCH, {"on": True})]
+)
+def test_a_source_that_there_is_not_is_refused_with_those_that_there_are(ann, topic, more):
+    reply = ann.ask(topic, source="gravity", **more)
+    assert (reply.ok, reply.reason) == (False, Why.UNKNOWN_SOURCE)
+    assert "'gravity' is none of joystick, position" in reply.detail
+    assert "gravity" not in ann.commands.control_settings().gains
+
+
+def test_an_objective_is_set_inside_the_bounds_that_the_cell_file_has(ann):
+    assert ann.ask(t.REDUNDANCY, objective="least_energy", gain=0.7).ok
+    assert ann.commands.settings.pulls.gains["least_energy"] == 0.7
+    reply = ann.ask(t.REDUNDANCY, objective="least_energy", gain=2.0)
+    assert (reply.ok, reply.reason) == (False, Why.OUT_OF_RANGE)
+    assert "less than or equal to 1" in reply.detail
+    assert ann.commands.settings.pulls.gains["least_energy"] == 0.7
+    assert ann.ask(t.REDUNDANCY, objective="mid_range", gain=2.0).ok
+
+
+def test_an_objective_that_there_is_not_is_refused_with_those_that_there_are(ann):
+    reply = ann.ask(t.REDUNDANCY, objective="beauty", gain=0.5)
+    assert (reply.ok, reply.reason) == (False, Why.UNKNOWN_OBJECTIVE)
+    assert "mid_range, manipulability" in reply.detail
 
 
 def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
@@ -455,9 +481,9 @@ def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
     target = m.PositionTarget(**envelope, xyz=(0.1, 0, 0), rpy=(0, 0, 0))
     ann.commands.take(target, 0.0, ann.commands.frames.T_world_crf)
     attempt = ann.commands.goals.goal.attempt
-    ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=False)
+    ann.ask(t.SWITCH, source="position", on=False)
     assert ann.commands.goals.goal.attempt == attempt
-    ann.ask(t.SWITCH, source=m.SourceName.POSITION, on=True)
+    ann.ask(t.SWITCH, source="position", on=True)
     assert ann.commands.goals.goal.attempt > attempt
 
 
@@ -472,11 +498,11 @@ def test_frame_and_speed_are_set(ann):
 def test_gains_that_would_be_unstable_can_be_forced_and_that_is_told(ann):
     assert ann.ask(t.PAYLOAD, mass=0.0).ok  # nothing that could swing at such a gain
     ann.events.take()
-    reply = ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(6.0,) * 6, forced=True)
+    reply = ann.ask(t.GAIN, source="force", gain=(6.0,) * 6, forced=True)
     assert reply.ok
     np.testing.assert_array_equal(ann.commands.settings.gains["force"], [6.0] * 6)
     assert "gain_forced" in names(ann)
-    assert ann.ask(t.GAIN, source=m.SourceName.FORCE, gain=(3.0,) * 6, forced=True).ok
+    assert ann.ask(t.GAIN, source="force", gain=(3.0,) * 6, forced=True).ok
     assert "gain_forced" not in names(ann)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.null_space.redundancy import OBJECTIVES
+from ....config.schema.sources.sources import SOURCES
 from ....protocols.messages.messages import Frame
 from ...scripts.script import Script, Step
 from ..steps import Draw, step
@@ -98,13 +99,13 @@ def _speed(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
 
 def _gain(draw: Draw, cell: Cell) -> dict[str, Any]:
     """Up to three times the cell's own; what is beyond a bound is refused."""
-    name = str(draw.choice(["joystick", "position", "vision", "force", "following"]))
+    name = str(draw.choice(SOURCES))
     own = np.array(getattr(cell.config.sources, name).gain)
     return {"gain": {"source": name, "gain": (own * draw.uniform(0.0, 3.0, 6)).tolist()}}
 
 
 def _switch(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    name = str(draw.choice(["joystick", "position", "vision", "force", "following"]))
+    name = str(draw.choice(SOURCES))
     return {"switch": {"source": name, "on": bool(draw.random() < 0.7)}}
 
 

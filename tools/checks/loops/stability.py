@@ -3,13 +3,8 @@
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....server.stability.force_loop import (
-    BUS_PERIODS,
-    DRIVE_PERIODS,
-    bound,
-    force_axis,
-    vision_periods,
-)
+from ....server.stability.force_loop import bound, force_axis
+from ....server.stability.gains import error_delay_periods
 from ....server.stability.payloads import PayloadBounds, payload_words
 from ..findings import Finding, Status, Value, graded
 from .following import payloads
@@ -20,25 +15,19 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def stability(cell: Cell) -> Iterator[Finding]:
-    """Judge the force gains per axis, with the delay stated part by part, and K_P."""
+    """Judge gains of a pose error, and the force gains per axis with their delay part by part."""
     period = cell.config.timing.period_s
-    position_bound = bound(BUS_PERIODS + DRIVE_PERIODS)
-    worst = max(cell.config.sources.position.gain) * period
-    yield Finding(
-        "position gain",
-        _grade(min(cell.config.sources.position.gain), worst, position_bound),
-        f"K_P T = {worst:.3g}, stable below {position_bound:.3g} at d = "
-        f"{BUS_PERIODS + DRIVE_PERIODS:g} periods",
-        {"loop_gain": worst, "bound": position_bound},
-    )
-    if cell.config.cameras:
-        gains, delay = cell.config.sources.vision.gain, vision_periods(cell)
+    for source, section in cell.config.sources.each.items():
+        if section.ERROR_GAIN is None or (section.NEEDS == "camera" and not cell.config.cameras):
+            continue
+        delay, worst = error_delay_periods(cell, section), max(section.gain) * period
+        why = ", a picture's stamp being wrong by an interval between two"
         yield Finding(
-            "vision gain",
-            _grade(min(gains), max(gains) * period, bound(delay)),
-            f"K_V T = {max(gains) * period:.3g}, stable below {bound(delay):.3g} at d = {delay:g} "
-            "periods, a picture's stamp being wrong by an interval between two",
-            {"loop_gain": max(gains) * period, "bound": bound(delay)},
+            f"{source} gain",
+            _grade(min(section.gain), worst, bound(delay)),
+            f"{section.ERROR_GAIN} T = {worst:.3g}, stable below {bound(delay):.3g} at d = "
+            f"{delay:g} periods" + (why if section.NEEDS == "camera" else ""),
+            {"loop_gain": worst, "bound": bound(delay)},
         )
     if cell.config.mechanism.force_torque is None:
         yield Finding("force gain", Status.OK, "no force/torque sensor, so no force loop")

@@ -7,7 +7,6 @@ from typing import Any
 from ....protocols import topics as t
 from ....protocols.messages import messages as m
 from ....protocols.messages import requests
-from ....protocols.messages.motion import ObjectiveName
 
 
 class Motions(ABC):
@@ -105,4 +104,4 @@ class Motions(ABC):
 
     def redundancy(self, objective: str, gain: float, posture: str | None = None) -> None:
         """Set a redundancy objective's gain, 0 for off."""
-        self.request(t.REDUNDANCY, objective=ObjectiveName(objective), gain=gain, posture=posture)
+        self.request(t.REDUNDANCY, objective=objective, gain=gain, posture=posture)

@@ -186,7 +186,7 @@ class KeyboardTeleop:
     def _toggle_force(self) -> None:
         state = self._operator.state
         on = state is None or not state.on.get("force", True)
-        self._request(f"force {'on' if on else 'off'}", t.SWITCH, source=m.SourceName.FORCE, on=on)
+        self._request(f"force {'on' if on else 'off'}", t.SWITCH, source="force", on=on)
 
     def _request(self, what: str, topic: t.Topic, **fields: Any) -> None:
         self._client.request(topic, self._answered(what), **fields)
