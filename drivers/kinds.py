@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from ..config.load import Cell
+from ..config.schema.enabling import EnablingSwitch
 from ..config.schema.mechanism import Drive, ForceTorque, Gripper
 from ..config.schema.on_bus import Entry, OnBus
 from ..protocols.canopen.cia402 import OperationMode
 from .device import Device
+from .enabling import EnablingInput
 from .fieldbus import Fieldbus
 from .fieldbuses import Fieldbuses
 from .force_torque import RobotousSensor
@@ -54,10 +56,16 @@ def _gripper(gripper: Gripper, _entry: Entry, fieldbus: Fieldbus, cell: Cell) ->
     return GripperOutput(fieldbus, gripper, cell.config.timing, EDS / "simulated_output.eds")
 
 
+def _switch(switch: EnablingSwitch, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+    eds = EDS / "simulated_input.eds"
+    return EnablingInput(fieldbus, switch, cell.config.timing, eds, entry.name)
+
+
 KINDS: Final[dict[type[OnBus], Kind]] = {
     Drive: Kind(_servo, "servo_node:SimulatedDrive"),
     ForceTorque: Kind(_sensor, "force_torque_node:SimulatedForceTorque"),
     Gripper: Kind(_gripper, "gripper_node:SimulatedGripper"),
+    EnablingSwitch: Kind(_switch, "enabling_node:SimulatedSwitch"),
 }
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from .bus import Bus
 from .cameras import Camera
+from .enabling import EnablingSwitch
 from .mechanism import Mechanism
 from .moving import Frames
 from .null_space.potential import PotentialField
@@ -106,6 +107,9 @@ class CellConfig(Section):
     buses: tuple[Bus, ...] = Field((), max_length=8, description="the CAN buses, instead of [bus]")
     zenoh: Zenoh = Field(default_factory=Zenoh, description="the operators' network")
     mechanism: Mechanism = Field(description="the arm")
+    enabling_switch: EnablingSwitch | None = Field(
+        None, description="switch that is held while the arm may move; absent: there is none"
+    )
     cameras: tuple[Camera, ...] = Field((), description="cameras, each looking for one tag")
     T_world_crf: Pose = Field(
         default_factory=Pose, description="control reference frame in World, at start"
@@ -158,6 +162,9 @@ class CellConfig(Section):
             if section is not None:
                 owner = f"the {name.replace('_', '/')}"
                 found.append(self._entry(f"mechanism.{name}", name, section, owner))
+        if self.enabling_switch is not None:
+            name = "enabling_switch"
+            found.append(self._entry(name, name, self.enabling_switch, "the enabling switch"))
         return tuple(found)
 
     def _entry(self, key: str, name: str, section: OnBus, owner: str) -> Entry:
