@@ -19,9 +19,9 @@ from .obstacles import Avoidance, Obstacle
 from .on_bus import Entry, OnBus
 from .reflection import Reflection
 from .rig.rig import Rig
-from .schedule import Schedule
 from .section import Name, Pose, Section
 from .security import Zenoh
+from .sources.schedule import Schedule
 from .sources.sources import Sources
 from .torque import Torque
 from .touch import Touch

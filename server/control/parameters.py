@@ -9,7 +9,7 @@ from ...config.load import Cell
 from ...config.schema.cell import CellConfig, Limits, Resolve
 from ...config.schema.null_space.potential import PotentialField
 from ...config.schema.null_space.redundancy import Redundancy
-from ...config.schema.schedule import Schedule
+from ...config.schema.sources.schedule import Schedule
 from ...config.schema.sources.sources import Sources
 from ...config.schema.torque import Torque
 from .joints import Joints

@@ -1,1 +1,1 @@
-"""Sections of the sources: who may ask the tool for a rate, one file each."""
+"""Sections of the sources, one file each: who may ask the tool for a rate, and gain schedules."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....config.schema.schedule import Schedule
+from ....config.schema.sources.schedule import Schedule
 from ..spatial import Array
 
 GAIN_TIME_S = 0.15

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ....config.schema.schedule import Schedule
+from ....config.schema.sources.schedule import Schedule
 from ....config.schema.sources.sources import Sources
 from ..evolve import evolve
 from ..rigid_body import differ

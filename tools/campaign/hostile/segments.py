@@ -11,7 +11,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.null_space.redundancy import OBJECTIVES
-from ....config.schema.schedule import Schedule
+from ....config.schema.sources.schedule import Schedule
 from ....protocols.messages.messages import Frame
 from ...scripts.script import Step
 from ..steps import Draw, step

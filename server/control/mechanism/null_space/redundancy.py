@@ -16,8 +16,8 @@ from ...compiled import MATRIX, NUMBER, VECTOR, compiled
 from ...joints import Joints
 from ...spatial import Array
 from ..kinematics import Mechanism
-from .objectives import least_energy, manipulability, posture
-from .objectives.mid_range import MidRange
+from .objective import View
+from .table import KINDS
 
 NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
 """What objectives ask for that look at obstacles, where none does."""
@@ -50,8 +50,7 @@ class Redundancy:
         self, joints: Joints, mechanism: Mechanism, section: Config, pull_posture: Array
     ) -> None:
         """Build it from the cell's section; the posture objective pulls to `pull_posture` (n,)."""
-        self._mechanism = mechanism
-        self._mid_range = MidRange(joints.lower, joints.upper)
+        self._objectives = {name: kind(joints, mechanism) for name, kind in KINDS.items()}
         self._spare = joints.n > mechanism.rank
         self._velocity = joints.velocity
         self._bound = section.max_rate * joints.velocity
@@ -99,7 +98,8 @@ class Redundancy:
         names, gains = self._act(pulls)
         if not self._spare or not names:
             return self.none()
-        asked = np.array([self._part(name, q, J, dq_task, null, pulls, outside) for name in names])
+        view = View(q, J, dq_task, null, pulls.posture, outside)
+        asked = np.array([self._objectives[name].rate(view) for name in names])
         dq, norms = _composed(asked, gains, null, dq_task, self._velocity, self._bound, factor)
         return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
 
@@ -109,29 +109,6 @@ class Redundancy:
             names = [name for name, gain in pulls.gains.items() if gain > 0.0]
             self._acting = pulls, names, np.array([pulls.gains[name] for name in names])
         return self._acting[1:]
-
-    def _part(
-        self,
-        name: str,
-        q: Array,
-        J: Array,
-        dq_task: Array,
-        null: Array,
-        pulls: Pulls,
-        outside: Mapping[str, Array],
-    ) -> Array:
-        """Return what an objective asks for (n,) at gain 1."""
-        match name:
-            case "field" | "spheres":
-                return outside.get(name, np.zeros(len(q)))
-            case "mid_range":
-                return self._mid_range.rate(q)
-            case "manipulability":
-                return manipulability.slope(J, self._mechanism.rank)[1]
-            case "posture":
-                return posture.rate(q, pulls.posture)
-            case _:
-                return least_energy.rate(dq_task, null, self._mechanism.mass_matrix(q))
 
 
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from telerobot.config.schema.schedule import Schedule
+from telerobot.config.schema.sources.schedule import Schedule
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Intent
 from telerobot.server.control.task.gains import GAIN_TIME_S, Gains, Quantities

@@ -12,14 +12,28 @@ from typing import Final
 import numpy as np
 
 from ....compiled import MATRIX, VECTOR, compiled
+from ....joints import Joints
 from ....spatial import Array
+from ...kinematics import Mechanism
+from ..objective import Objective, View
 
 _MASSLESS: Final = 1e-9
 """Keeps a chain without inertia solvable [kg·m²]."""
 
 
+class LeastEnergy(Objective):
+    """Saves kinetic energy of the motion that the task asks for."""
+
+    def __init__(self, joints: Joints, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+
+    def rate(self, view: View) -> Array:
+        """Return the joint rates (n,) that lead to the least energy at a gain of 1 [rad/s]."""
+        return saving(view.dq_task, view.null, self._mechanism.mass_matrix(view.q))
+
+
 @compiled(VECTOR, MATRIX, MATRIX)
-def rate(dq_task: Array, null: Array, M: Array) -> Array:
+def saving(dq_task: Array, null: Array, M: Array) -> Array:
     """Return z (n,) [rad/s] for the task's rates (n,) and the mass matrix M (n, n).
 
     `null` (n − rank, n) has orthonormal rows that span the spare motions.

@@ -2,20 +2,23 @@
 
 import numpy as np
 
+from ....joints import Joints
 from ....spatial import Array
+from ...kinematics import Mechanism
+from ..objective import Objective, View
 
 WIDEST = np.pi
 """Ranges beyond ±π pull no harder than this one [rad]."""
 
 
-class MidRange:
+class MidRange(Objective):
     """A spring to mid-range, weaker for joints with more room."""
 
-    def __init__(self, lower: Array, upper: Array) -> None:
-        self._middle = 0.5 * (lower + upper)
-        half = np.minimum(0.5 * (upper - lower), WIDEST)
+    def __init__(self, joints: Joints, mechanism: Mechanism) -> None:
+        self._middle = 0.5 * (joints.lower + joints.upper)
+        half = np.minimum(0.5 * (joints.upper - joints.lower), WIDEST)
         self._weight = half.min() / half
 
-    def rate(self, q: Array) -> Array:
-        """Return the joint rates (n,) at joint angles q (n,) [rad], for a gain of 1 /s [rad/s]."""
-        return np.asarray(self._weight * (self._middle - q))
+    def rate(self, view: View) -> Array:
+        """Return the joint rates (n,) to mid-range, for a gain of 1 /s [rad/s]."""
+        return np.asarray(self._weight * (self._middle - view.q))

@@ -10,7 +10,7 @@ import numpy as np
 from ....compiled import VECTOR, compiled
 from ....scene import Scene
 from ....spatial import Array
-from ..objectives import manipulability
+from .. import manipulability
 from .forces import push
 from .geometry import Index, Shape, screws
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.schema.null_space.redundancy import OBJECTIVES
-from telerobot.server.control.mechanism.null_space.objectives.manipulability import slope
+from telerobot.server.control.mechanism.null_space.manipulability import slope
 from telerobot.server.control.mechanism.null_space.redundancy import Pulls, Redundancy
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.tick import Control

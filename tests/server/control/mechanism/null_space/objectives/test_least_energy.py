@@ -1,6 +1,5 @@
 import numpy as np
-from telerobot.server.control.mechanism.null_space.objectives import least_energy
-from telerobot.server.control.mechanism.null_space.objectives import posture as pull
+from telerobot.server.control.mechanism.null_space.objectives.least_energy import saving
 
 
 def weighted_solution(J, M, twist):
@@ -18,7 +17,7 @@ def test_the_rates_become_those_of_the_inertia_weighted_inverse(pa10, rng):
         M, twist = pa10.mechanism.mass_matrix(q), rng.normal(size=6)
         plain = np.linalg.pinv(J) @ twist
         null = np.linalg.svd(J)[2][6:]
-        dq = plain + least_energy.rate(plain, null, M)
+        dq = plain + saving(plain, null, M)
         expected = weighted_solution(J, M, twist)
         np.testing.assert_allclose(dq, expected, atol=1e-6 * np.abs(expected).max())
         np.testing.assert_allclose(J @ dq, twist, atol=1e-9)
@@ -31,7 +30,7 @@ def test_with_several_spare_motions_all_that_can_be_is_saved(rng):
         A = rng.normal(size=(9, 9))
         M = A @ A.T + 0.1 * np.eye(9)
         plain, null = np.linalg.pinv(J) @ twist, np.linalg.svd(J)[2][6:]
-        dq = plain + least_energy.rate(plain, null, M)
+        dq = plain + saving(plain, null, M)
         np.testing.assert_allclose(dq, weighted_solution(J, M, twist), rtol=1e-5, atol=1e-6)
 
 
@@ -43,9 +42,4 @@ def test_the_mass_matrix_is_that_of_its_kinetic_energy(pa10, rng):
 
 def test_a_chain_without_inertia_asks_for_nothing():
     null = np.array([[1.0, 0.0, 0.0]])
-    assert not least_energy.rate(np.ones(3), null, np.zeros((3, 3))).any()
-
-
-def test_a_posture_pulls_in_proportion():
-    q, to = np.array([0.1, -0.2]), np.array([0.4, 0.3])
-    np.testing.assert_allclose(pull.rate(q, to), [0.3, 0.5])
+    assert not saving(np.ones(3), null, np.zeros((3, 3))).any()

@@ -1,20 +1,27 @@
 import numpy as np
+import pytest
 from telerobot.server.control.mechanism.null_space.objectives.mid_range import MidRange
+
+from ..shown import joints, shown
 
 LOWER, UPPER = np.array([-1.0, -2.0, 0.0, -20.0]), np.array([1.0, 2.0, 4.0, 20.0])
 MIDDLE = np.array([0.0, 0.0, 2.0, 0.0])
 
 
-def test_every_joint_is_drawn_to_the_middle_of_its_range(rng):
-    objective = MidRange(LOWER, UPPER)
-    assert not objective.rate(MIDDLE).any()
+@pytest.fixture
+def objective(pa10):
+    return MidRange(joints(LOWER, UPPER), pa10.mechanism)
+
+
+def test_every_joint_is_drawn_to_the_middle_of_its_range(objective, rng):
+    assert not objective.rate(shown(MIDDLE)).any()
     for q in rng.uniform(LOWER, UPPER, (20, 4)):
-        rate = objective.rate(q)
+        rate = objective.rate(shown(q))
         assert (rate * (MIDDLE - q) > 0).all()
 
 
-def test_a_joint_with_more_room_is_drawn_less():
-    rates = MidRange(LOWER, UPPER).rate(MIDDLE - 0.5)
+def test_a_joint_with_more_room_is_drawn_less(objective):
+    rates = objective.rate(shown(MIDDLE - 0.5))
     np.testing.assert_allclose(rates, [0.5, 0.25, 0.25, 0.5 / np.pi])
 
 
@@ -23,12 +30,12 @@ def test_self_motion_goes_to_mid_range_and_leaves_the_tool_where_it_is(pa10, sta
     swung = pa10.posture("ready") + np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0])
     run = start(pa10, swung)
     middle = 0.5 * (pa10.p.joints.lower + pa10.p.joints.upper)
-    pull = MidRange(pa10.p.joints.lower, pa10.p.joints.upper)
+    pull = MidRange(pa10.p.joints, pa10.mechanism)
 
     def strain():
         """What the pull is the downward slope of."""
         away = middle - run.sent[-1]
-        return float(pull.rate(run.sent[-1]) @ away)
+        return float(pull.rate(shown(run.sent[-1])) @ away)
 
     before, at = strain(), run.pose
     strains = [before]

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.null_space.objectives.manipulability import slope
+from telerobot.server.control.mechanism.null_space.manipulability import slope
 from telerobot.server.control.mechanism.null_space.potentials.geometry import ahead, shape
 from telerobot.server.control.mechanism.null_space.potentials.potential import Potential, Strengths
 from telerobot.server.control.spatial import Pose
 
-from ....chains import CHAINS
+from ...chains import CHAINS
 
 STEP = 1e-6
 

@@ -4,8 +4,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from .section import NonNegative, Section, Share
-from .sources.sources import SourceName
+from ..section import NonNegative, Section, Share
+from .sources import SourceName
 
 
 class Schedule(Section):

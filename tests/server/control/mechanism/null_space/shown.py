@@ -1,0 +1,18 @@
+"""What a test shows an objective: one tick's view, of which it says what matters to it."""
+
+import numpy as np
+from telerobot.server.control.joints import Joints
+from telerobot.server.control.mechanism.null_space.objective import View
+
+
+def shown(q, **said):
+    """Return the view of an arm with joint angles q (n,); fields of `View` by their names."""
+    n = len(q)
+    idle = View(q, np.zeros((6, n)), np.zeros(n), np.zeros((0, n)), q, {})
+    return idle._replace(**said)
+
+
+def joints(lower, upper):
+    """Return joints with limits (n,), and bounds that do not matter."""
+    names, some = tuple(f"j{i}" for i in range(len(lower))), np.ones(len(lower))
+    return Joints(names, lower, upper, some, some, some, some, some)
