@@ -101,7 +101,7 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     """
     refuse_exposure(cell.config.zenoh, cell.path)
     identity = identity_of(cell, Role.DAEMON, cell.config.name)
-    for notice in (*exposure(cell), *doubts(identity)):
+    for notice in (*exposure(cell.config.zenoh), *doubts(identity)):
         print(f"telerobot: {notice}", file=sys.stderr, flush=True)
     clock, ending = MonotonicClock(), Shutdown(seconds)
     link = _join(cell, identity, clock, ending)

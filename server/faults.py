@@ -1,23 +1,23 @@
-"""What a quick stop is called for by: devices in trouble, drives elsewhere, joints left behind."""
+"""Fault detection: devices in trouble, drives that left Operation enabled, joints left behind."""
 
 import numpy as np
 
-from ..config.load import Cell
+from ..config.schema.mechanism import Drive
 from ..drivers.device import Cause, Trouble
 from ..protocols.canopen.cia402 import DriveState
-from .control.parameters import Parameters
+from .control.joints import Joints
 from .control.state import Output
 from .mode import Mode
 from .plant import PlantReading
 
 
 class FaultDetector:
-    """Judges one cell's readings."""
+    """Finds what calls for a quick stop."""
 
-    def __init__(self, cell: Cell, p: Parameters) -> None:
-        nodes = {d.joint: d.node for d in cell.config.mechanism.drives}
-        self._joints, self._window = p.joints.names, p.joints.following_window
-        self._nodes = tuple(nodes[j] for j in p.joints.names)
+    def __init__(self, joints: Joints, drives: tuple[Drive, ...]) -> None:
+        nodes = {d.joint: d.node for d in drives}
+        self._joints, self._window = joints.names, joints.following_window
+        self._nodes = tuple(nodes[j] for j in joints.names)
 
     def find(self, mode: Mode, reading: PlantReading, output: Output | None) -> Trouble | None:
         """Return what is wrong now, or None; `output` is the last tick's."""

@@ -4,7 +4,7 @@ The arm is enabled from drives that are off: each is given room for where its jo
 led to Operation enabled.
 """
 
-from ..config.load import Cell
+from ..config.load import UrdfJoint
 from .control.spatial import Array
 from .plant import Plant, PlantReading
 from .runtime.events import Events
@@ -16,9 +16,9 @@ OUTSIDE = 1e-4
 class DrivePower:
     """Switches the drives of one cell."""
 
-    def __init__(self, cell: Cell, plant: Plant, events: Events) -> None:
+    def __init__(self, joints: tuple[UrdfJoint, ...], plant: Plant, events: Events) -> None:
         self._plant, self._events = plant, events
-        self._joints = cell.robot.joints
+        self._joints = joints
         self._begun = False
 
     def follow(self, on: bool, reading: PlantReading) -> bool:

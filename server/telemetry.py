@@ -1,12 +1,15 @@
-"""What the daemon tells: its state every tick, and what an operator should know of the cell."""
+"""Telemetry: the state of every tick, events, reflected forces, and a description of the cell."""
 
 import math
 from importlib import metadata
+from typing import NamedTuple
 
 from ..config.joint_bounds import joint_bounds
 from ..config.load import Cell
 from ..config.schema.sources.sources import SOURCES
+from ..protocols.codec import encode
 from ..protocols.messages.messages import VERSION, Description, State, Vector6
+from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
 from .commands.commands import Commands
 from .control.mechanism.null_space.potential_field import Felt
 from .control.mechanism.null_space.priority import Near
@@ -17,9 +20,13 @@ from .control.task.paths.leading import Progress
 from .mode import Mode
 from .operators.admission import Admission
 from .operators.exposure import network
-from .perception.cameras import VisionTracker
-from .perception.moving_frames import FrameTracker
+from .operators.link import Link
+from .perception.perception import Perception
 from .plant import PlantReading
+from .runtime.events import Events
+
+DESCRIBE_EVERY = 100
+"""Ticks between two descriptions, for operators that come late [1]."""
 
 
 def describe(cell: Cell) -> Description:
@@ -31,7 +38,7 @@ def describe(cell: Cell) -> Description:
     return Description(
         cell=config.name,
         description=config.description,
-        network=network(cell),
+        network=network(config.zenoh),
         period_s=config.timing.period_s,
         joints=tuple(j.name for j in joints),
         lower=bounds.lower,
@@ -51,28 +58,36 @@ def describe(cell: Cell) -> Description:
     )
 
 
-def report(
-    tick: int,
-    time_s: float,
-    mode: Mode,
-    reading: PlantReading,
-    q: Array,
-    output: Output,
-    commands: Commands,
-    admission: Admission,
-    vision: VisionTracker,
-    frames: FrameTracker,
-    protective_stop: bool,
-    overruns: int,
-    external: Array | None,
+class TickRecord(NamedTuple):
+    """One tick as the cycle knows it."""
+
+    tick: int
+    time_s: float
+    mode: Mode
+    reading: PlantReading
+    q: Array
+    """Measured joints (n,) [rad]; the last ones heard while a drive is missing."""
+    output: Output
+    protective_stop: bool
+    overruns: int
+
+
+def snapshot(
+    record: TickRecord, commands: Commands, perception: Perception, admission: Admission
 ) -> State:
     """Return the state of one tick."""
-    view = vision.view
+    reading, output = record.reading, record.output
+    vision, frames, external = (
+        perception.vision,
+        perception.moving_frames,
+        perception.collisions.external,
+    )
+    view, tick = vision.view, record.tick
     return State.model_construct(
         tick=tick,
-        time_s=time_s,
-        mode=str(mode),
-        q=tuple(q.tolist()),
+        time_s=record.time_s,
+        mode=str(record.mode),
+        q=tuple(record.q.tolist()),
         q_command=tuple(output.q.tolist()),
         dq_command=tuple(output.dq.tolist()),
         tau=tuple(reading.tau.tolist()),
@@ -81,7 +96,7 @@ def report(
         pose_mrf=output.T_world_mrf.to_xyz_rpy(),
         pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),
         pose_crf=commands.frames.T_world_crf.to_xyz_rpy(),
-        ground=commands.ground(time_s),
+        ground=commands.ground(record.time_s),
         frames={name: frames.body(name).T.to_xyz_rpy() for name in frames.names},
         frame_age_ticks={name: frames.age(name, tick) for name in frames.names},
         target_mrf=None if commands.target is None else commands.target.to_xyz_rpy(),
@@ -121,13 +136,37 @@ def report(
         at_goal=output.at_goal or commands.goals.posture_reached,
         speed_factor=commands.settings.speed_factor,
         drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
-        protective_stop=protective_stop,
+        protective_stop=record.protective_stop,
         lease_epoch=admission.lease.epoch,
         lease_holder=admission.lease.holder,
         last_seq=dict(admission.last_seq),
         command_age_ticks=admission.age_ticks,
-        overruns=overruns,
+        overruns=record.overruns,
     )
+
+
+class Telemetry:
+    """Publishes what one cell's daemon tells."""
+
+    def __init__(self, cell: Cell, link: Link, events: Events) -> None:
+        self._cell, self._link, self._events = cell, link, events
+
+    def publish_events(self) -> None:
+        """Send the events since the last call."""
+        for event in self._events.take():
+            self._link.publish(EVENT, encode(event))
+
+    def publish(
+        self, record: TickRecord, commands: Commands, perception: Perception, admission: Admission
+    ) -> None:
+        """Send the state of a tick, the force for the handle, and now and then the description."""
+        state = snapshot(record, commands, perception, admission)
+        self._link.publish(STATE, encode(state))
+        reflection = commands.handle.message(record.tick)
+        if reflection is not None:
+            self._link.publish(REFLECTION, encode(reflection))
+        if record.tick % DESCRIBE_EVERY == 1:
+            self._link.publish(DESCRIPTION, encode(describe(self._cell)))
 
 
 def potential(felt: Felt) -> dict[str, float]:

@@ -6,12 +6,15 @@ enable. So a command that was queued anywhere on its way is dead, not late; and 
 compared. Proof comes first: nothing that lacks it is decoded.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from ...protocols.agreement import KeyPair
 from ...protocols.codec import CodecError, decode
+from ...protocols.messages import requests
 from ...protocols.messages.messages import Command, Message
 from ...protocols.proof import PROOF_BYTES, Proof
-from ...protocols.topics import Flow, Topic
+from ...protocols.topics import LEASE, Flow, Topic
 from ..refusals import Refused, Why
 from .lease import Lease
 
@@ -158,3 +161,26 @@ class Admission:
                 Why.BEFORE_ENABLE,
                 f"seen_tick {command.seen_tick}, enabled since tick {now.enabled_since}",
             )
+
+
+class Grants:
+    """Answers requests for the lease, with a secret that is agreed and never sent.
+
+    `new_key` makes 32 random bytes for each request.
+    """
+
+    def __init__(self, cell: str, admission: Admission, new_key: Callable[[], bytes]) -> None:
+        self._lease_key = LEASE.full_key(cell)
+        self._admission = admission
+        self._new_key = new_key
+
+    def grant(self, asked: requests.LeaseRequest, now: Instant) -> requests.Reply:
+        """Grant the lease. Raises `Refused` while another's is alive, and for an unusable key."""
+        epoch = self._admission.require_free(now)
+        pair = KeyPair(self._new_key())
+        try:
+            secret = pair.agree_with_operator(asked.key, self._lease_key, epoch)
+        except ValueError:
+            raise Refused(Why.WRONG_KEY, "key is no public key of X25519") from None
+        self._admission.grant(asked.operator, secret, now)
+        return requests.Reply(ok=True, tick=now.tick, key=pair.public, epoch=epoch)

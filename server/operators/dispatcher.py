@@ -12,7 +12,8 @@ from ..refusals import Refused
 from ..runtime.events import Events
 from .admission import Admission, Instant
 from .inbox import Inbox, QueuedMessage, Refusal, refusal_reply
-from .services import RequestContext, Services
+from .request_context import RequestContext
+from .services import Services
 
 
 class Dispatcher:
@@ -35,7 +36,7 @@ class Dispatcher:
     def take(self, context: RequestContext) -> None:
         """Take what has come."""
         now_s = context.now.time_s
-        self._services.begin_tick()
+        self._services.modes.begin_tick()
         holder = self._admission.lease.holder
         if holder is not None and not self._admission.lease.alive(now_s):
             self._events.warning("lease_expired", holder)

@@ -1,36 +1,35 @@
-"""What must be said aloud of the operators' network: that it is open to all, or soon to nobody."""
+"""Exposure of the operators' network: warnings where it is open to all, or soon to nobody."""
 
 from typing import Literal
 
-from ...config.load import Cell
+from ...config.schema.security import Zenoh
 from ...drivers.network.certificates import known
 from ...drivers.network.identity import Identity
 from ..runtime.events import Events
 
 
-def network(cell: Cell) -> Literal["local", "certified", "insecure"]:
+def network(zenoh: Zenoh) -> Literal["local", "certified", "insecure"]:
     """Return who may speak to a daemon: this machine, who shows a certificate, or anybody."""
-    zenoh = cell.config.zenoh
     if zenoh.exposed:
         return "insecure"
     return "local" if zenoh.security.directory is None else "certified"
 
 
-def exposure(cell: Cell) -> list[str]:
+def exposure(zenoh: Zenoh) -> list[str]:
     """Return in words that anybody who reaches the daemon may command; empty if not so."""
-    if network(cell) != "insecure":
+    if network(zenoh) != "insecure":
         return []
     return [
-        f"INSECURE: {cell.config.zenoh.endpoint} reaches beyond this machine without certificates: "
+        f"INSECURE: {zenoh.endpoint} reaches beyond this machine without certificates: "
         "anybody there may read, command and stop this arm"
     ]
 
 
-def opening_events(cell: Cell) -> Events:
+def opening_events(zenoh: Zenoh) -> Events:
     """Return the events of a run that begins; the first says that anybody may command."""
     events = Events()
-    for words in exposure(cell):
-        events.standing("insecure", words, endpoint=cell.config.zenoh.endpoint)
+    for words in exposure(zenoh):
+        events.standing("insecure", words, endpoint=zenoh.endpoint)
     return events
 
 

@@ -1,11 +1,4 @@
-"""The operators' desk: answers every request, now or once what was asked for has come about.
-
-Requests change the lease, wishes for a mode, and settings. A request for a mode is answered when
-the mode is reached, or can't be.
-"""
-
-from collections.abc import Callable
-from dataclasses import dataclass
+"""Services: the answer to every request, which changes the lease, the mode or settings."""
 
 import numpy as np
 
@@ -18,77 +11,19 @@ from ...protocols.messages.reflection import ReflectionRequest
 from ...protocols.messages.sightings import StoreView
 from ...protocols.proof import Proof
 from ..commands.commands import Commands
-from ..control.spatial import Array, Pose
-from ..mode import Mode, Wish
-from ..perception.cameras import VisionTracker
-from ..perception.moving_frames import FrameTracker
-from ..perception.obstacle_map import ObstacleMap
 from ..refusals import Refused, Why
 from ..runtime.events import Events
-from .admission import Admission, Instant
-from .grants import Grants
+from .admission import Admission, Grants
 from .inbox import QueuedMessage, refusal_reply
+from .mode_requests import ModeRequests
 from .protective import ProtectiveStops
-
-ENABLE_TIMEOUT_S = 3.0
-"""Drives that are not in Operation enabled by then will not be [s]."""
-
-_ENDS = {
-    Wish.ENABLE: frozenset(Mode) - {Mode.READY},
-    Wish.DISABLE: {Mode.FAULT},
-    Wish.RESET: frozenset[Mode](),
-}
-"""Modes in which a wish cannot come about any more."""
+from .request_context import RequestContext
 
 _PAST = {"pause": "paused", "resume": "resumed", "abort": "aborted"}
 
 
-@dataclass(frozen=True)
-class RequestContext:
-    """What a request may depend on."""
-
-    now: Instant
-    mode: Mode
-    unloaded: Array | None
-    """Sensor reading less the payload's weight, averaged (6,) [N, N·m]; None when stale."""
-    still: bool
-    """The arm stood while that was averaged, and nothing else was asked of it."""
-    essential_stale: tuple[str, ...]
-    gain_bound: Callable[[str, tuple[float, ...]], str | None]
-    """Why a source's gains would be unstable, or None."""
-    vision: VisionTracker
-    """What the cameras see."""
-    obstacles: ObstacleMap
-    """What is known of obstacles."""
-    moving_frames: FrameTracker
-    """Where the frames are that may move."""
-    T_world_mrf: Pose | None = None
-    """Where the command has the MRF; None before the joints were heard."""
-    T_wrist_mrf: Pose | None = None
-    """The MRF that this is; None: the one that is in force."""
-    touched: bool = False
-    """True while something unseen pushes the arm, which stopped for it."""
-    drives_off: bool = True
-    """All drives have said that they are off, after what they were last told."""
-
-    def placed(self, T_wrist_mrf: Pose) -> Pose | None:
-        """Return where the command has an MRF that may be a new one since; None: nowhere yet."""
-        T, then = self.T_world_mrf, self.T_wrist_mrf
-        if T is None or then is None or then is T_wrist_mrf:
-            return T
-        return T @ (then.inverse() @ T_wrist_mrf)
-
-
-@dataclass(frozen=True)
-class _Pending:
-    """A wish whose request waits for its answer."""
-
-    asked: QueuedMessage
-    since_s: float
-
-
 class Services:
-    """Takes requests, keeps wishes, and remembers the protective stop."""
+    """Answers requests; keeps the protective stops, and requests for a mode that wait."""
 
     def __init__(
         self,
@@ -101,23 +36,16 @@ class Services:
         self._commands = commands
         self._events = events
         self._grants = grants
-        self.wish = Wish.NONE
-        self.hold = False
-        self.resume = False
         self._stops = ProtectiveStops()
-        self._pending: _Pending | None = None
+        self.modes = ModeRequests(commands.settings, self._stops, events)
 
     @property
     def protective_stop(self) -> str | None:
         """Name of the operator who asked for the protective stop that is latched, if any."""
         return self._stops.asked_by
 
-    def begin_tick(self) -> None:
-        """Forget what was asked for one tick only."""
-        self.hold = self.resume = False
-
     def serve(self, asked: QueuedMessage, context: RequestContext) -> None:
-        """Answer one request, or keep it until its wish has come about."""
+        """Answer one request, or let one for a mode wait until the mode is reached."""
         try:
             message = self._admission.admit(asked.topic, asked.payload, asked.proof, context.now)
             reply = self._act(message, asked, context)
@@ -126,42 +54,6 @@ class Services:
             reply = refusal_reply(refused, context.now)
         if reply is not None:
             asked.reply(encode(reply))
-
-    def settle(self, mode: Mode, context: RequestContext) -> None:
-        """Answer the pending wish once it has come about or has taken too long."""
-        pending = self._pending
-        if pending is None:
-            return
-        done = {
-            Wish.ENABLE: mode is Mode.ENABLED,
-            Wish.DISABLE: mode is Mode.READY and context.drives_off,
-            Wish.RESET: mode is Mode.READY,
-        }[self.wish]
-        late = context.now.time_s - pending.since_s > ENABLE_TIMEOUT_S
-        if done:
-            self.finish_wish(context.now, None)
-        elif late:
-            self.finish_wish(context.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
-        elif mode in _ENDS[self.wish]:
-            self.finish_wish(context.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
-
-    def end_enable(self, now: Instant, reason: str) -> None:
-        """Give up enabling: what was asked for before something else came is dead, not late."""
-        if self.wish is Wish.ENABLE:
-            self.finish_wish(now, Refused(Why.NOT_NOW, reason))
-
-    def finish_wish(self, now: Instant, refused: Refused | None) -> None:
-        """End the pending wish and answer it."""
-        pending, wish = self._pending, self.wish
-        self._pending, self.wish = None, Wish.NONE
-        if pending is None:
-            return
-        if refused is None:
-            reply = requests.Reply(ok=True, tick=now.tick)
-        else:
-            self._events.warning(f"{wish}_failed", refused.detail, reason=refused.reason)
-            reply = refusal_reply(refused, now)
-        pending.asked.reply(encode(reply))
 
     # --- one method per request --------------------------------------------------------------
 
@@ -179,7 +71,7 @@ class Services:
                 self._events.info("lease_released", self._admission.lease.holder or "")
                 self._admission.end()
             case requests.ModeRequest():
-                return self._mode(message, asked, context)
+                return self.modes.take(message, asked, context)
             case requests.ProtectiveStop():
                 self._stops.latch(message.operator, message.seal)
                 self._events.warning("protective_stop", f"asked by {message.operator}")
@@ -258,52 +150,6 @@ class Services:
             case _:
                 raise Refused(Why.NOT_NOW, f"no service for {asked.topic.key}")
         return ok
-
-    def _mode(
-        self, message: requests.ModeRequest, asked: QueuedMessage, context: RequestContext
-    ) -> requests.Reply | None:
-        mode = context.mode
-        allowed: dict[str, tuple[Mode, ...]] = {
-            "enable": (Mode.READY, Mode.HOLD),
-            "hold": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
-            "resume": (Mode.HOLD,),
-            "disable": (Mode.ENABLED, Mode.STOPPING, Mode.HOLD),
-            "reset": (Mode.FAULT,),
-        }
-        replaced = (self.wish, message.action) if mode is Mode.READY else None
-        if replaced == (Wish.ENABLE, "disable"):
-            self.end_enable(context.now, "disable asked")
-        elif mode not in allowed[message.action]:
-            modes = " or ".join(allowed[message.action])
-            raise Refused(Why.NOT_NOW, f"{message.action} needs mode {modes}, it is {mode}")
-        if message.action in ("enable", "resume"):
-            self._ready_to_move(context)
-        if replaced == (Wish.DISABLE, "enable"):
-            self.finish_wish(context.now, None)  # READY it is: the drives go off, and then on again
-        if self._pending is not None:
-            raise Refused(Why.NOT_NOW, f"{self.wish} is still under way")
-        if message.action == "hold":
-            self.hold = True
-        elif mode is Mode.HOLD and message.action in ("enable", "resume"):
-            self.resume = True
-        else:
-            self.wish = Wish(message.action)
-            self._pending = _Pending(asked, context.now.time_s)
-            return None
-        return requests.Reply(ok=True, tick=context.now.tick)
-
-    def _ready_to_move(self, context: RequestContext) -> None:
-        if self.protective_stop is not None:
-            raise Refused(
-                Why.PROTECTIVE_STOP, f"protective stop asked by {self.protective_stop} is latched"
-            )
-        if context.essential_stale:
-            raise Refused(Why.SENSOR_STALE, f"{', '.join(context.essential_stale)} is stale")
-        if self._commands.settings.avoid and context.obstacles.stop is not None:
-            stale = context.obstacles.stop
-            raise Refused(Why.SENSOR_STALE, f"the news of obstacle {stale} is stale")
-        if context.touched:
-            raise Refused(Why.TOUCHED, "what pushes the arm is still there")
 
     def _clear(
         self, message: requests.ProtectiveClear, proof: Proof | None, context: RequestContext

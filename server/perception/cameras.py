@@ -1,4 +1,4 @@
-"""What the cameras see: which pictures are believed, which view is kept, and how old it all is.
+"""Vision tracker: which pictures are believed, which view is kept, and the age of both.
 
 A picture's tick names the telemetry that its sender had when it was exposed. The measured pose of
 the Wrist at that tick places the target, so that a late picture is no wrong one. Every picture
@@ -7,7 +7,7 @@ that is not believed, and the view lost and found again, is an event; a row of e
 
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from ...config.load import Cell
 from ...config.schema.cameras import Camera
@@ -62,26 +62,32 @@ class _Place(NamedTuple):
 
 
 class VisionTracker:
-    """All cameras of a cell."""
+    """Tracks the targets of all cameras of a cell."""
 
-    def __init__(self, cell: Cell, events: Events) -> None:
-        period = cell.config.timing.period_s
-        vision: Vision = cell.config.sources.vision
+    def __init__(
+        self, vision: Vision, cameras: tuple[Camera, ...], period_s: float, events: Events
+    ) -> None:
         self._events = events
-        self._timeout = round(vision.timeout_s / period)
+        self._timeout = round(vision.timeout_s / period_s)
         self._belief = SightingBounds(
-            period,
+            period_s,
             vision.least_quality,
             vision.jump_speed,
             vision.jump_angular_speed,
             *vision.jump_slack,
             vision.smoothing_s,
         )
-        self._tracks = {c.name: _Track(c, _place(c)) for c in cell.config.cameras}
+        self._tracks = {c.name: _Track(c, _place(c)) for c in cameras}
         self._places: deque[_Place] = deque(maxlen=self._timeout + 2)
         self._camera = vision.camera or next(iter(self._tracks), "")
         view = vision.view
         self._view = None if view is None else Pose.from_xyz_rpy(view.xyz, view.rpy)
+
+    @classmethod
+    def from_cell(cls, cell: Cell, events: Events) -> Self:
+        """Return the tracker of a loaded cell."""
+        c = cell.config
+        return cls(c.sources.vision, c.cameras, c.timing.period_s, events)
 
     @property
     def watching(self) -> bool:
@@ -130,7 +136,7 @@ class VisionTracker:
         track.known, track.doubt = believed, None
 
     def update(self, tick: int) -> None:
-        """Let go of what was seen too long ago: the source fades."""
+        """Forget targets that were seen too long ago: the source fades."""
         for track in self._tracks.values():
             if track.known is not None and tick - track.known.tick > self._timeout:
                 track.known = None

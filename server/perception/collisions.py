@@ -1,8 +1,8 @@
-"""Watches for contact that no sensor sees, and says which joint felt it."""
+"""Collision monitor: contact that no sensor sees, and the joint that it pushes."""
 
 import numpy as np
 
-from ...config.load import Cell
+from ...config.schema.touch import Touch
 from ..control.frame_tree import Moved
 from ..control.hold.retreat import Pushed
 from ..control.mechanism.dynamics import Dynamics
@@ -23,15 +23,16 @@ LOST_S = 0.5
 class CollisionMonitor:
     """Collision detection of one cell; idle where the cell does not ask for it."""
 
-    def __init__(self, cell: Cell, p: Parameters, mechanism: Mechanism, events: Events) -> None:
+    def __init__(
+        self, section: Touch | None, p: Parameters, mechanism: Mechanism, events: Events
+    ) -> None:
         self._events = events
         self._calibration = None if p.T_wrist_sensor is None else p.wrench_calibration
-        self._touch = _touch(cell, p, mechanism)
+        self._detector = _detector(section, p, mechanism)
         self._state = DetectorState()
         self._lost_after = round(LOST_S / p.period_s)
         self._blind_ticks = 0
         self._giving = ContactRelease(p, events)
-        section = cell.config.touch
         self._carried_within = p.friction + (0.0 if section is None else np.array(section.torque))
 
     @property
@@ -69,7 +70,7 @@ class CollisionMonitor:
         `doubt` is what the sensor's load may be off by. What pushes an arm that is long at rest in
         HOLD may stay until it is to move.
         """
-        if self._touch is None:
+        if self._detector is None:
             return
         if reading.q is None or not reading.enabled or memory is None or memory.wrist.load is None:
             self._state, self._blind_ticks = DetectorState(), 0
@@ -78,13 +79,13 @@ class CollisionMonitor:
         load = self._carried(reading, memory.wrist.load)
         base = moved.T_world_base_measured
         free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
-        self._touch.dynamics.fall(free_fall)
+        self._detector.dynamics.fall(free_fall)
         before = self._state.external
-        self._state = self._touch.measure(
+        self._state = self._detector.measure(
             self._state, reading.q, reading.tau, load, reading.sampled_s, doubt
         )
         self._tell_blind(self._state.external is before)
-        found, pushed = self._touch.touched(self._state), self._touch.pushed(self._state)
+        found, pushed = self._detector.touched(self._state), self._detector.pushed(self._state)
         self._giving.update(found, pushed, mode, memory, output)
 
     def _carried(self, reading: PlantReading, load: Array) -> SensorLoad | None:
@@ -92,11 +93,11 @@ class CollisionMonitor:
 
         Without a sensor that is what the URDF says. `load` (10,), see `contact_wrench.load_of`.
         """
-        if self._touch is None or self._calibration is None:
+        if self._detector is None or self._calibration is None:
             return None
         fresh = reading.wrench_mean is not None
         mass = 0.0 if fresh else float(load[0])
-        self._touch.dynamics.carry(mass, load[1:4] / max(load[0], 1e-9))
+        self._detector.dynamics.carry(mass, load[1:4] / max(load[0], 1e-9))
         mean = reading.wrench_mean
         if mean is None:
             return None
@@ -116,8 +117,9 @@ class CollisionMonitor:
             self._events.info("touch_found", "contact is felt again")
 
 
-def _touch(cell: Cell, p: Parameters, mechanism: Mechanism) -> CollisionDetector | None:
-    section = cell.config.touch
+def _detector(
+    section: Touch | None, p: Parameters, mechanism: Mechanism
+) -> CollisionDetector | None:
     if section is None:
         return None
     dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)

@@ -1,4 +1,4 @@
-"""Keeps a touch until it is over, and tells how far the arm gave way to it."""
+"""Contact release: latches a contact until it is over, and tells how far the arm gave way."""
 
 from collections import deque
 from enum import Enum, auto
@@ -33,7 +33,7 @@ class _Told(Enum):
 
 
 class ContactRelease:
-    """Judges what a touch means in each mode."""
+    """Decides what a contact means in each mode."""
 
     def __init__(self, p: Parameters, events: Events) -> None:
         self._joints, self._T, self._events = p.joints.names, p.period_s, events

@@ -1,4 +1,4 @@
-"""Watches the force/torque sensor: tells when it falls silent, and averages it for a tare."""
+"""Force/torque monitor: tells when the sensor falls silent, and averages it for a tare."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -29,6 +29,12 @@ What a stick pushes against a wall stands, too: its push is what force control a
 NAME = "force_torque"
 
 
+def others_ask(twists: Mapping[str, Array]) -> bool:
+    """Return whether sources other than those of the sensor ask for motion; `twists` by source."""
+    asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
+    return bool((np.abs(asked) > ASKED).any())
+
+
 class ForceTorqueMonitor:
     """One cell's sensor; `essential` means that the arm does not move without it."""
 
@@ -47,8 +53,7 @@ class ForceTorqueMonitor:
 
         `twists` are what each source asks for.
         """
-        asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
-        if reading.q is None or (np.abs(asked) > ASKED).any():
+        if reading.q is None or others_ask(twists):
             self._stood.clear()
         else:
             self._stood.append(reading.q)

@@ -1,4 +1,4 @@
-"""The frames that move: which news of them is believed, how old it is, and where they are now.
+"""Frame tracker: which news of moving frames is believed, its age, and where they are now.
 
 News names the telemetry tick in which it was measured, so that its lateness is made up for. Every
 piece that is not believed, and a frame lost and found again, is an event; a row of equal doubts is
@@ -7,11 +7,14 @@ one.
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.moving import MovingFrame
+from ...config.schema.cell import Limits
+from ...config.schema.moving import Frames, MovingFrame
+from ...config.schema.section import Pose as Place
 from ...protocols.messages.moving import FrameNews
 from ..control.frame_tree import Body, Moved
 from ..control.spatial import Pose, rotate_twist, rotation_exp
@@ -31,7 +34,7 @@ LEAD_PERIODS = 1.0
 
 
 @dataclass
-class _Watched:
+class _Tracked:
     """One frame that may move."""
 
     plausible: PlausibleMotion
@@ -45,64 +48,72 @@ class _Watched:
 
 
 class FrameTracker:
-    """All frames of a cell that may move."""
+    """Tracks all frames of a cell that may move."""
 
-    def __init__(self, cell: Cell, events: Events) -> None:
-        frames, mechanism = cell.config.frames, cell.config.mechanism
-        period = cell.config.timing.period_s
+    def __init__(
+        self, frames: Frames, T_world_base: Place, limits: Limits, period: float, events: Events
+    ) -> None:
+        """Begin with frames that stand; `limits` bound the jerk at which they are followed."""
         self._events = events
         self._lead_s = LEAD_PERIODS * period + frames.drive_lag_s
         self._standing = {
-            "base": Pose.from_xyz_rpy(mechanism.T_world_base.xyz, mechanism.T_world_base.rpy),
+            "base": Pose.from_xyz_rpy(T_world_base.xyz, T_world_base.rpy),
             "carrier": Pose.from_xyz_rpy(frames.T_world_carrier.xyz, frames.T_world_carrier.rpy),
         }
-        self._watched = {
-            name: self._watch(name, config, cell) for name, config in frames.moving.items()
+        self._tracked = {
+            name: self._track_of(config, self._standing[name], limits, period)
+            for name, config in frames.moving.items()
         }
         self.moved = self._moved()
         """Where Base and Carrier are, for this tick's command."""
 
+    @classmethod
+    def from_cell(cls, cell: Cell, events: Events) -> Self:
+        """Return the tracker of a loaded cell."""
+        c = cell.config
+        return cls(c.frames, c.mechanism.T_world_base, c.limits, c.timing.period_s, events)
+
     @property
     def watching(self) -> bool:
         """True in a cell with frames that may move."""
-        return bool(self._watched)
+        return bool(self._tracked)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The frames that may move."""
-        return tuple(self._watched)
+        return tuple(self._tracked)
 
     def age(self, name: str, tick: int) -> int | None:
         """Return how many ticks old the newest news of a frame is, None when stale."""
-        track = self._watched[name].track
+        track = self._tracked[name].track
         return None if track is None else tick - track.tick
 
     def take(self, news: FrameNews, tick: int) -> None:
         """Take in where a frame was. Raises `Refused` for one that does not move in this cell."""
-        watched = self._watched.get(news.name)
-        if watched is None:
-            known = ", ".join(self._watched) or "none"
+        tracked = self._tracked.get(news.name)
+        if tracked is None:
+            known = ", ".join(self._tracked) or "none"
             raise Refused(Why.UNKNOWN_FRAME, f"{news.name!r} does not move here; there is: {known}")
         if news.tick > tick:
             raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
-        believed = self._judge(watched, news, tick)
+        believed = self._judge(tracked, news, tick)
         if isinstance(believed, RejectedNews):
-            if watched.doubt is None or believed.doubt is not watched.doubt.doubt:
+            if tracked.doubt is None or believed.doubt is not tracked.doubt.doubt:
                 self._tell("frame_rejected", news.name, believed)
-            watched.doubt = believed
+            tracked.doubt = believed
             return
-        if watched.track is None:
+        if tracked.track is None:
             self._events.info("frame_found", news.name, frame=news.name)
-        watched.track, watched.doubt = believed, None
+        tracked.track, tracked.doubt = believed, None
 
     def step(self, tick: int, *, moving: bool) -> Moved:
         """Return where the frames are for the command of `tick`; `moving`: sources lead the arm."""
-        for name, w in self._watched.items():
+        for name, w in self._tracked.items():
             if w.track is not None and tick - w.track.tick > w.timeout:
                 w.track = None
                 self._tell("frame_lost", name, w.doubt)
             w.followed = w.follower.step(w.followed, w.track, tick, self._lead_s, not moving)
-        if self._watched:
+        if self._tracked:
             self.moved = self._moved()
         return self.moved
 
@@ -110,18 +121,18 @@ class FrameTracker:
         base = self.body("base")
         back = -self._lead_s * base.twist
         measured = Pose(rotation_exp(back[3:]) @ base.T.R, base.T.p + back[:3])
-        watched = self._watched.get("base")
-        track = None if watched is None else watched.track
+        tracked = self._tracked.get("base")
+        track = None if tracked is None else tracked.track
         acceleration = None if track is None else track.acceleration
         return Moved(base, self.body("carrier"), measured, acceleration)
 
     def body(self, name: str) -> Body:
         """Return where Base or Carrier is, for this tick's command."""
-        watched = self._watched.get(name)
-        return Body.standing(self._standing[name]) if watched is None else watched.followed.now
+        tracked = self._tracked.get(name)
+        return Body.standing(self._standing[name]) if tracked is None else tracked.followed.now
 
-    def _watch(self, name: str, config: MovingFrame, cell: Cell) -> _Watched:
-        period, limits = cell.config.timing.period_s, cell.config.limits
+    @staticmethod
+    def _track_of(config: MovingFrame, home: Pose, limits: Limits, period: float) -> _Tracked:
 
         def bounds(linear: float, angular: float) -> np.ndarray:
             return np.repeat([linear, angular], 3)
@@ -136,7 +147,7 @@ class FrameTracker:
             config.acceleration,
             config.angular_acceleration,
             config.extent or (math.inf, math.inf),
-            self._standing[name],
+            home,
         )
         follower = Follower(
             bounds(config.speed, config.angular_speed),
@@ -145,11 +156,11 @@ class FrameTracker:
             period,
         )
         timeout = round(config.timeout_s / period)
-        return _Watched(plausible, timeout, follower, follower.standing(self._standing[name]))
+        return _Tracked(plausible, timeout, follower, follower.standing(home))
 
-    def _judge(self, watched: _Watched, news: FrameNews, tick: int) -> Track | RejectedNews:
-        if tick - news.tick > watched.timeout:
-            return RejectedNews(NewsRejection.LATE, tick - news.tick, watched.timeout, "ticks")
+    def _judge(self, tracked: _Tracked, news: FrameNews, tick: int) -> Track | RejectedNews:
+        if tick - news.tick > tracked.timeout:
+            return RejectedNews(NewsRejection.LATE, tick - news.tick, tracked.timeout, "ticks")
         T = Pose.from_xyz_rpy(news.xyz, news.rpy)
         twist = None if news.twist is None else np.array(news.twist)
         if news.seen_from == "base":
@@ -157,18 +168,18 @@ class FrameTracker:
             T = base.T @ T
             if twist is not None:
                 twist = rotate_twist(base.T.R, twist) + base.twist_at(T.p)
-        return update_track(watched.track, news.tick, T, twist, news.quality, watched.plausible)
+        return update_track(tracked.track, news.tick, T, twist, news.quality, tracked.plausible)
 
     def _base_at(self, then: int, tick: int) -> Body:
         """Return Base as it was at a tick, a little while before `tick`."""
-        watched = self._watched.get("base")
-        if watched is None:
+        tracked = self._tracked.get("base")
+        if tracked is None:
             return Body.standing(self._standing["base"])
-        period = watched.plausible.period_s
-        if watched.track is not None:
-            return watched.track.at((then - watched.track.tick) * period)
+        period = tracked.plausible.period_s
+        if tracked.track is not None:
+            return tracked.track.at((then - tracked.track.tick) * period)
         # What comes to rest is where it was, but for what it moved since.
-        now = watched.followed.now
+        now = tracked.followed.now
         back = -((tick - then) * period + self._lead_s) * now.twist
         return Body(Pose(rotation_exp(back[3:]) @ now.T.R, now.T.p + back[:3]), now.twist)
 

@@ -1,4 +1,4 @@
-"""The world model: obstacles of the cell and of messages, how old their news is, and their events.
+"""Obstacle map: obstacles of the cell and of messages, the age of their news, and their events.
 
 News says where an obstacle was in a telemetry tick; from there its age counts, whatever the way
 took. Between news an obstacle is somewhere within its bounds, which `control/scene.py` states.
@@ -6,10 +6,12 @@ took. Between news an obstacle is somewhere within its bounds, which `control/sc
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from ...config.load import Cell
+from ...config.schema.cameras import Camera
 from ...config.schema.obstacles import Obstacle, Shape, Stale
 from ...protocols.messages.obstacles import ObstacleNews
 from ..control.scene import UNBOUNDED, Boxes, Rounds, Scene
@@ -58,21 +60,35 @@ class TrackedObstacle:
 
 
 class ObstacleMap:
-    """All obstacles of a cell."""
+    """The obstacles that are known in a cell."""
 
-    def __init__(self, cell: Cell, events: Events) -> None:
+    def __init__(
+        self,
+        obstacles: tuple[Obstacle, ...],
+        cameras: tuple[Camera, ...],
+        clearance: float,
+        period_s: float,
+        events: Events,
+    ) -> None:
+        """Begin with the obstacles of a cell; `clearance` [m] is promised where none is told."""
         self._events = events
-        self._period_s = cell.config.timing.period_s
-        self._clearance = cell.config.avoidance.clearance
-        self._cameras = {c.name: c for c in cell.config.cameras}
-        self._known = {o.name: self._of_cell(o) for o in cell.config.obstacles}
+        self._period_s = period_s
+        self._clearance = clearance
+        self._cameras = {c.name: c for c in cameras}
+        self._known = {o.name: self._of_cell(o) for o in obstacles}
         self._gone: dict[str, int] = {}
         self._stale: set[str] = set()
         self._still: Scene | None = None
 
+    @classmethod
+    def from_cell(cls, cell: Cell, events: Events) -> Self:
+        """Return the map of a loaded cell."""
+        c = cell.config
+        return cls(c.obstacles, c.cameras, c.avoidance.clearance, c.timing.period_s, events)
+
     @property
     def known(self) -> tuple[TrackedObstacle, ...]:
-        """What is known, in no particular order."""
+        """The obstacles, in no particular order."""
         return tuple(self._known.values())
 
     @property

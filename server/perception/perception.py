@@ -1,4 +1,4 @@
-"""Everything that keeps an eye on something: sensor, cameras, obstacles, moving frames, contact."""
+"""Perception: the monitors of sensor, load, cameras, obstacles, moving frames and collisions."""
 
 from ...config.load import Cell
 from ..commands.commands import Commands
@@ -16,18 +16,19 @@ from .unexplained_load import LoadMonitor
 
 
 class Perception:
-    """The watches of one cell."""
+    """All monitors of one cell."""
 
     def __init__(self, cell: Cell, control: Control, commands: Commands, events: Events) -> None:
-        sensor = cell.config.mechanism.force_torque
+        config, period_s = cell.config, cell.config.timing.period_s
+        sensor, damping = config.mechanism.force_torque, config.sources.following.damping
         essential = sensor is not None and sensor.essential
         self._control, self._commands = control, commands
-        self.sensor = ForceTorqueMonitor(events, essential, cell.config.timing.period_s)
-        self.load = LoadMonitor(cell, commands.settings, events)
-        self.vision = VisionTracker(cell, events)
-        self.obstacles = ObstacleMap(cell, events)
-        self.moving_frames = FrameTracker(cell, events)
-        self.collisions = CollisionMonitor(cell, control.p, control.mechanism, events)
+        self.sensor = ForceTorqueMonitor(events, essential, period_s)
+        self.load = LoadMonitor(sensor, damping, period_s, commands.settings, events)
+        self.vision = VisionTracker.from_cell(cell, events)
+        self.obstacles = ObstacleMap.from_cell(cell, events)
+        self.moving_frames = FrameTracker.from_cell(cell, events)
+        self.collisions = CollisionMonitor(config.touch, control.p, control.mechanism, events)
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
@@ -38,7 +39,7 @@ class Perception:
         mode: Mode,
         now_s: float,
     ) -> None:
-        """Take in what the devices said, and what the last tick made of it."""
+        """Update all monitors; `memory` and `output` are those of the tick before."""
         commands = self._commands
         if reading.wrench_age_s is not None:
             weight, twists = None, {}
@@ -53,16 +54,21 @@ class Perception:
         self.collisions.update(reading, memory, output, moved, mode, self.load.doubt)
 
     def remember(self, tick: int, output: Output) -> None:
-        """Keep where the arm was in a tick, for pictures that were taken in it."""
+        """Store the pose of the arm in a tick, for pictures that were exposed in it."""
         if self.vision.watching:
             frames = self._commands.frames
             T_world_wrist = output.T_world_mrf_measured @ frames.T_wrist_mrf.inverse()
             self.vision.remember(tick, T_world_wrist, frames.moved.T_world_base_measured)
 
+    @property
+    def touched(self) -> bool:
+        """True while something unseen pushes the arm, which stopped for it."""
+        return self.collisions.stopping or self.load.touched
+
     def reason_to_stop(self) -> str | None:
-        """Return why the arm may not move for what is seen, or None."""
+        """Return why perception lets the arm not move, or None."""
         if self.sensor.missed:
             return "sensor stale"
         if self._commands.settings.avoid and self.obstacles.stop is not None:
             return "obstacle stale"
-        return "touched" if self.collisions.stopping or self.load.touched else None
+        return "touched" if self.touched else None

@@ -1,4 +1,4 @@
-"""Contact of a tool whose load is not explained: the size of what is measured changes."""
+"""Contact of a tool whose load is not explained, by the size of the wrench that is measured."""
 
 from collections import deque
 
@@ -15,7 +15,7 @@ MARGIN_N = 2.0 * UNKNOWN_LOAD.force
 
 
 class ToolContact:
-    """Contact of a tool whose load is not explained: the size of what is measured changes."""
+    """Detects contact by a change of the wrench's size, which no attitude changes."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s

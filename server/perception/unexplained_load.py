@@ -1,4 +1,4 @@
-"""Tells contact from a load that nobody explained, before force control acts on what is measured.
+"""Load monitor: tells contact from a load that nobody explained, before force control acts on it.
 
 A payload that is told wrong, or a sensor that is biased, reads like contact in the air: the arm
 would back away from it for ever. Contact gives way when the arm does, a load does not: what is
@@ -9,12 +9,11 @@ those sources wait until the sensor is tared, the payload is told, or an operato
 Meanwhile the size of what is measured stands for contact: no attitude changes that.
 """
 
-from collections.abc import Mapping
 from enum import StrEnum
 
 import numpy as np
 
-from ...config.load import Cell
+from ...config.schema.mechanism import ForceTorque
 from ..commands.settings import WRENCH_SOURCES, OperatorSettings
 from ..control.spatial import Array, rotation_log, sizes
 from ..control.state import Output
@@ -22,7 +21,7 @@ from ..control.task.gains import GAIN_TIME_S
 from ..mode import Mode
 from ..runtime.events import Events
 from .filters.collision import UNKNOWN_LOAD, LoadUncertainty
-from .force_torque import ASKED
+from .force_torque import others_ask
 from .load_words import explanation
 from .mean_wrench import AveragedWrench, WrenchMark
 from .tool_contact import ToolContact
@@ -65,15 +64,21 @@ LATCHED = (LoadTrust.UNEXPLAINED, LoadTrust.UNKNOWN)
 class LoadMonitor:
     """Judges what the force/torque sensor of one cell carries; idle in a cell without one."""
 
-    def __init__(self, cell: Cell, settings: OperatorSettings, events: Events) -> None:
-        sensor = cell.config.mechanism.force_torque
+    def __init__(
+        self,
+        sensor: ForceTorque | None,
+        damping: float,
+        period_s: float,
+        settings: OperatorSettings,
+        events: Events,
+    ) -> None:
+        """Begin with a load that is explained; `damping` is that of following a hand [N·s/m]."""
         self._events, self._settings = events, settings
         self._bounds = np.full(2, np.inf)
         if sensor is not None:
             self._bounds = np.array([sensor.unexplained_force, sensor.unexplained_moment])
         self._idle = sensor is None
-        self._damping = cell.config.sources.following.damping
-        period_s = cell.config.timing.period_s
+        self._damping = damping
         self._measured = AveragedWrench(self._bounds, period_s)
         self.trust, self._until_s = LoadTrust.EXPLAINED, 0.0
         self._mark: WrenchMark | None = None
@@ -213,7 +218,9 @@ class LoadMonitor:
             self.trust, self._until_s = LoadTrust.SETTLING, until_s
 
     def _judge(self, output: Output, time_s: float, unloaded: Array | None) -> None:
-        if self.trust is LoadTrust.SETTLING and (time_s >= self._until_s or self._asked(output)):
+        if self.trust is LoadTrust.SETTLING and (
+            time_s >= self._until_s or others_ask(output.twists)
+        ):
             if self._measured.quiet():
                 self._end(LoadTrust.EXPLAINED)
             else:
@@ -222,11 +229,8 @@ class LoadMonitor:
             self._probe(output, time_s, unloaded)
 
     def _start_probe(self, output: Output, time_s: float) -> None:
-        self.trust, self._mark, self._until_s = (
-            LoadTrust.JUDGED,
-            self._measured.mark(output),
-            time_s + WAIT_S,
-        )
+        self.trust, self._mark = LoadTrust.JUDGED, self._measured.mark(output)
+        self._until_s = time_s + WAIT_S
         self._lever, self._falls = self._apart(output), False
 
     def _probe(self, output: Output, time_s: float, unloaded: Array | None) -> None:
@@ -243,7 +247,7 @@ class LoadMonitor:
                 else:
                     self._start_probe(output, time_s)
                     self._falls = True
-            elif self._asked(output):
+            elif others_ask(output.twists):
                 self._until_s = time_s + WAIT_S
             elif time_s > self._until_s:
                 self._doubt(output, unloaded)
@@ -275,16 +279,12 @@ class LoadMonitor:
         payload = self._settings.payload
         return 0.0 if payload is None else 9.81 * payload.mass
 
-    def _asked(self, output: Output) -> bool:
-        """Return whether anything but the sensor asks for motion."""
-        return _others(output.twists)
-
     def _share(self, output: Output) -> float:
         """Return the part of their gains that the sensor's sources act with."""
         if (
             self.trust is not LoadTrust.JUDGED
             or self._mode is not Mode.ENABLED
-            or self._asked(output)
+            or others_ask(output.twists)
         ):
             return 1.0
         settings, (force, moment) = self._settings, self._measured.sizes()
@@ -296,8 +296,3 @@ class LoadMonitor:
             rate += force / self._damping, 0.0
         most = SPEED * (SURER if self._falls else 1.0)
         return float(min(1.0, (most / np.maximum(rate, 1e-12)).min()))
-
-
-def _others(twists: Mapping[str, Array]) -> bool:
-    asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
-    return bool((np.abs(asked) > ASKED).any())

@@ -36,7 +36,7 @@ class Kept:
         config = arm.cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
         cell = Cell(arm.cell.path, config, arm.cell.robot)
         self.guard = Guard(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
-        self.world = ObstacleMap(cell, Events())
+        self.world = ObstacleMap.from_cell(cell, Events())
         control = Control(arm.p, arm.mechanism, self.guard)
         arm = replace(arm, control=control, settings=replace(arm.settings, avoid=True))
         self.run = Run(arm, arm.posture("ready") if q is None else q)

@@ -41,7 +41,7 @@ def led_past_the_pole(case):
         wrench_bias=np.zeros(6),
     )
     arm = Arm(cell, p, mechanism, Control(p, mechanism), settings)
-    scene, run = ObstacleMap(cell, Events()).scene(0), Run(arm, arm.posture("start"))
+    scene, run = ObstacleMap.from_cell(cell, Events()).scene(0), Run(arm, arm.posture("start"))
     for i in range(round(7.0 / p.period_s)):
         t = i * p.period_s
         hand = np.array([0.0, 4.0, 0.0]) * math.sin(math.pi * t / 6.0) ** 2 * (t < 6.0)

@@ -13,10 +13,11 @@ from telerobot.protocols.proof import prove
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose
 from telerobot.server.mode import Mode, Wish
-from telerobot.server.operators.admission import Admission, Instant
-from telerobot.server.operators.grants import Grants
+from telerobot.server.operators.admission import Admission, Grants, Instant
 from telerobot.server.operators.inbox import QueuedMessage, refusal_reply
-from telerobot.server.operators.services import ENABLE_TIMEOUT_S, RequestContext, Services
+from telerobot.server.operators.mode_requests import ENABLE_TIMEOUT_S
+from telerobot.server.operators.request_context import RequestContext
+from telerobot.server.operators.services import Services
 from telerobot.server.perception.cameras import VisionTracker
 from telerobot.server.perception.moving_frames import FrameTracker
 from telerobot.server.perception.obstacle_map import ObstacleMap
@@ -87,8 +88,8 @@ class Counter:
         self.admission.renew(self.context.now)
         if mode is not None:
             self.see(mode=mode)
-        self.services.begin_tick()
-        self.services.settle(self.context.mode, self.context)
+        self.services.modes.begin_tick()
+        self.services.modes.settle(self.context.mode, self.context)
 
 
 @pytest.fixture
@@ -103,9 +104,9 @@ def counter(pa10):
         still=True,
         essential_stale=(),
         gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
-        vision=VisionTracker(pa10.cell, events),
-        obstacles=ObstacleMap(pa10.cell, events),
-        moving_frames=FrameTracker(pa10.cell, events),
+        vision=VisionTracker.from_cell(pa10.cell, events),
+        obstacles=ObstacleMap.from_cell(pa10.cell, events),
+        moving_frames=FrameTracker.from_cell(pa10.cell, events),
         T_world_mrf=Pose.identity(),
     )
     services = Services(admission, commands, events, grants)
@@ -177,7 +178,7 @@ def test_without_the_lease_nothing_is_changed(counter, topic):
     before = counter.commands.control_settings()
     reply = counter.ask(topic, **fields)
     assert (reply.ok, reply.reason) == (False, Why.NO_LEASE)
-    assert counter.services.wish is Wish.NONE
+    assert counter.services.modes.wish is Wish.NONE
     after = counter.commands.control_settings()
     assert after.speed_factor == before.speed_factor
     assert after.T_wrist_mrf is before.T_wrist_mrf
@@ -197,23 +198,23 @@ def test_rubbish_is_answered_too(counter):
 
 def test_enable_is_answered_when_the_arm_is_enabled(ann):
     assert ann.ask(t.MODE, action="enable") is None
-    assert ann.services.wish is Wish.ENABLE
+    assert ann.services.modes.wish is Wish.ENABLE
     ann.pass_time(0.5)
     assert len(ann.replies) == 1
     ann.pass_time(0.1, Mode.ENABLED)
     assert ann.replies[-1].ok
     assert ann.replies[-1].tick == ann.context.now.tick
-    assert ann.services.wish is Wish.NONE
+    assert ann.services.modes.wish is Wish.NONE
 
 
 def test_drives_that_do_not_come_up_are_not_waited_for_for_ever(ann):
     ann.ask(t.MODE, action="enable")
     ann.pass_time(ENABLE_TIMEOUT_S - 0.1)
-    assert ann.services.wish is Wish.ENABLE
+    assert ann.services.modes.wish is Wish.ENABLE
     ann.pass_time(0.2)
     reply = ann.replies[-1]
     assert (reply.ok, reply.reason) == (False, Why.STILL_WRONG)
-    assert ann.services.wish is Wish.NONE
+    assert ann.services.modes.wish is Wish.NONE
     assert "enable_failed" in names(ann)
 
 
@@ -222,7 +223,7 @@ def test_a_fault_on_the_way_ends_the_wish_to_enable(ann):
     ann.pass_time(0.1, Mode.FAULT)
     reply = ann.replies[-1]
     assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
-    assert ann.services.wish is Wish.NONE
+    assert ann.services.modes.wish is Wish.NONE
 
 
 @pytest.mark.parametrize(
@@ -242,18 +243,18 @@ def test_disable_and_reset_are_answered_once_ready(ann, action, mode, reached):
 def test_resume_is_a_wish_of_one_tick(ann, action):
     ann.see(mode=Mode.HOLD)
     assert ann.ask(t.MODE, action=action).ok
-    assert ann.services.resume
-    ann.services.begin_tick()
-    assert not ann.services.resume
-    assert ann.services.wish is Wish.NONE
+    assert ann.services.modes.resume
+    ann.services.modes.begin_tick()
+    assert not ann.services.modes.resume
+    assert ann.services.modes.wish is Wish.NONE
 
 
 def test_hold_is_at_once_and_for_one_tick(ann):
     ann.see(mode=Mode.ENABLED)
     assert ann.ask(t.MODE, action="hold").ok
-    assert ann.services.hold
-    ann.services.begin_tick()
-    assert not ann.services.hold
+    assert ann.services.modes.hold
+    ann.services.modes.begin_tick()
+    assert not ann.services.modes.hold
 
 
 @pytest.mark.parametrize(
@@ -272,9 +273,9 @@ def test_each_action_is_refused_in_every_mode_but_its_own(ann, action, modes):
         reply = ann.ask(t.MODE, action=action)
         assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
         assert mode in reply.detail
-    assert ann.services.wish is Wish.NONE
-    assert not ann.services.hold
-    assert not ann.services.resume
+    assert ann.services.modes.wish is Wish.NONE
+    assert not ann.services.modes.hold
+    assert not ann.services.modes.resume
 
 
 def test_one_wish_at_a_time(ann):
@@ -300,7 +301,7 @@ def test_a_disable_takes_the_place_of_an_enable_that_is_under_way(ann):
     assert ann.ask(t.MODE, action="enable") is None
     ann.see(drives_off=False)
     ann.ask(t.MODE, action="disable")
-    assert ann.services.wish is Wish.DISABLE
+    assert ann.services.modes.wish is Wish.DISABLE
     assert [(r.ok, r.reason) for r in ann.replies[1:]] == [(False, Why.NOT_NOW)]
     ann.see(drives_off=True)
     ann.pass_time(0.1)
@@ -313,7 +314,7 @@ def test_an_enable_while_drives_switch_off_is_taken_and_waits(ann):
     ann.see(drives_off=False)
     ann.pass_time(0.02, Mode.READY)
     ann.ask(t.MODE, action="enable")
-    assert ann.services.wish is Wish.ENABLE
+    assert ann.services.modes.wish is Wish.ENABLE
     assert [r.ok for r in ann.replies[1:]] == [True]
     ann.pass_time(0.2, Mode.ENABLED)
     assert [r.ok for r in ann.replies[1:]] == [True, True]
@@ -325,7 +326,7 @@ def test_a_fault_ends_the_wish_to_disable_so_that_a_reset_need_not_wait(ann):
     ann.pass_time(0.02, Mode.FAULT)
     assert (ann.replies[-1].ok, ann.replies[-1].reason) == (False, Why.NOT_NOW)
     assert ann.ask(t.MODE, action="reset") is None
-    assert ann.services.wish is Wish.RESET
+    assert ann.services.modes.wish is Wish.RESET
 
 
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
@@ -334,7 +335,7 @@ def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
     reply = ann.ask(t.MODE, action=action)
     assert (reply.ok, reply.reason) == (False, Why.SENSOR_STALE)
     assert "force_torque" in reply.detail
-    assert not ann.services.resume
+    assert not ann.services.modes.resume
 
 
 # --- the protective stop --------------------------------------------------------------------------
@@ -356,7 +357,7 @@ def test_nothing_moves_while_the_protective_stop_is_latched(ann, action, mode):
     assert "bystander" in reply.detail
     ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
     ann.ask(t.MODE, action=action)
-    assert ann.services.resume or ann.services.wish is Wish.ENABLE
+    assert ann.services.modes.resume or ann.services.modes.wish is Wish.ENABLE
 
 
 def test_who_asked_may_clear_it_by_opening_its_seal(ann):

@@ -36,7 +36,7 @@ class Watching:
 
     def __post_init__(self) -> None:
         self.events = Events()
-        self.watch = VisionTracker(self.cell, self.events)
+        self.watch = VisionTracker.from_cell(self.cell, self.events)
         place = self.cell.config.cameras[0].T_wrist_lens
         self.lens = Pose.from_xyz_rpy(place.xyz, place.rpy)
 
@@ -196,7 +196,7 @@ def test_a_view_is_stored_only_of_a_camera_that_sees_something(watching):
 
 
 def test_a_cell_without_cameras_has_no_view():
-    watch = VisionTracker(load_cell("pa10"), Events())
+    watch = VisionTracker.from_cell(load_cell("pa10"), Events())
     assert not watch.watching
     assert watch.goal(BASE) is None
     with pytest.raises(Refused, match="the cell has no camera"):
@@ -264,7 +264,7 @@ def test_a_camera_on_a_base_that_moves_places_what_it_sees_by_the_base_of_its_ti
     T_base_lens = beside.T_world_lens
     moved = beside.model_copy(update={"T_world_lens": None, "T_base_lens": T_base_lens})
     config = cell.config.model_copy(update={"cameras": (moved,)})
-    watch = VisionTracker(Cell(cell.path, config, cell.robot), Events())
+    watch = VisionTracker.from_cell(Cell(cell.path, config, cell.robot), Events())
     lens = Pose.from_xyz_rpy(T_base_lens.xyz, T_base_lens.rpy)
     then = Pose(rotation_rpy(0.0, 0.0, 0.2), np.array([0.1, -0.05, 0.0]))
     T_wrist_target = Pose(rotation_rpy(0.3, 0.0, 0.0), np.array([0.0, -0.06, 0.02]))

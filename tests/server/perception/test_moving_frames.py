@@ -24,7 +24,7 @@ def events():
 
 @pytest.fixture
 def watch(cell, events):
-    return FrameTracker(cell, events)
+    return FrameTracker.from_cell(cell, events)
 
 
 def news(name, tick, pose, **more):
@@ -81,7 +81,7 @@ def test_news_of_the_future_and_of_what_does_not_move_is_refused_by_name(watch, 
     frames = cell.config.frames.model_copy(update={"base": None})
     fixed = replace(cell, config=cell.config.model_copy(update={"frames": frames}))
     with pytest.raises(Refused) as caught:
-        FrameTracker(fixed, events).take(news("base", 9, Pose.identity()), 10)
+        FrameTracker.from_cell(fixed, events).take(news("base", 9, Pose.identity()), 10)
     assert caught.value.reason == Why.UNKNOWN_FRAME
     assert "carrier" in caught.value.detail
 

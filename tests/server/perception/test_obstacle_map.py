@@ -29,7 +29,7 @@ class Knowing:
     def __post_init__(self) -> None:
         cell = load_cell("pa10")
         config = cell.config.model_copy(update={"obstacles": self.obstacles})
-        self.world = ObstacleMap(Cell(cell.path, config, cell.robot), self.events)
+        self.world = ObstacleMap.from_cell(Cell(cell.path, config, cell.robot), self.events)
 
     def tell(self, name: str, **news) -> None:
         self.world.take(ObstacleNews(name=name, **{"tick": self.tick, **news}), self.tick)

@@ -19,7 +19,7 @@ from ....config.schema.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
 from ....drivers.rig.physics.world import World
 from ....server.control.proximity.capsules import Links
 from ....server.control.proximity.pairs import Around
-from ....server.perception.obstacle_map import ObstacleMap as Known
+from ....server.perception.obstacle_map import ObstacleMap
 from ....server.runtime.events import Events
 from ...oracle.arm import Arm
 from ...scripts.script import Script, Step
@@ -168,7 +168,7 @@ def _start(
 
 
 def _modelled(around: Around, cell: Cell, q: NDArray[np.float64]) -> float:
-    scene = Known(cell, Events()).scene(0)
+    scene = ObstacleMap.from_cell(cell, Events()).scene(0)
     near = around.look(
         around.links.place(q[None]), scene, np.full(len(around.links.capsules), 1.0), 0.0
     )

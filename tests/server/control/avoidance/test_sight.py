@@ -35,7 +35,7 @@ def clear(pa10):
     config = pa10.cell.config.model_copy(update={"obstacles": THINGS, "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
     clearance = Clearance(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk, Links(cell))
-    return clearance, ObstacleMap(cell, Events()).scene(0)
+    return clearance, ObstacleMap.from_cell(cell, Events()).scene(0)
 
 
 def test_the_way_of_a_link_is_that_of_a_lever_which_grows_with_it(rng):

@@ -21,7 +21,7 @@ def watched(pa10):
     config = pa10.cell.config.model_copy(update={"obstacles": (TABLE, POST), "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
     guard = Guard(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk)
-    scene, q = ObstacleMap(cell, Events()).scene(0), pa10.posture("ready")
+    scene, q = ObstacleMap.from_cell(cell, Events()).scene(0), pa10.posture("ready")
     k = pa10.mechanism.kinematics(q, Pose.identity())
 
     def watch(asked, dq, clearance=0.02):

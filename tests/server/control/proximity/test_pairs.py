@@ -35,7 +35,7 @@ class Near:
         cell = Cell(cell.path, config, cell.robot)
         self.links = Links(cell)
         self.around = Around(cell, self.links)
-        self.scene = ObstacleMap(cell, Events()).scene(0)
+        self.scene = ObstacleMap.from_cell(cell, Events()).scene(0)
 
     def look(self, q, room=EVERYWHERE, scene: Scene | None = None, ahead_s=0.0, base=None):
         rooms = np.full(len(self.links.capsules), room)

@@ -30,7 +30,7 @@ VIEW = Obstacle(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to=(0.8, 
 def scene_of(*obstacles):
     cell = load_cell("pa10")
     config = cell.config.model_copy(update={"obstacles": obstacles})
-    return ObstacleMap(dataclasses.replace(cell, config=config), Events()).scene(0)
+    return ObstacleMap.from_cell(dataclasses.replace(cell, config=config), Events()).scene(0)
 
 
 @pytest.mark.parametrize("name", sorted(SOLIDS))
@@ -66,7 +66,7 @@ def test_what_may_move_is_as_near_as_it_may_be():
     moves = SOLIDS["ball"].model_copy(update={"max_speed": 0.4})
     cell = load_cell("pa10")
     config = cell.config.model_copy(update={"obstacles": (moves,)})
-    world = ObstacleMap(dataclasses.replace(cell, config=config), Events())
+    world = ObstacleMap.from_cell(dataclasses.replace(cell, config=config), Events())
     point = np.array([[0.5, 0.2, 0.7]])
     fresh, older = (apart(point, world.scene(tick)).distance[0, 0] for tick in (0, 10))
     assert fresh == pytest.approx(0.5)

@@ -40,7 +40,7 @@ class Telerobot:
             p := Parameters.from_cell(cell), Mechanism.from_cell(cell), guard_of(cell, p)
         )
         self._memory = self._control.seed(np.array(scene.start))
-        self._world = ObstacleMap(cell, Events())
+        self._world = ObstacleMap.from_cell(cell, Events())
         self._moving = tuple(thing for thing in scene.things if thing.moves)
         for thing in scene.things:
             self._world.take(_news(thing, 0, self._period_s), 0)

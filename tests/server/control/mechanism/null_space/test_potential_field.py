@@ -46,7 +46,7 @@ def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
         T_world_crf=Pose.identity(),
         wrench_bias=np.zeros(6),
     )
-    scene = ObstacleMap(cell, Events()).scene(0)
+    scene = ObstacleMap.from_cell(cell, Events()).scene(0)
     return Arm(cell, p, mechanism, Control(p, mechanism), settings), scene
 
 

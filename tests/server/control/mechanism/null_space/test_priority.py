@@ -35,7 +35,7 @@ def priority_of(cell=CELL, **changes):
 
 def scene_of(*obstacles):
     config = CELL.config.model_copy(update={"obstacles": obstacles})
-    return ObstacleMap(dataclasses.replace(CELL, config=config), Events()).scene(0)
+    return ObstacleMap.from_cell(dataclasses.replace(CELL, config=config), Events()).scene(0)
 
 
 def null_at(q):

@@ -1,0 +1,65 @@
+"""Inputs of the tick, from what was read, commanded and perceived."""
+
+import numpy as np
+
+from ..protocols.canopen.cia402 import DriveState
+from .commands.in_force import InForce
+from .control.frame_tree import Moved
+from .control.spatial import Array
+from .control.state import Inputs, Intent
+from .mode import Mode
+from .perception.perception import Perception
+from .plant import PlantReading
+
+INTENTS = {
+    Mode.BOOT: Intent.SEED,
+    Mode.READY: Intent.SEED,
+    Mode.ENABLED: Intent.MOVE,
+    Mode.STOPPING: Intent.STOP,
+    Mode.HOLD: Intent.HOLD,
+    Mode.FAULT: Intent.SEED,
+}
+"""What each mode lets the tick do."""
+
+
+def tick_inputs(
+    mode: Mode,
+    tick: int,
+    time_s: float,
+    reading: PlantReading,
+    q: Array,
+    commands: InForce,
+    perception: Perception,
+    moved: Moved,
+) -> Inputs:
+    """Return the inputs of a tick; `q` (n,) are the measured joints [rad], `moved` the grounds.
+
+    Sources and goals act in ENABLED only; in the other modes the arm may give way to contact.
+    """
+    intent = INTENTS[mode]
+    moving, obstacles = intent is Intent.MOVE, perception.obstacles
+    grounds_move = perception.moving_frames.watching
+    return Inputs(
+        time_s=time_s,
+        intent=intent,
+        q_measured=q,
+        settings=commands.settings,
+        energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
+        wrench_sensor=reading.wrench,
+        wrench_age_s=reading.wrench_lag_s,
+        wrench_mean=reading.wrench_over_period,
+        stick=commands.stick if moving else None,
+        jog=commands.jog if moving else None,
+        goal=commands.goal if moving else None,
+        paused=commands.paused,
+        view=perception.vision.goal(moved.base.T) if moving else None,
+        posture=commands.posture if moving else None,
+        at_posture=commands.at_posture,
+        wrench_desired=commands.wrench_desired,
+        scene=obstacles.scene(tick) if obstacles.known else None,
+        R_world_wrench=commands.R_world_wrench,
+        moved=moved if grounds_move else None,
+        ground=commands.ground if grounds_move else "world",
+        T_wrist_goal=commands.T_wrist_goal,
+        pushed=None if moving else perception.collisions.pushed,
+    )
