@@ -14,6 +14,7 @@ from .cameras import camera_disagreements
 from .modes import mode_disagreements
 from .obstacles import obstacle_disagreements
 from .priority import priority_disagreements
+from .sources import source_disagreements
 
 REQUIRED_POSTURES: Final = ("start", "ready")
 INT32_MAX: Final = 2**31 - 1
@@ -38,6 +39,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from camera_disagreements(config)
     yield from obstacle_disagreements(config, robot)
     yield from mode_disagreements(config)
+    yield from source_disagreements(config)
     if config.touch is not None and len(config.touch.torque) not in (1, len(robot.joints)):
         yield (
             f"touch.torque: {len(config.touch.torque)} values for {len(robot.joints)} joints: "

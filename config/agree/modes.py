@@ -20,6 +20,3 @@ def mode_disagreements(config: CellConfig) -> Iterator[str]:
                     f"mechanism.drives[{i}].max_torque_rate: missing: drives in cst need a bound "
                     f"of joint '{drive.joint}' [N·m/s]"
                 )
-    following = config.sources.following
-    if following.enabled and mechanism.force_torque is None:
-        yield "sources.following.enabled: value True: there is no [mechanism.force_torque]"

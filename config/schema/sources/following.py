@@ -1,5 +1,6 @@
 """What a cell file may say of the source that follows a hand."""
 
+from collections.abc import Iterator, Set
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -46,3 +47,8 @@ class Following(Source):
     stiffest_hand: float = Field(
         300.0, gt=0, le=1e6, description="stiffness of the hand or arm that guides the tool [N/m]"
     )
+
+    def lacking(self, there: Set[str]) -> Iterator[str]:
+        """Yield that there is no force to follow."""
+        if self.enabled and "force_torque" not in there:
+            yield "enabled: value True: there is no [mechanism.force_torque]"

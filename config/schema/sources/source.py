@@ -1,5 +1,6 @@
 """What the sections of all sources have in common."""
 
+from collections.abc import Iterator, Set
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -18,3 +19,10 @@ class Source(Section):
 
     enabled: bool = Field(True, description="switch at start")
     gain: Vector6
+
+    def lacking(self, there: Set[str]) -> Iterator[str]:  # noqa: ARG002 (most lack nothing)
+        """Yield the keys whose values need what the cell has not, and what that is.
+
+        `there` are its sensors, "force_torque" and "camera", and its moving frames.
+        """
+        yield from ()
