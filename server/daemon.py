@@ -54,7 +54,7 @@ def guard_of(cell: Cell, p: Parameters) -> Guard | None:
     Raises `ConfigError` where a link's shape is not known.
     """
     return (
-        Guard(cell, p.joints.acceleration, p.joints.jerk, p.links)
+        Guard(cell, p.joints.acceleration, p.joints.jerk, p.capsules)
         if cell.config.keeps_clear
         else None
     )

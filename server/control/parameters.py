@@ -15,7 +15,7 @@ from ...config.schema.torque import Torque
 from .joints import Joints
 from .mechanism.null_space.priority import Priority
 from .mechanism.payload import Payload
-from .proximity.capsules import Links
+from .proximity.capsules import Capsules
 from .spatial import Array, Pose
 from .task.source import Shaping
 
@@ -58,7 +58,7 @@ class Parameters:
     wrench_smoothing: float
     """Share of the new sample in the filtered wrench, per tick [1]."""
     potential: PotentialField
-    links: Links | None
+    capsules: Capsules | None
     """The arm's shape; None where nothing asks for it."""
     priority: Priority | None
     """Virtual spheres; None where the cell has none."""
@@ -135,7 +135,7 @@ class Parameters:
             wrench_inertia=sensor is not None and sensor.inertia,
             wrench_smoothing=smoothing,
             potential=c.potential,
-            links=Links(cell) if _shape_matters(c) else None,
+            capsules=Capsules(cell) if _shape_matters(c) else None,
             priority=Priority.from_cell(cell),
             operation_mode=c.mechanism.operation_mode,
             torque=c.torque,

@@ -78,6 +78,12 @@ class Scene:
     """Name of the obstacle whose stale news calls for the verified stop, if any."""
 
     @property
+    def segments(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Shapes without radii, for kernels: `start`, `end`, then `R`, `centre`, `half`."""
+        rounds, boxes = self.rounds, self.boxes
+        return rounds.start, rounds.end, boxes.R, boxes.centre, boxes.half
+
+    @property
     def moves(self) -> bool:
         """True if anything may move."""
         return bool(np.count_nonzero(self.speed))

@@ -40,7 +40,7 @@ class Stages:
         )
         self.wrist = Wrist(contact, p.payload, T)
         self.redundancy = Redundancy(joints, mechanism, p.redundancy, p.pull_posture)
-        field = Field(joints, p.potential, p.links, mechanism.rank)
+        field = Field(joints, p.potential, p.capsules, mechanism.rank)
         self.resolver = Resolver(
             joints, p.resolve, p.T_wrist_tool, mechanism.rank, self.redundancy, field, p.priority
         )
@@ -59,7 +59,8 @@ class Stages:
             T,
         )
         # Where links are is found once for all that the cell describes by the same ones.
-        self.links = None if guard is None or guard.links is not p.links else guard.links
+        same = guard is not None and guard.capsules is p.capsules
+        self.capsules = p.capsules if same else None
 
 
 def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:

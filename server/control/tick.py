@@ -108,8 +108,8 @@ class Control:
         )
         memory = self._tune(memory, inputs, kinematics)
         placed = None
-        if self.stages.links is not None and inputs.settings.avoid:
-            placed = self.stages.links.place(
+        if self.stages.capsules is not None and inputs.settings.avoid:
+            placed = self.stages.capsules.place(
                 memory.motion.q[None], None if moved is None else moved.base.T
             )
         mrf = inputs.settings.T_wrist_mrf

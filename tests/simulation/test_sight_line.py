@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.proximity.capsules import Links
+from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -101,7 +101,7 @@ def test_the_slope_of_the_field_is_gone_once_all_stands(on):
 
 def test_what_the_physics_says_of_the_sight_line_is_what_geometry_says(on):
     """Housings against closed-form capsules, which hold them: these are never further off."""
-    links = Links(load_cell("ranger"))
+    links = Capsules(load_cell("ranger"))
     start = np.array(on.simulation.cell.config.cameras[0].T_world_lens.xyz)
     for truth in on.truths[::100]:
         end = np.array(truth.tags["target"][:3])

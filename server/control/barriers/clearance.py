@@ -13,9 +13,9 @@ import numpy as np
 from ....config.load import Cell
 from ..compiled import COUNT, FLAG, FLAGS, VECTOR, compiled
 from ..frame_tree import Body
-from ..proximity.capsules import Links, Placed
+from ..proximity.capsules import Capsules, Placed
 from ..proximity.link_travel import carried, doubtful, surroundings, travel
-from ..proximity.pairs import Around, Neighbours
+from ..proximity.pairs import NearPairs, PairSearch
 from ..scene import Flags, Index, Scene
 from ..spatial import Array
 from .clearance_bounds import HORIZON_S, held, kept, wanted
@@ -79,7 +79,7 @@ class Sight(NamedTuple):
     """Distances of capsules from the joints' axes (c, n) [m]."""
     around: Array
     """How far each capsule may come before other pairs matter (c,) [m]."""
-    near: Neighbours
+    near: NearPairs
     room: Array
     """How far each gap may close (k,) [m]; negative beyond its barrier."""
     tube: Array
@@ -117,9 +117,9 @@ class Shown(NamedTuple):
 class Clearance:
     """The clearances of one cell."""
 
-    def __init__(self, cell: Cell, acceleration: Array, jerk: Array, links: Links) -> None:
-        self.links = links
-        self.around = Around(cell, self.links)
+    def __init__(self, cell: Cell, acceleration: Array, jerk: Array, capsules: Capsules) -> None:
+        self.capsules = capsules
+        self.search = PairSearch(cell, capsules)
         self._period_s = cell.config.timing.period_s
         self._margin = cell.config.avoidance.margin
         self._between = BETWEEN * self._margin
@@ -135,15 +135,14 @@ class Clearance:
         setting; `levels` those of the sight before; `base` where a Base that moves is; `placed`
         where links are at q, where that is known.
         """
-        links, still = self.links, base is None and (scene is None or not scene.moves)
+        capsules, still = self.capsules, base is None and (scene is None or not scene.moves)
         if placed is None:
-            placed = links.place(q[None], None if base is None else base.T)
+            placed = capsules.place(q[None], None if base is None else base.T)
         lever, around = surroundings(
-            placed.frames, placed.axes, placed.ends, links.body, links.chain.prismatic,
-            fastest, self.braking.acceleration, factor, self.braking.lag(factor),
-            BESIDE + self._margin,
+            placed[:], capsules.moves, capsules.forest.tree.prismatic, fastest,
+            self.braking.acceleration, factor, self.braking.lag(factor), BESIDE + self._margin,
         )  # fmt: skip
-        near = self.around.look(placed, scene, around, HORIZON_S)
+        near = self.search.find(placed, scene, around, HORIZON_S)
         if base is not None:
             near = _on_moving_base(near, base)
         tube, room, needed, floor, which = kept(
@@ -176,7 +175,7 @@ class Clearance:
     def _farther(self, sight: Sight, way: Array) -> Sight:
         """Return a sight that reaches as far as a stop may lead: the first one did not."""
         around = way + BESIDE + self._margin
-        near = self.around.look(sight.near.placed, sight.scene, around, HORIZON_S)
+        near = self.search.find(sight.near.placed, sight.scene, around, HORIZON_S)
         tube = np.full(near.size, float(sight.tube.max(initial=0.0)))
         needed, floor, which = held(tube, near.gap, near.promise, near.speed, self._between)
         self._floors(near, floor, which, sight.scene, sight.levels)
@@ -201,11 +200,11 @@ class Clearance:
         bounds = wanted(
             count, pairs, closer, sight.needed, near.promise, near.radii, sight.floor, nearer
         )
-        ends = self.links.place(postures(times), None if base is None else base.T).ends
-        return self.around.shortfall(ends, near, pairs, bounds, scene)
+        ends = self.capsules.place(postures(times), None if base is None else base.T).ends
+        return self.search.shortfall(ends, near, pairs, bounds, scene)
 
     def _nearer(
-        self, near: Neighbours, scene: Scene | None, base: Base, ahead_s: Sequence[float] | Array
+        self, near: NearPairs, scene: Scene | None, base: Base, ahead_s: Sequence[float] | Array
     ) -> Array:
         """Return how much nearer pairs may be than now (s, k) [m], some times (s,) [s] from now.
 
@@ -218,7 +217,7 @@ class Clearance:
         return found if base is None else found + near.carried * ahead[:, None]
 
     def _floors(
-        self, near: Neighbours, floor: Array, held: Index, scene: Scene | None, levels: Levels
+        self, near: NearPairs, floor: Array, held: Index, scene: Scene | None, levels: Levels
     ) -> Levels:
         """Set what gaps that are `held` must keep at least, and return the levels to remember.
 
@@ -238,15 +237,15 @@ class Clearance:
             floor[i] = min(kept[key] - SLACK, gap)
         return kept
 
-    def _key(self, near: Neighbours, i: int, scene: Scene | None) -> tuple[int, int, str]:
+    def _key(self, near: NearPairs, i: int, scene: Scene | None) -> tuple[int, int, str]:
         first, obstacle = int(near.first[i]), int(near.obstacle[i])
         if scene is None or obstacle < 0:
             return (first, int(near.second[i]), "")
         return (first, -1, scene.names[obstacle])
 
 
-def _on_moving_base(near: Neighbours, base: Body) -> Neighbours:
-    """Return neighbours with the speed at which a Base that moves brings links to obstacles."""
+def _on_moving_base(near: NearPairs, base: Body) -> NearPairs:
+    """Return pairs with the speed at which a Base that moves brings links to obstacles."""
     speed, fastest = carried(
         near.near.normal, near.near.place - base.T.p, near.obstacle, near.speed, base.twist
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ..compiled import FLAGS, INDEX, MATRIX, VECTOR, compiled
-from ..proximity.capsules import Links, Placed
+from ..proximity.capsules import Capsules, Placed
 from ..scene import Flags, Index, Scene
 from ..spatial import Array, Pose
 from .clearance import Base, Clearance, Levels, Postures, Shown, Sight
@@ -64,16 +64,16 @@ class Guard:
     """Keeps one cell's clearances and workspace."""
 
     def __init__(
-        self, cell: Cell, acceleration: Array, jerk: Array, links: Links | None = None
+        self, cell: Cell, acceleration: Array, jerk: Array, capsules: Capsules | None = None
     ) -> None:
-        """Build it for the cell's links, which are found here unless they are given."""
+        """Build it for the cell's capsules, which are fitted here unless they are given."""
         avoidance = cell.config.avoidance
-        self.links = Links(cell) if links is None else links
-        self.clearance = Clearance(cell, acceleration, jerk, self.links)
-        self.walls = Walls(cell, self.links)
+        self.capsules = Capsules(cell) if capsules is None else capsules
+        self.clearance = Clearance(cell, acceleration, jerk, self.capsules)
+        self.walls = Walls(cell, self.capsules)
         self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
-        self._tool = self.links.body == self.links.chain.n
+        self._tool = self.capsules.body == self.capsules.forest.n
 
     def watch(self, at: Situation, asked: Array, levels: Levels, ordered: bool = True) -> Watch:
         """Return what is around the arm, if joints are to go at `asked` (n,) [rad/s].
@@ -113,7 +113,7 @@ class Guard:
 
     def shown(self, watch: Watch, active: Flags) -> Shown:
         """Return the pairs for whoever looks on; `active` flags the barriers that act."""
-        return Shown(watch.sight, self.links.links, active[: watch.sight.near.size])
+        return Shown(watch.sight, self.capsules.links, active[: watch.sight.near.size])
 
     def shortfall(
         self, watch: Watch, duration_s: float, low: Array, high: Array, postures: Postures

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ..compiled import ARRAY4, VECTOR, compiled
-from ..proximity.capsules import Links
+from ..proximity.capsules import Capsules
 from ..spatial import Array, Pose
 from .velocity_damper import Walled
 
@@ -28,16 +28,16 @@ class _Tip(NamedTuple):
 class Walls:
     """The workspace of one cell."""
 
-    def __init__(self, cell: Cell, links: Links) -> None:
+    def __init__(self, cell: Cell, capsules: Capsules) -> None:
         workspace = cell.config.avoidance.workspace
         self.given = workspace is not None
         margin, none = cell.config.avoidance.margin, np.zeros(0)
-        self._links = links
+        self._capsules = capsules
         self._low, self._high = none, none
         if workspace is not None:
             self._low, self._high = np.array(workspace.low), np.array(workspace.high)
         self._low_barrier, self._high_barrier = self._low + margin, self._high - margin
-        _, self._T_last_wrist = links.chain.body_of(cell.config.mechanism.tip_link)
+        _, self._T_last_wrist = capsules.forest.body_of(cell.config.mechanism.tip_link)
         self._tip: _Tip | None = None
 
     def around(self, J: Array, p: Array) -> Walled:
@@ -55,7 +55,7 @@ class Walls:
 
         From where it is at p (3,), outside, it may only come nearer.
         """
-        frames = self._links.chain.frames(q, T_world_base)
+        frames = self._capsules.forest.frames(q, T_world_base)
         low = np.minimum(self._low + BETWEEN, p - 1e-4)
         high = np.maximum(self._high - BETWEEN, p + 1e-4)
         return _beyond(frames, self._tip_at(T_wrist_mrf).p, low, high)
@@ -63,8 +63,8 @@ class Walls:
     def _tip_at(self, T_wrist_mrf: Pose) -> _Tip:
         """Return where the MRF is on the chain; it stays there from tick to tick."""
         if self._tip is None or self._tip.T_wrist_mrf is not T_wrist_mrf:
-            p, chain = (self._T_last_wrist @ T_wrist_mrf).p, self._links.chain
-            reach = self._links.reach(chain.n, math.sqrt(float(p @ p)))
+            p = (self._T_last_wrist @ T_wrist_mrf).p
+            reach = self._capsules.reach(self._capsules.forest.n, math.sqrt(float(p @ p)))
             self._tip = _Tip(T_wrist_mrf, p, reach)
         return self._tip
 

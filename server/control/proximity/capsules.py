@@ -1,6 +1,5 @@
 """The arm as capsules: fitted around the primitives of its URDF, placed and differentiated."""
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..scene import Index
 from ..spatial import Array, Pose
-from .chain import Chain
+from .forest import Forest
 from .link_travel import levers
 
 SLACK = 1e-9
@@ -18,7 +17,7 @@ SLACK = 1e-9
 
 
 class Capsule(NamedTuple):
-    """All points within a radius of a segment that is fixed to a body of the chain."""
+    """All points within a radius of a segment that is fixed to a body."""
 
     link: str
     body: int
@@ -38,67 +37,78 @@ class Placed(NamedTuple):
     """The joints' axes (s, n, 3)."""
 
 
-class Links:
+class Capsules:
     """The c capsules of a cell's arm, from Base to tool."""
 
     def __init__(self, cell: Cell) -> None:
         """Fit them. Raises `ConfigError` for a shape that needs a capsule from the cell."""
-        self.chain = Chain(cell)
-        self.capsules = capsules_of(cell, self.chain)
-        self.links = tuple(c.link for c in self.capsules)
-        self.radius = np.array([c.radius for c in self.capsules])
-        self.body: Index = np.array([c.body for c in self.capsules], dtype=np.int64)
-        self.half_length = np.array([0.5 * float(_length(c.end - c.start)) for c in self.capsules])
-        self._segments = np.array([[c.start, c.end] for c in self.capsules]).reshape(-1, 2, 3)
-        origins = self.chain.frames(np.zeros((1, self.chain.n)))[0, :, :, 3]
-        steps = [float(_length(b - a)) for a, b in itertools.pairwise(origins)]
-        self._steps = np.array(steps) + self.chain.stroke[1:]
-        """From each joint's origin to the next one's, at most (n − 1,) [m]."""
+        self.forest = forest = Forest(cell)
+        self.each = fitted(cell, forest)
+        self.links = tuple(c.link for c in self.each)
+        """Names of their links (c,)."""
+        self.radius = np.array([c.radius for c in self.each])
+        self.body: Index = np.array([c.body for c in self.each], dtype=np.int64)
+        self.moves = forest.moves(self.body)
+        """Which joints move each of them (c, n)."""
+        self.movable = tuple(bool(row.any()) for row in self.moves)
+        """Which of them any joint moves (c,)."""
+        self.half_length = np.array([0.5 * float(_length(c.end - c.start)) for c in self.each])
+        self._segments = np.array([[c.start, c.end] for c in self.each]).reshape(-1, 2, 3)
+        origins = forest.frames(np.zeros((1, forest.n)))[0, :, :, 3]
+        steps = [
+            float(_length(origins[j] - origins[parent])) if parent >= 0 else 0.0
+            for j, parent in enumerate(forest.tree.parent.tolist())
+        ]
+        self._steps = np.array(steps) + forest.stroke
+        """From each joint's origin to that of its parent, at most (n,) [m]."""
 
     def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
         """Return where the capsules are at postures q (s, n) [rad]."""
-        return Placed(*self.chain.placed(q, self.body, self._segments, T_world_base))
+        return Placed(*self.forest.placed(q, self.body, self._segments, T_world_base))
 
     def levers(self, placed: Placed) -> Array:
         """Return the distances of capsules from the joints' axes at one posture (c, n) [m].
 
         Of either end, the farther; zero for joints that do not move it, 1 for prismatic ones.
         """
-        return levers(placed.frames, placed.axes, placed.ends, self.body, self.chain.prismatic)
+        return levers(placed[:], self.moves, self.forest.tree.prismatic)
 
     def reach(self, body: int, far: float) -> Array:
         """Return bounds on the levers (n,) [m] of a point `far` from the origin of a body.
 
-        They hold at every posture: the way along the chain is never longer.
+        They hold at every posture: the way along the joints is never longer.
         """
-        chain, n = self.chain, self.chain.n
-        lever = np.zeros(n)
-        if body:
-            way = np.concatenate([self._steps[: body - 1], [far + chain.stroke[body - 1]]])
-            lever[:body] = np.cumsum(way[::-1])[::-1]
-        lever[chain.prismatic] = np.minimum(lever[chain.prismatic], 1.0)
+        forest, joint = self.forest, body - 1
+        lever = np.zeros(forest.n)
+        if joint >= 0:
+            lever[joint] = way = far + forest.stroke[joint]
+            while (parent := int(forest.tree.parent[joint])) >= 0:
+                lever[parent] = way = way + self._steps[joint]
+                joint = parent
+        prismatic = forest.tree.prismatic
+        lever[prismatic] = np.minimum(lever[prismatic], 1.0)
         return lever
 
 
-def capsules_of(cell: Cell, chain: Chain) -> tuple[Capsule, ...]:
+def fitted(cell: Cell, forest: Forest) -> tuple[Capsule, ...]:
     """Return the capsules around a cell's arm: of its URDF, then what the cell adds.
 
     Raises `ConfigError` for a link whose shape is a mesh and that the cell gives no capsule.
     """
     stated = cell.config.avoidance.capsules
     for i, given in enumerate(stated):
-        if not chain.model.existFrame(given.link):
+        if not forest.model.existFrame(given.link):
             raise ConfigError(
                 f"{cell.path}: avoidance.capsules[{i}].link: value '{given.link}': no such link in "
                 f"{cell.robot.urdf}"
             )
     found = []
-    for shape in _collision_shapes(cell, chain):
-        link = chain.model.frames[shape.parentFrame].name
-        body, T = chain.carried(shape.parentJoint, shape.placement)
-        fitted = _fitted(shape.geometry)
-        if fitted is not None:
-            axis, radius = fitted
+    for shape in _collision_shapes(cell, forest):
+        link = forest.model.frames[shape.parentFrame].name
+        body, T = forest.carried(shape.parentJoint, shape.placement)
+        around = _around(shape.geometry)
+        if around is not None:
+            axis, radius = around
             found.append(Capsule(link, body, T.p - T.R @ axis, T.p + T.R @ axis, radius))
         elif link not in {given.link for given in stated}:
             raise ConfigError(
@@ -106,24 +116,26 @@ def capsules_of(cell: Cell, chain: Chain) -> tuple[Capsule, ...]:
                 f"{type(shape.geometry).__name__}: give it capsules here"
             )
     for given in stated:
-        body, T = chain.body_of(given.link)
+        body, T = forest.body_of(given.link)
         a, b = T.R @ np.array(given.start) + T.p, T.R @ np.array(given.end) + T.p
         found.append(Capsule(given.link, body, a, b, given.radius))
     outer = [c for i, c in enumerate(found) if not _inside_another(c, i, found)]
     return tuple(sorted(outer, key=lambda c: c.body))
 
 
-def _collision_shapes(cell: Cell, chain: Chain) -> list["pin.GeometryObject"]:
+def _collision_shapes(cell: Cell, forest: Forest) -> list["pin.GeometryObject"]:
     description = cell.robot.description()
     try:
-        geometry = pin.buildGeomFromUrdfString(chain.model, description, pin.GeometryType.COLLISION)
+        geometry = pin.buildGeomFromUrdfString(
+            forest.model, description, pin.GeometryType.COLLISION
+        )
     except (ValueError, RuntimeError) as error:
         words = str(error).splitlines()[0]
         raise ConfigError(f"{cell.robot.urdf}: <collision>: {words}") from None
     return list(geometry.geometryObjects)
 
 
-def _fitted(shape: object) -> tuple[Array, float] | None:
+def _around(shape: object) -> tuple[Array, float] | None:
     """Return half the segment (3,) and the radius of a capsule around a primitive, or None."""
     match type(shape).__name__:
         case "Sphere":

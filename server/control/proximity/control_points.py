@@ -1,4 +1,7 @@
-"""Virtual spheres on the arm: how far their centres are from obstacles, and the slope of that."""
+"""Control points on the arm: their distances from obstacles, and the slope of the least of them.
+
+They are the centres of the cell's virtual spheres.
+"""
 
 import math
 from typing import Final, NamedTuple
@@ -8,19 +11,19 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.null_space.priority import VirtualSphere
-from ..compiled import ARRAY3, ARRAY4, FLAGS, INDEX, MATRIX, compiled
+from ..compiled import ARRAY3, ARRAY4, FLAGS, FLAGS2, INDEX, MATRIX, compiled, record
 from ..scene import Flags, Index, Scene
 from ..spatial import Array, Pose
-from .chain import Chain
+from .forest import Forest
 from .points import apart
 
 ALIKE: Final = 0.005
 """Distances that differ by so much are nearly one, and their slopes are mixed [m]. Where another
-sphere or obstacle becomes the nearest, the direction to go turns over; it does not jump."""
+point or obstacle becomes the nearest, the direction to go turns over; it does not jump."""
 
 
 class Distances(NamedTuple):
-    """How far the spheres' centres are from obstacles at one posture."""
+    """Distances of the control points from obstacles at one posture."""
 
     each: Array
     """Of each to the nearest surface (s,) [m]; infinite without obstacles."""
@@ -33,33 +36,32 @@ class Distances(NamedTuple):
         return float(self.each.min())
 
 
-class Spheres:
-    """The virtual spheres of one cell."""
+class ControlPoints:
+    """The centres of one cell's virtual spheres."""
 
     def __init__(self, cell: Cell, spheres: tuple[VirtualSphere, ...]) -> None:
         """Place them. Raises `ConfigError` for one on a link that there is not, or that stands."""
-        self._chain = Chain(cell)
+        self._forest = Forest(cell)
         placed = [self._place(cell, i, sphere) for i, sphere in enumerate(spheres)]
         self._body: Index = np.array([body for body, _ in placed], dtype=np.int64)
+        self._moves = self._forest.moves(self._body)
         self._centre = np.array([p for _, p in placed])
 
     def look(self, q: Array, scene: Scene | None, T_world_base: Pose | None = None) -> Distances:
         """Return the distances at joint angles q (n,) [rad]."""
         if scene is not None:
-            frames = self._chain.frames(q[None], T_world_base)
+            frames = self._forest.frames(q[None], T_world_base)
             centre = _placed(frames, self._body, self._centre)
-            distance, normal = apart(centre, scene)
-            if distance.size:
-                axes, prismatic = self._chain.axes(frames), self._chain.prismatic
-                return Distances(
-                    *_mixed(frames, axes, prismatic, self._body, centre, distance, normal)
-                )
+            away = apart(centre, scene)
+            if away.distance.size:
+                joints = frames, self._forest.axes(frames), self._forest.tree.prismatic
+                return Distances(*_mixed(joints, self._moves, centre, away[:]))
         return Distances(np.full(len(self._centre), np.inf), np.zeros(len(q)))
 
     def _place(self, cell: Cell, i: int, sphere: VirtualSphere) -> tuple[int, Array]:
         where = f"{cell.path}: priority.spheres[{i}].link: value '{sphere.link}'"
         try:
-            body, T = self._chain.body_of(sphere.link)
+            body, T = self._forest.body_of(sphere.link)
         except KeyError:
             raise ConfigError(f"{where}: no such link in {cell.robot.urdf}") from None
         if body == 0:
@@ -79,28 +81,23 @@ def _placed(frames: Array, body: Index, centre: Array) -> Array:
     return found
 
 
-@compiled(ARRAY4, ARRAY3, FLAGS, INDEX, MATRIX, MATRIX, ARRAY3)
+@compiled(record(ARRAY4, ARRAY3, FLAGS), FLAGS2, MATRIX, record(MATRIX, ARRAY3))
 def _mixed(
-    frames: Array,
-    axes: Array,
-    prismatic: Flags,
-    body: Index,
-    centre: Array,
-    distance: Array,
-    normal: Array,
+    joints: tuple[Array, Array, Flags], moves: Flags, centre: Array, apart: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Return the least distance of each sphere (s,), and the slope of the least of all (n,).
+    """Return the least distance of each point (s,), and the slope of the least of all (n,).
 
-    `distance` (s, k) and `normal` (s, k, 3) are those of `Apart`; the joints are given by their
-    frames (1, n, 3, 4), their axes (1, n, 3) and which are prismatic (n,).
+    `joints` are frames (1, n, 3, 4) and axes (1, n, 3), and which are prismatic (n,); `moves` (s,
+    n) tells which joints move the points at `centre` (s, 3); `apart` is a record `Apart`.
     """
-    spheres, obstacles = distance.shape
-    each, slope = np.full(spheres, np.inf), np.zeros(axes.shape[1])
-    for s in range(spheres):
+    (frames, axes, prismatic), (distance, normal) = joints, apart
+    points, obstacles = distance.shape
+    each, slope = np.full(points, np.inf), np.zeros(axes.shape[1])
+    for s in range(points):
         for k in range(obstacles):
             each[s] = min(each[s], distance[s, k])
     least, total = each.min(), 0.0
-    for s in range(spheres):
+    for s in range(points):
         x = y = z = 0.0
         for k in range(obstacles):
             share = math.exp((least - distance[s, k]) / ALIKE)
@@ -108,7 +105,9 @@ def _mixed(
             y += share * normal[s, k, 1]
             z += share * normal[s, k, 2]
             total += share
-        for j in range(body[s]):
+        for j in range(axes.shape[1]):
+            if not moves[s, j]:
+                continue
             a, b, c = axes[0, j, 0], axes[0, j, 1], axes[0, j, 2]
             if not prismatic[j]:  # the axis times the way from it to the centre
                 u = centre[s, 0] - frames[0, j, 0, 3]

@@ -12,6 +12,7 @@ import numpy as np
 from ..compiled import ARRAY3, ARRAY4, ATTITUDE, COUNT, INDEX, MATRIX, NUMBER, XYZ, compiled
 from ..scene import Index
 from ..spatial import Array
+from .records import OBSTACLES, PAIRS, Obstacles, Pairs
 
 Point = tuple[float, float, float]
 Attitude = tuple[Point, Point, Point]
@@ -235,15 +236,15 @@ def _from_box_at_least(a: Point, u: Point, R: Attitude, centre: Point, half: Poi
 # --- many pairs ------------------------------------------------------------------------------
 
 
-@compiled(ARRAY4, COUNT, COUNT, COUNT, NUMBER, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
+@compiled(ARRAY4, COUNT, COUNT, COUNT, NUMBER, OBSTACLES)
 def _pair(
-    ends: Array, s: int, first: int, second: int, within: float,
-    start: Array, end: Array, R: Array, centre: Array, half: Array,
-) -> tuple[float, Point, Point]:  # fmt: skip
+    ends: Array, s: int, first: int, second: int, within: float, obstacles: Obstacles
+) -> tuple[float, Point, Point]:
     """Return the distance, normal and place of one pair at one of several postures.
 
-    What is not `within` [m] is only told to be at least so far: it has no normal and no place.
+    Of a pair that is not `within` [m], only a lower bound of the distance: no normal, no place.
     """
+    start, end, R, centre, half = obstacles
     capsules, normal, part = ends.shape[1], (0.0, 0.0, 0.0), 0.0
     a = _node(ends, s, first, 0)
     u = _minus(_node(ends, s, first, 1), a)
@@ -265,38 +266,32 @@ def _pair(
     return distance, normal, _further(a, u, part)
 
 
-@compiled(ARRAY4, INDEX, INDEX, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
-def measured(
-    ends: Array, first: Index, second: Index,
-    start: Array, end: Array, R: Array, centre: Array, half: Array,
-) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Return distances (k,), normals and places (k, 3), as in `Near`, at the first of s postures.
+@compiled(ARRAY4, PAIRS, OBSTACLES)
+def measured(ends: Array, pairs: Pairs, obstacles: Obstacles) -> tuple[Array, Array, Array]:
+    """Return distances (k,), normals and places (k, 3), as in `Nearest`, at the first posture.
 
-    The k pairs are of a capsule `first` (k,) and a thing `second` (k,). `ends` (s, c, 2, 3) are the
-    capsules', `start` and `end` (m, 3) the rounds', R (b, 3, 3), `centre` and `half` (b, 3) the
-    boxes', in World [m].
+    `ends` (s, c, 2, 3) are the capsules' at s postures in World [m].
     """
-    pairs = len(first)
-    distance, normal, place = np.empty(pairs), np.empty((pairs, 3)), np.empty((pairs, 3))
-    for i in range(pairs):
-        found = _pair(ends, 0, first[i], second[i], np.inf, start, end, R, centre, half)
+    first, second = pairs
+    k = len(first)
+    distance, normal, place = np.empty(k), np.empty((k, 3)), np.empty((k, 3))
+    for i in range(k):
+        found = _pair(ends, 0, first[i], second[i], np.inf, obstacles)
         distance[i], normal[i], place[i] = found
     return distance, normal, place
 
 
-@compiled(ARRAY4, INDEX, INDEX, INDEX, MATRIX, MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
-def shortfall(
-    ends: Array, pairs: Index, first: Index, second: Index, wanted: Array,
-    start: Array, end: Array, R: Array, centre: Array, half: Array,
-) -> float:  # fmt: skip
-    """Return by how much distances fall short of what is wanted at worst [m]; 0 for not at all.
+@compiled(ARRAY4, PAIRS, INDEX, MATRIX, OBSTACLES)
+def shortfall(ends: Array, pairs: Pairs, which: Index, least: Array, obstacles: Obstacles) -> float:
+    """Return the greatest shortfall of distances below `least` (s, p) [m]; 0 where all are kept.
 
-    `wanted` (s, p) [m] is that of `pairs` (p,) of those that `measured` is given, at s postures.
+    Of the pairs `which` (p,), at s postures, at which capsules have `ends` (s, c, 2, 3).
     """
+    first, second = pairs
     worst = 0.0
     for s in range(len(ends)):
-        for i in range(len(pairs)):
-            a, b, within = first[pairs[i]], second[pairs[i]], wanted[s, i] - worst
-            distance = _pair(ends, s, a, b, within, start, end, R, centre, half)[0]
-            worst = max(worst, wanted[s, i] - distance)
+        for i in range(len(which)):
+            a, b, within = first[which[i]], second[which[i]], least[s, i] - worst
+            distance = _pair(ends, s, a, b, within, obstacles)[0]
+            worst = max(worst, least[s, i] - distance)
     return worst

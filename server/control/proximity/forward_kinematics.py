@@ -1,28 +1,28 @@
-"""Where the bodies of a serial chain are at several postures: frames, capsules and axes at once.
+"""Forward kinematics of a forest of joints at several postures: frames, axes and segments at once.
 
-A joint's frame in the one before it is a constant plus two constants times functions of its angle
-(Rodrigues).
+A joint's frame in its parent's is a constant plus two constants times functions of its angle
+(Rodrigues). A parent is a joint before it, or a root, whose pose in World the caller gives.
 """
 
 import math
 
 import numpy as np
 
-from ..compiled import ARRAY3, ARRAY4, FLAGS, INDEX, MATRIX, VECTOR, compiled
-from ..scene import Flags, Index
+from ..compiled import ARRAY3, ARRAY4, INDEX, MATRIX, compiled
+from ..scene import Index
 from ..spatial import Array
+from .records import ROOTS, TREE, Roots, Tree
 
 
-@compiled(ARRAY4, FLAGS, MATRIX, MATRIX, VECTOR)
-def frames_at(parts: Array, prismatic: Flags, q: Array, R: Array, p: Array) -> Array:
-    """Return the joints' frames (s, n, 3, 4) at postures q (s, n), Base at R (3, 3), p (3,).
-
-    `parts` (n, 3, 3, 4) and `prismatic` (n,) are the chain's.
-    """
+@compiled(TREE, MATRIX, ROOTS)
+def frames_at(tree: Tree, q: Array, roots: Roots) -> Array:
+    """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
+    (parents, prismatic, parts, _), (R, p) = tree, roots
     postures, n = q.shape
     found = np.empty((postures, n, 3, 4))
     step = np.empty((3, 4))
     for s in range(postures):
+        instant = min(s, len(p) - 1)
         for i in range(n):
             sine, cosine = q[s, i], 0.0
             if not prismatic[i]:
@@ -31,11 +31,14 @@ def frames_at(parts: Array, prismatic: Flags, q: Array, R: Array, p: Array) -> A
                 for k in range(4):
                     step[row, k] = parts[i, 0, row, k] + sine * parts[i, 1, row, k]
                     step[row, k] += cosine * parts[i, 2, row, k]
+            parent, root = parents[i], -1 - parents[i]
             for row in range(3):
-                x, y, z, place = R[row, 0], R[row, 1], R[row, 2], p[row]
-                if i:
-                    x, y = found[s, i - 1, row, 0], found[s, i - 1, row, 1]
-                    z, place = found[s, i - 1, row, 2], found[s, i - 1, row, 3]
+                if parent >= 0:
+                    x, y = found[s, parent, row, 0], found[s, parent, row, 1]
+                    z, place = found[s, parent, row, 2], found[s, parent, row, 3]
+                else:
+                    x, y = R[instant, root, row, 0], R[instant, root, row, 1]
+                    z, place = R[instant, root, row, 2], p[instant, root, row]
                 for k in range(4):
                     found[s, i, row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
                 found[s, i, row, 3] += place
@@ -57,27 +60,29 @@ def axes_at(frames: Array, axis: Array) -> Array:
     return found
 
 
-@compiled(ARRAY4, FLAGS, MATRIX, INDEX, ARRAY3, MATRIX, MATRIX, VECTOR)
+@compiled(TREE, MATRIX, ROOTS, INDEX, ARRAY3)
 def placed_at(
-    parts: Array, prismatic: Flags, axis: Array, body: Index, segments: Array,
-    q: Array, R: Array, p: Array,
-) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Return where segments (c, 2, 3), fixed to bodies (c,), are in World (s, c, 2, 3) [m].
+    tree: Tree, q: Array, roots: Roots, body: Index, segments: Array
+) -> tuple[Array, Array, Array]:
+    """Return segments (c, 2, 3), fixed to bodies (c,), in World (s, c, 2, 3) [m].
 
     And the joints' frames, as `frames_at` has them, and their axes (s, n, 3).
     """
-    frames = frames_at(parts, prismatic, q, R, p)
+    frames, (R, p) = frames_at(tree, q, roots), roots
     postures, capsules = len(frames), len(body)
     ends = np.empty((postures, capsules, 2, 3))
     for s in range(postures):
+        instant = min(s, len(p) - 1)
         for c in range(capsules):
-            joint = body[c] - 1
+            joint, root = body[c] - 1, -body[c]
             for row in range(3):
-                x, y, z, place = R[row, 0], R[row, 1], R[row, 2], p[row]
                 if joint >= 0:
                     x, y = frames[s, joint, row, 0], frames[s, joint, row, 1]
                     z, place = frames[s, joint, row, 2], frames[s, joint, row, 3]
+                else:
+                    x, y = R[instant, root, row, 0], R[instant, root, row, 1]
+                    z, place = R[instant, root, row, 2], p[instant, root, row]
                 for e in range(2):
                     way = x * segments[c, e, 0] + y * segments[c, e, 1] + z * segments[c, e, 2]
                     ends[s, c, e, row] = way + place
-    return ends, frames, axes_at(frames, axis)
+    return ends, frames, axes_at(frames, tree[3])

@@ -1,27 +1,39 @@
-"""How near links may come: by motions of the joints, and carried by a Base that moves."""
+"""Bounds on the travel of links: by motions of the joints, and carried by a Base that moves."""
 
 import math
 from typing import Final
 
 import numpy as np
 
-from ..compiled import ARRAY3, ARRAY4, FLAGS, INDEX, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import (
+    FLAGS,
+    FLAGS2,
+    INDEX,
+    MATRIX,
+    NUMBER,
+    VECTOR,
+    compiled,
+)
 from ..scene import Flags, Index
 from ..spatial import Array
+from .records import PLACED, Placed
 
 CURVED: Final = 1e-9
 """Below this sum of ways a lever does not grow [1]."""
 
 
-@compiled(ARRAY4, ARRAY3, ARRAY4, INDEX, FLAGS)
-def levers(frames: Array, axes: Array, ends: Array, body: Index, prismatic: Flags) -> Array:
-    """Return the levers (c, n) of capsules at the first of s postures, as `Links.levers` says.
+@compiled(PLACED, FLAGS2, FLAGS)
+def levers(placed: Placed, moves: Flags, prismatic: Flags) -> Array:
+    """Return the levers (c, n) [m] of capsules at the first posture, as `Capsules.levers` says.
 
-    `ends` (s, c, 2, 3) are theirs, `frames` (s, n, 3, 4) and `axes` (s, n, 3) the joints'.
+    `moves` (c, n) tells which joints move them, `prismatic` (n,) which joints slide.
     """
-    lever = np.zeros((len(body), axes.shape[1]))
-    for c in range(len(body)):
-        for j in range(body[c]):
+    ends, frames, axes = placed
+    lever = np.zeros(moves.shape)
+    for c in range(len(moves)):
+        for j in range(moves.shape[1]):
+            if not moves[c, j]:
+                continue
             if prismatic[j]:
                 lever[c, j] = 1.0
                 continue
@@ -56,27 +68,27 @@ def travel(lever: Array, way: Array) -> Array:
     return found
 
 
-@compiled(ARRAY4, ARRAY3, ARRAY4, INDEX, FLAGS, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER)
+@compiled(PLACED, FLAGS2, FLAGS, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER)
 def surroundings(
-    frames: Array, axes: Array, ends: Array, body: Index, prismatic: Flags,
-    speed: Array, acceleration: Array, factor: float, lag: float, beside: float,
+    placed: Placed, moves: Flags, prismatic: Flags,
+    speed: Array, acceleration: Array, factor: float, lag: float, margin: float,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Return the levers (c, n), and how far around each capsule things matter (c,) [m].
+    """Return the levers (c, n) [m], and the search radii around capsules (c,) [m].
 
-    That is as far as it gets before joints at `speed` (n,) stand, who brake at `factor` times
-    `acceleration` (n,) after `lag` [s], and `beside` [m].
+    A capsule travels so far before joints at `speed` (n,) stand, which brake at `factor` times
+    `acceleration` (n,) after `lag` [s]; plus `margin` [m].
     """
-    lever, way = levers(frames, axes, ends, body, prismatic), np.empty(len(speed))
+    lever, way = levers(placed, moves, prismatic), np.empty(len(speed))
     for j in range(len(speed)):
         way[j] = speed[j] * (lag + 0.5 * speed[j] / (factor * acceleration[j]))
-    return lever, travel(lever, way) + beside
+    return lever, travel(lever, way) + margin
 
 
 @compiled(MATRIX, MATRIX, INDEX, VECTOR, VECTOR)
 def carried(
     normal: Array, lever: Array, obstacle: Index, speed: Array, twist: Array
 ) -> tuple[Array, Array]:
-    """Return `speed` and `carried` (k,), as in `Neighbours`, where Base moves with a twist (6,).
+    """Return `speed` and `carried` (k,), as in `NearPairs`, where Base moves with a twist (6,).
 
     `lever` (k, 3) leads from Base to the places [m].
     """

@@ -8,10 +8,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ..compiled import ARRAY3, FLAGS, MATRIX, VECTOR, XYZ, compiled
+from ..compiled import FLAGS, MATRIX, VECTOR, XYZ, compiled
 from ..scene import Flags, Scene
 from ..spatial import Array
 from .distance import Point
+from .records import OBSTACLES, Obstacles
 
 TOUCHING: Final = 1e-9
 """Closer than this there is no direction [m]."""
@@ -28,22 +29,9 @@ class Apart(NamedTuple):
 
 def apart(points: Array, scene: Scene) -> Apart:
     """Return how far points (s, 3) [m] in World are from each solid obstacle."""
-    rounds, boxes = scene.rounds, scene.boxes
     # Where nothing moves, no speed is the reach.
     reach = scene.reach(0.0) if scene.moves else scene.speed
-    return Apart(
-        *_apart(
-            points,
-            rounds.start,
-            rounds.end,
-            rounds.radius,
-            rounds.line,
-            boxes.R,
-            boxes.centre,
-            boxes.half,
-            reach,
-        )
-    )
+    return Apart(*_apart(points, scene.segments, scene.rounds.radius, scene.rounds.line, reach))
 
 
 @compiled(XYZ, XYZ)
@@ -85,19 +73,16 @@ def _from_box(x: Point, half: Point) -> tuple[float, Point]:
     )
 
 
-@compiled(MATRIX, MATRIX, MATRIX, VECTOR, FLAGS, ARRAY3, MATRIX, MATRIX, VECTOR)
+@compiled(MATRIX, OBSTACLES, VECTOR, FLAGS, VECTOR)
 def _apart(
     points: Array,
-    start: Array,
-    end: Array,
+    obstacles: Obstacles,
     radius: Array,
     line: Flags,
-    R: Array,
-    centre: Array,
-    half: Array,
     reach: Array,
 ) -> tuple[Array, Array]:
     """Return distances and normals of points; all but `reach` (m + b,) [m] as in `Scene`."""
+    start, end, R, centre, half = obstacles
     rounds, solid = len(radius), len(radius) + len(centre) - line.sum()
     distance, normal = np.empty((len(points), solid)), np.empty((len(points), solid, 3))
     for s in range(len(points)):

@@ -45,10 +45,10 @@ class Kept:
     def gap(self, scene: Scene | None = None, own: bool = False) -> float:
         """Return the least gap to obstacles, or own links, less what is promised [m]."""
         scene = self.world.scene(0) if scene is None else scene
-        around = self.guard.clearance.around
-        room = np.full(len(around.links.capsules), FAR)
-        placed = around.links.place(self.run.memory.motion.q[None])
-        near = around.look(placed, scene, room, 0.0)
+        around = self.guard.clearance.search
+        room = np.full(len(around.capsules.each), FAR)
+        placed = around.capsules.place(self.run.memory.motion.q[None])
+        near = around.find(placed, scene, room, 0.0)
         wanted = (near.obstacle < 0) == own
         return float((near.gap - near.promise)[wanted].min(initial=FAR))
 

@@ -16,11 +16,11 @@ def kept(pa10):
 
 def gaps_along(kept: Kept, stop) -> np.ndarray:
     """Return the least gap at every millisecond, less what is promised [m]."""
-    around, scene = kept.guard.clearance.around, kept.world.scene(0)
-    room = np.full(len(around.links.capsules), FAR)
+    around, scene = kept.guard.clearance.search, kept.world.scene(0)
+    room = np.full(len(around.capsules.each), FAR)
     found = []
     for q in stop.postures(np.arange(0.0, stop.duration_s + 1e-3, 1e-3)):
-        near = around.look(around.links.place(q[None]), scene, room, 0.0)
+        near = around.find(around.capsules.place(q[None]), scene, room, 0.0)
         found.append(float((near.gap - near.promise).min(initial=FAR)))
     return np.array(found)
 

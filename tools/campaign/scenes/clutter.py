@@ -17,8 +17,8 @@ from ....config.joint_bounds import joint_bounds
 from ....config.load import Cell
 from ....config.schema.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
 from ....drivers.rig.physics.world import World
-from ....server.control.proximity.capsules import Links
-from ....server.control.proximity.pairs import Around
+from ....server.control.proximity.capsules import Capsules
+from ....server.control.proximity.pairs import PairSearch
 from ....server.perception.obstacle_map import ObstacleMap
 from ....server.runtime.events import Events
 from ...oracle.arm import Arm
@@ -153,7 +153,7 @@ def _start(
     mechanism = cell.config.mechanism
     low, high = joint_bounds(cell.robot.joints, mechanism.drives)
     world, own = World(cell), Arm.of(cell)
-    around = Around(cell, Links(cell))
+    search = PairSearch(cell, Capsules(cell))
     ready = np.array(mechanism.postures["ready"])
     for _ in range(TRIES):
         q = np.clip(ready + draw.uniform(-1.2, 1.2, len(ready)), low, high)
@@ -163,15 +163,14 @@ def _start(
             postures = {**mechanism.postures, "start": tuple(q.tolist())}
             arm = mechanism.model_copy(update={"postures": postures})
             changed = cell.config.model_copy(update={"mechanism": arm})
-            return Cell(cell.path, changed, cell.robot), found, _modelled(around, cell, q)
+            return Cell(cell.path, changed, cell.robot), found, _modelled(search, cell, q)
     return None
 
 
-def _modelled(around: Around, cell: Cell, q: NDArray[np.float64]) -> float:
+def _modelled(search: PairSearch, cell: Cell, q: NDArray[np.float64]) -> float:
     scene = ObstacleMap.from_cell(cell, Events()).scene(0)
-    near = around.look(
-        around.links.place(q[None]), scene, np.full(len(around.links.capsules), 1.0), 0.0
-    )
+    capsules = search.capsules
+    near = search.find(capsules.place(q[None]), scene, np.full(len(capsules.each), 1.0), 0.0)
     return float(near.gap[near.obstacle >= 0].min(initial=1.0))
 
 

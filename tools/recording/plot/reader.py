@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell, ConfigError, load_cell
 from ....config.schema.cameras import Camera
-from ....server.control.proximity.capsules import Links
+from ....server.control.proximity.capsules import Capsules
 from ..recorder import RecordError, read_about, read_messages
 
 Array = NDArray[np.float64]
@@ -28,9 +28,9 @@ class Recording:
     events: list[dict[str, Any]] = field(default_factory=list)
 
     @cached_property
-    def links(self) -> Links:
+    def capsules(self) -> Capsules:
         """The arm's shape. Raises `ConfigError` for links without one."""
-        return Links(self.cell)
+        return Capsules(self.cell)
 
     @cached_property
     def time(self) -> Array:

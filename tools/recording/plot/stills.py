@@ -17,8 +17,8 @@ POINTS_PER_M = 260.0
 
 def draw(run: Recording, truth: dict[str, Any], ax: Axes3D, width: float = 1.0) -> None:
     """Draw the arm at a truth, its tool's path so far, and the obstacles of the cell."""
-    ends = run.links.place(np.array([truth["q"]])).ends[0]
-    for (a, b), radius in zip(ends, run.links.radius, strict=True):
+    ends = run.capsules.place(np.array([truth["q"]])).ends[0]
+    for (a, b), radius in zip(ends, run.capsules.radius, strict=True):
         _line(ax, a, b, color="0.35", lw=width * POINTS_PER_M * 0.2 * radius, alpha=0.9)
     for name, obstacle in ((o.name, o) for o in run.cell.config.obstacles):
         if obstacle.shape != "sight_line":
@@ -62,7 +62,7 @@ def _line(ax: Axes3D, a: Array, b: Array, **how: Any) -> None:
 
 def _frame(ax: Axes3D, run: Recording) -> None:
     """Choose one cube for all moments of a run, so that they can be compared."""
-    nodes = run.links.place(run.of_truths(lambda t: t["q"])[::20]).ends.reshape(-1, 3)
+    nodes = run.capsules.place(run.of_truths(lambda t: t["q"])[::20]).ends.reshape(-1, 3)
     lines = [np.array(line) for line in run.sight_lines(run.truths[0])]
     every = np.vstack([nodes, *lines])
     low, high = every.min(axis=0), every.max(axis=0)

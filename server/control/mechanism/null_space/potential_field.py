@@ -12,7 +12,7 @@ import numpy as np
 
 from .....config.schema.null_space.potential import PotentialField as Config
 from ...joints import Joints
-from ...proximity.capsules import Links, Placed
+from ...proximity.capsules import Capsules, Placed
 from ...scene import Scene
 from ...spatial import Array, Pose
 from ..kinematics import Kinematics
@@ -45,20 +45,20 @@ class Felt(NamedTuple):
 class Field:
     """The field of one cell."""
 
-    def __init__(self, joints: Joints, c: Config, links: Links | None, rank: int = 6) -> None:
+    def __init__(self, joints: Joints, c: Config, capsules: Capsules | None, rank: int = 6) -> None:
         """Build it from the cell's section; `rank` is how many axes the arm reaches anywhere.
 
-        `links` are the arm's capsules, None where nothing asks for them.
+        `capsules` are the arm's, None where nothing asks for them.
         """
         self._link = c.virtual_link
-        self._links = links
-        body = np.zeros(0, dtype=np.int64) if links is None else links.body
+        self._capsules = capsules
+        body = np.zeros(0, dtype=np.int64) if capsules is None else capsules.body
         k = Strengths(c.obstacles, c.lines, c.joint_limits, c.manipulability)
         smooth = c.line_model == "smooth"
         potential = Potential(joints.lower, joints.upper, body, k, c.least_distance, smooth, rank)
         self.flow = Flow(potential, body, max(FLATTEST * max(k), 1e-9))
         link = c.virtual_link
-        self._repels = links is not None and (k.obstacles > 0.0 or k.lines > 0.0)
+        self._repels = capsules is not None and (k.obstacles > 0.0 or k.lines > 0.0)
         self._always = k.joint_limits > 0.0 or k.manipulability > 0.0 or link is not None
         """Something is felt without obstacles too."""
         self._direction = np.zeros(3)
@@ -85,8 +85,8 @@ class Field:
         among, ends = self._among(k, scene), _NO_LINKS
         if among is None and not self._always:
             return None
-        if among is not None and self._links is not None:
-            ends = (placed or self._links.place(q[None], T_world_base)).ends[0]
+        if among is not None and self._capsules is not None:
+            ends = (placed or self._capsules.place(q[None], T_world_base)).ends[0]
         return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among)
 
     def self_motion(self, seen: Seen | None, null: Array) -> tuple[Array | None, Felt | None]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .....config.load import Cell
 from .....config.schema.null_space.priority import Priority as Law
-from ...proximity.control_points import Distances, Spheres
+from ...proximity.control_points import ControlPoints, Distances
 from ...scene import Scene
 from ...spatial import Array, Pose
 
@@ -35,9 +35,9 @@ class Near(NamedTuple):
 class Priority:
     """The virtual spheres of one cell, and the law of eqs. 8 to 10."""
 
-    def __init__(self, law: Law, spheres: Spheres, joints: Array, period_s: float) -> None:
+    def __init__(self, law: Law, points: ControlPoints, joints: Array, period_s: float) -> None:
         """`joints` (n,) has ones where the joint's rate avoids, zeros elsewhere."""
-        self._law, self._spheres, self._joints = law, spheres, joints
+        self._law, self._points, self._joints = law, points, joints
         self._names = tuple(sphere.name for sphere in law.spheres)
         self._release = period_s / RELEASE_S
 
@@ -48,13 +48,13 @@ class Priority:
         if law is None:
             return None
         joints = np.array([float(joint.name in law.joints) for joint in cell.robot.joints])
-        return cls(law, Spheres(cell, law.spheres), joints, cell.config.timing.period_s)
+        return cls(law, ControlPoints(cell, law.spheres), joints, cell.config.timing.period_s)
 
     def look(
         self, q: Array, scene: Scene | None, before: Near | None, T_world_base: Pose | None = None
     ) -> Near:
         """Return what is near at joint angles q (n,) [rad]; `before` is that of the last tick."""
-        distances = self._spheres.look(q, scene, T_world_base)
+        distances = self._points.look(q, scene, T_world_base)
         alpha = alpha_of(distances.least, self._law) if self._law.precedence else 0.0
         if before is not None:
             alpha = max(alpha, before.alpha - self._release)

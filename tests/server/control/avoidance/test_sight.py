@@ -15,7 +15,7 @@ from telerobot.server.control.barriers.clearance import (
 from telerobot.server.control.barriers.clearance_bounds import HORIZON_S, ROUNDEST, wanted
 from telerobot.server.control.evolve import evolve
 from telerobot.server.control.frame_tree import Body
-from telerobot.server.control.proximity.capsules import Links
+from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.proximity.link_travel import doubtful, travel
 from telerobot.server.control.spatial import Pose, rotation_exp
 from telerobot.server.perception.obstacle_map import ObstacleMap
@@ -34,7 +34,7 @@ def clear(pa10):
     given = Avoidance(enabled=True)
     config = pa10.cell.config.model_copy(update={"obstacles": THINGS, "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
-    clearance = Clearance(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk, Links(cell))
+    clearance = Clearance(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk, Capsules(cell))
     return clearance, ObstacleMap.from_cell(cell, Events()).scene(0)
 
 
@@ -51,7 +51,7 @@ def test_the_way_of_a_link_is_that_of_a_lever_which_grows_with_it(rng):
 
 def test_no_end_of_a_link_goes_further_than_its_way(pa10, clear, rng):
     clearance, _ = clear
-    links = clearance.links
+    links = clearance.capsules
     for _ in range(50):
         q, turn = pa10.random_posture(rng), rng.uniform(-0.5, 0.5, 7)
         placed = links.place(q[None])
@@ -151,10 +151,10 @@ def test_the_nearest_pairs_are_told_nearest_first(pa10, clear, rng):
         active = rng.uniform(size=len(gap)) < 0.4
         order = np.argsort(gap, kind="stable")
         for only, which in ((False, order[:4]), (True, order[active[order]][:4])):
-            found = Shown(sight, clearance.links.links, active).gaps(only_active=only)
+            found = Shown(sight, clearance.capsules.links, active).gaps(only_active=only)
             assert [g.gap for g in found] == gap[which].tolist()
             assert [g.active for g in found] == active[which].tolist()
-            names = [clearance.links.links[i] for i in sight.near.first[which]]
+            names = [clearance.capsules.links[i] for i in sight.near.first[which]]
             assert [g.link for g in found] == names
 
 

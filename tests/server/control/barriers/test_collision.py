@@ -37,8 +37,8 @@ def test_beside_things_the_tool_is_as_slow_as_it_is_told(watched, rng):
     for _ in range(10):
         asked = rng.normal(size=7)
         guard, seen = watch(asked, np.zeros(7))
-        near, links = seen.sight.near, guard.links
-        tool = (links.body[near.first] == links.chain.n) & (near.obstacle >= 0)
+        near, links = seen.sight.near, guard.capsules
+        tool = (links.body[near.first] == links.forest.n) & (near.obstacle >= 0)
         limits = Avoidance(enabled=True)
         far = (near.gap[tool].min() - 0.02) / (limits.near_distance - 0.02)
         bound = 0.05 + np.clip(far, 0.0, 1.0) * (guard._speed - 0.05)

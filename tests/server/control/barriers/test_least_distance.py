@@ -90,7 +90,7 @@ def test_what_is_not_a_number_is_not_taken_for_an_order_to_stand(pa10, name):
 
 def around(kept: Kept, rng: np.random.Generator) -> tuple[Obstacle, ...]:
     """Return things in pairs on opposite sides of links, nearer than they may be or in them."""
-    ends = kept.guard.links.place(kept.run.q[None]).ends[0].reshape(-1, 2, 3)
+    ends = kept.guard.capsules.place(kept.run.q[None]).ends[0].reshape(-1, 2, 3)
     found = []
     for i in range(int(rng.integers(2, 8))):
         one, other = ends[int(rng.integers(1, len(ends)))]

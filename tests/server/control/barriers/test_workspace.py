@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.load import Cell
 from telerobot.config.schema.obstacles import Avoidance, Workspace
 from telerobot.server.control.barriers.workspace import BETWEEN, Walls
-from telerobot.server.control.proximity.capsules import Links
+from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
 
 LOW, HIGH = np.array([0.2, -0.3, 0.2]), np.array([0.8, 0.3, 0.9])
@@ -18,7 +18,7 @@ def walls(pa10):
     given = Avoidance(enabled=True, workspace=box)
     config = pa10.cell.config.model_copy(update={"avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
-    return Walls(cell, Links(cell))
+    return Walls(cell, Capsules(cell))
 
 
 def places(pa10, q, base=None) -> np.ndarray:

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from telerobot.config.load import Cell, ConfigError
 from telerobot.config.schema.obstacles import Avoidance, LinkCapsule
-from telerobot.server.control.proximity.capsules import Links
+from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
 
 
@@ -15,7 +15,7 @@ def arm(request):
 
 
 def test_frames_agree_with_pinocchio_at_any_posture_and_base(arm, rng):
-    chain = Links(arm.cell).chain
+    chain = Capsules(arm.cell).forest
     model = arm.mechanism.model
     data = model.createData()
     q = np.array([arm.random_posture(rng) for _ in range(20)])
@@ -30,7 +30,7 @@ def test_frames_agree_with_pinocchio_at_any_posture_and_base(arm, rng):
 
 
 def test_levers_are_how_far_the_ends_go_when_one_joint_turns(arm, rng):
-    links = Links(arm.cell)
+    links = Capsules(arm.cell)
     q = arm.random_posture(rng)
     lever = links.levers(links.place(q[None]))
     h = 1e-6
@@ -42,9 +42,9 @@ def test_levers_are_how_far_the_ends_go_when_one_joint_turns(arm, rng):
 
 
 def test_no_point_of_a_link_is_moved_further_than_its_lever_allows(arm, rng):
-    links = Links(arm.cell)
-    far = [max(np.linalg.norm(c.start), np.linalg.norm(c.end)) for c in links.capsules]
-    lever = np.array([links.reach(c.body, x) for c, x in zip(links.capsules, far, strict=True)])
+    links = Capsules(arm.cell)
+    far = [max(np.linalg.norm(c.start), np.linalg.norm(c.end)) for c in links.each]
+    lever = np.array([links.reach(c.body, x) for c, x in zip(links.each, far, strict=True)])
     for _ in range(50):
         q, turn = arm.random_posture(rng), rng.uniform(-0.5, 0.5, arm.p.n)
         ends = links.place(np.array([q, q + turn])).ends
@@ -53,7 +53,7 @@ def test_no_point_of_a_link_is_moved_further_than_its_lever_allows(arm, rng):
 
 
 def test_every_point_of_the_collision_shapes_lies_inside_a_capsule(arm, rng):
-    links = Links(arm.cell)
+    links = Capsules(arm.cell)
     description = arm.cell.robot.description()
     model = pin.buildModelFromXML(description)
     geometry = pin.buildGeomFromUrdfString(model, description, pin.GeometryType.COLLISION)
@@ -73,7 +73,7 @@ def test_every_point_of_the_collision_shapes_lies_inside_a_capsule(arm, rng):
 
 
 def test_a_ball_at_the_end_of_a_rod_is_no_capsule_of_its_own(pa10):
-    links = Links(pa10.cell)
+    links = Capsules(pa10.cell)
     assert links.links == (
         "base", "link1", "link2", "link3", "link4", "link5", "link6", "link7", "hand", "hand",
     )  # fmt: skip
@@ -81,7 +81,7 @@ def test_a_ball_at_the_end_of_a_rod_is_no_capsule_of_its_own(pa10):
 
 def test_the_cell_may_add_to_the_shape_of_a_link(pa10):
     tool = LinkCapsule(link="flange", start=(0, 0, 0.1), end=(0, 0, 0.3), radius=0.02)
-    links = Links(_with(pa10.cell, tool))
+    links = Capsules(_with(pa10.cell, tool))
     assert links.links[-1] == "flange"
     q = pa10.posture("ready")
     T = pa10.mechanism.pose_wrist(q)
@@ -92,7 +92,7 @@ def test_the_cell_may_add_to_the_shape_of_a_link(pa10):
 def test_a_capsule_for_a_link_that_is_not_there_is_named(pa10):
     tool = LinkCapsule(link="flnge", start=(0, 0, 0.1), end=(0, 0, 0.3), radius=0.02)
     with pytest.raises(ConfigError, match=r"avoidance.capsules\[0\].link: value 'flnge'"):
-        Links(_with(pa10.cell, tool))
+        Capsules(_with(pa10.cell, tool))
 
 
 def _with(cell: Cell, *capsules: LinkCapsule) -> Cell:

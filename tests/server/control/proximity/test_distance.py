@@ -4,7 +4,7 @@ import coal
 import numpy as np
 import pytest
 from telerobot.server.control.proximity.distance import measured, shortfall
-from telerobot.server.control.proximity.pairs import Near
+from telerobot.server.control.proximity.gaps import Nearest
 from telerobot.server.control.spatial import rotation_exp
 
 COUNT = 300
@@ -15,20 +15,20 @@ NO_ROUNDS = (NONE, NONE)
 NO_BOXES = (np.zeros((0, 3, 3)), NONE, NONE)
 
 
-def segments(a, b, c, d) -> Near:
+def segments(a, b, c, d) -> Nearest:
     """Return where each segment a–b is nearest to its c–d, as a round."""
     return things(a, b, (c, d), NO_BOXES)
 
 
-def segments_boxes(a, b, R, centre, half) -> Near:
+def segments_boxes(a, b, R, centre, half) -> Nearest:
     """Return where each segment a–b is nearest to its box."""
     return things(a, b, NO_ROUNDS, (R, centre, half))
 
 
-def things(a, b, rounds, boxes) -> Near:
+def things(a, b, rounds, boxes) -> Nearest:
     first = np.arange(len(a))
     ends = np.stack([a, b], axis=1)[None]
-    return Near(*measured(ends, first, first + len(a), *rounds, *boxes))
+    return Nearest(*measured(ends, (first, first + len(a)), (*rounds, *boxes)))
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def test_crossing_segments_have_a_direction_too():
 def test_two_segments_of_the_arm_are_measured_as_a_segment_and_a_round(lines):
     a, b, c, d = lines
     ends, i = np.stack([np.r_[a, c], np.r_[b, d]], axis=1)[None], np.arange(COUNT)
-    own = measured(ends, i, i + COUNT, *NO_ROUNDS, *NO_BOXES)
+    own = measured(ends, (i, i + COUNT), (*NO_ROUNDS, *NO_BOXES))
     for found, expected in zip(own, segments(a, b, c, d), strict=True):
         np.testing.assert_array_equal(found, expected)
 
@@ -150,7 +150,7 @@ def test_the_shortfall_is_that_of_the_worst_pair_at_the_worst_posture(lines, box
                 [things(*ends.swapaxes(0, 1), rounds, others).distance[pairs] for ends in postures]
             )
             wanted = distance + rng.uniform(-0.2, 0.1, distance.shape) + far
-            found = shortfall(postures, pairs, i, i + COUNT, wanted, *rounds, *others)
+            found = shortfall(postures, (i, i + COUNT), pairs, wanted, (*rounds, *others))
             expected = max(0.0, float((wanted - distance).max()))
             assert found == pytest.approx(expected, abs=1e-12)
             short += found > 0.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.config.schema.obstacles import AllowedContact, Avoidance, Obstacle
-from telerobot.server.control.proximity.capsules import Links
-from telerobot.server.control.proximity.pairs import Around
+from telerobot.server.control.proximity.capsules import Capsules
+from telerobot.server.control.proximity.pairs import PairSearch
 from telerobot.server.control.scene import Scene
 from telerobot.server.control.spatial import Pose
 from telerobot.server.perception.obstacle_map import ObstacleMap
@@ -33,14 +33,14 @@ class Near:
         given = Avoidance(enabled=True, clearance=0.02, self_clearance=0.01, **avoidance)
         config = cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
         cell = Cell(cell.path, config, cell.robot)
-        self.links = Links(cell)
-        self.around = Around(cell, self.links)
+        self.capsules = Capsules(cell)
+        self.search = PairSearch(cell, self.capsules)
         self.scene = ObstacleMap.from_cell(cell, Events()).scene(0)
 
     def look(self, q, room=EVERYWHERE, scene: Scene | None = None, ahead_s=0.0, base=None):
-        rooms = np.full(len(self.links.capsules), room)
-        placed = self.links.place(q[None], base)
-        return self.around.look(placed, self.scene if scene is None else scene, rooms, ahead_s)
+        rooms = np.full(len(self.capsules.each), room)
+        placed = self.capsules.place(q[None], base)
+        return self.search.find(placed, self.scene if scene is None else scene, rooms, ahead_s)
 
 
 @pytest.fixture(params=["pa10", "ur5e"])
@@ -94,8 +94,8 @@ def test_slopes_of_gaps_agree_with_finite_differences(arm, rng):
 def test_gaps_and_promises_are_those_of_the_things_that_pairs_name(pa10, rng):
     among = Near(pa10.cell, ROUNDS + BOXES)
     near = among.look(pa10.posture("ready"))
-    capsules = len(among.links.capsules)
-    radius = [*among.links.radius, *among.scene.rounds.radius, 0.0, 0.0]
+    capsules = len(among.capsules.each)
+    radius = [*among.capsules.radius, *among.scene.rounds.radius, 0.0, 0.0]
     promised = {"ball": 0.07}
     for i, (first, second) in enumerate(_names(near)):
         assert near.obstacle[i] == max(second - capsules, -1)
@@ -110,11 +110,11 @@ def test_what_may_touch_what_is_soft_and_base_are_left_out(pa10):
     among = Near(pa10.cell, (*ROUNDS, VIEW), allowed_contacts=(contact,))
     near = among.look(pa10.posture("ready"))
     found = {
-        (among.links.links[first], among.scene.names[obstacle])
+        (among.capsules.links[first], among.scene.names[obstacle])
         for first, obstacle in zip(near.first, near.obstacle, strict=True)
         if obstacle >= 0
     }
-    moved = {link for c, link in enumerate(among.links.links) if among.links.body[c] > 0}
+    moved = {link for c, link in enumerate(among.capsules.links) if among.capsules.body[c] > 0}
     assert found == {(link, o.name) for link in moved for o in ROUNDS} - {("hand", "post")}
 
 

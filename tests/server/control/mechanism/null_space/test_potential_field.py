@@ -12,7 +12,7 @@ from telerobot.server.control.mechanism.null_space.potential_field import Field
 from telerobot.server.control.mechanism.null_space.potentials.geometry import ahead, shape
 from telerobot.server.control.mechanism.null_space.redundancy import Pulls
 from telerobot.server.control.parameters import Parameters
-from telerobot.server.control.proximity.capsules import Links
+from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Settings
 from telerobot.server.control.task.paths.goals import PathGoal
@@ -51,7 +51,7 @@ def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
 
 
 def field_of(p):
-    return Field(p.joints, p.potential, p.links)
+    return Field(p.joints, p.potential, p.capsules)
 
 
 def look(arm, scene, q, field=None):
@@ -84,7 +84,7 @@ def test_joint_torques_are_the_slope_of_the_potential(kind):
 
 def test_a_small_way_ahead_links_and_screws_are_where_kinematics_have_them():
     arm, _ = arm_among("pa10", EVERY_KIND)
-    links, T = Links(arm.cell), arm.settings.T_wrist_mrf
+    links, T = Capsules(arm.cell), arm.settings.T_wrist_mrf
     rng = np.random.default_rng(22)
 
     def at(q):
@@ -127,7 +127,7 @@ def test_an_obstacle_that_leaps_at_the_arm_asks_for_no_more_than_the_bound(start
     arm, scene = arm_among("pa10", EVERY_KIND, field=10.0)
     run = start(arm)
     run.go(0.5, scene=scene)
-    elbow = Links(arm.cell).place(run.sent[-1][None]).ends[0][4, 0]
+    elbow = Capsules(arm.cell).place(run.sent[-1][None]).ends[0][4, 0]
     at = np.vstack([elbow + 0.01, scene.rounds.start[1:]])
     rounds = dataclasses.replace(
         scene.rounds, start=at, end=np.vstack([at[:1], scene.rounds.end[1:]])
@@ -156,7 +156,7 @@ def test_self_motion_leaves_the_task_its_speed(start, stick):
 def test_a_field_that_nothing_follows_is_not_computed(start, monkeypatch):
     arm, scene = arm_among("pa10", EVERY_KIND, field=0.0)
     run = start(arm)
-    monkeypatch.setattr(arm.p.links, "place", None)
+    monkeypatch.setattr(arm.p.capsules, "place", None)
     assert run.go(0.1, scene=scene).field is None
 
 
@@ -173,7 +173,7 @@ def test_where_there_is_no_field_none_is_computed_or_told(start):
 def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
     arm, _ = arm_among("pa10", EVERY_KIND, field=4.0)
     run = start(arm, arm.posture("ready") + SWUNG)
-    monkeypatch.setattr(arm.p.links, "place", None)
+    monkeypatch.setattr(arm.p.capsules, "place", None)
     output = run.tick()
     assert output.field.parts["joint_limits"] > 0.0
     assert output.field.parts["obstacles"] == 0.0

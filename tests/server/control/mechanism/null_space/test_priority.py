@@ -15,7 +15,7 @@ from telerobot.server.control.mechanism.null_space.priority import (
     alpha_of,
     size_of,
 )
-from telerobot.server.control.proximity.control_points import ALIKE, Spheres
+from telerobot.server.control.proximity.control_points import ALIKE, ControlPoints
 from telerobot.server.control.spatial import Pose
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
@@ -106,7 +106,7 @@ def test_a_sliding_joint_moves_a_sphere_along_its_axis(tmp_path):
         text.replace('"joint1" type="revolute"', '"joint1" type="prismatic"'), encoding="utf-8"
     )
     cell = dataclasses.replace(cell, robot=read_robot(path, "tip", str(path)))
-    spheres, scene, h = Spheres(cell, LAW.spheres[:1]), scene_of(BALL), 1e-6
+    spheres, scene, h = ControlPoints(cell, LAW.spheres[:1]), scene_of(BALL), 1e-6
     q = np.array([0.3, 0.1, -0.2, 0.5, 0.4, 0.1, 0.0])
     slope = spheres.look(q, scene).slope
     for i, e in enumerate(h * np.eye(7)):

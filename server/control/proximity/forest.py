@@ -1,0 +1,141 @@
+"""The joints of a cell as a forest: a tree for each root, read from the URDF."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ....config.load import Cell
+from ..scene import Flags, Index
+from ..spatial import Array, Pose
+from .forward_kinematics import axes_at, frames_at, placed_at
+from .records import Roots
+
+
+class Tree(NamedTuple):
+    """n joints, parents before children."""
+
+    parent: Index
+    """Of each joint (n,): the joint that carries it, or −1 − r where root r does."""
+    prismatic: Flags
+    """Which joints are prismatic (n,); the others turn."""
+    parts: Array
+    """Of each joint (n, 3, 3, 4): its frame in its parent's at zero, and what is added by functions
+    of its angle: times sin and 1 − cos, or times the way of a prismatic one and 0."""
+    axis: Array
+    """Axes (n, 3) in the joints' own frames."""
+
+
+class Forest:
+    """Forward kinematics of a cell's n joints, for capsules and control points.
+
+    Bodies are numbered: joint j moves body j + 1; body −r is root r. Today's cells have one
+    mechanism: root 0, its Base. Another one's joints follow with a root of their own, at a fixed or
+    a moving pose, or with a parent among the joints before, where it stands on them. The tick's own
+    Jacobian is `mechanism/kinematics.py`'s, whose rounding the shipped hashes hold.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        """Read the joints from the cell's URDF; those outside of the mechanism stand at zero."""
+        model = pin.buildModelFromXML(cell.robot.description())
+        self._model, self._data = model, model.createData()
+        pin.forwardKinematics(model, self._data, pin.neutral(model))
+        base = cell.config.mechanism.T_world_base
+        self._standing = _root(Pose.from_xyz_rpy(base.xyz, base.rpy))
+        self._ids = [model.getJointId(joint.name) for joint in cell.robot.joints]
+        self.n = len(self._ids)
+        self.tree = self._tree()
+        far = [max(abs(joint.lower), abs(joint.upper)) for joint in cell.robot.joints]
+        self.stroke = np.where(self.tree.prismatic, far, 0.0)
+        """How far each prismatic joint may be out (n,) [m]; zero for the others."""
+        self._moves = np.zeros((self.n + 1, self.n), dtype=bool)
+        for j, parent in enumerate(self.tree.parent.tolist()):
+            self._moves[j + 1] = self._moves[max(parent + 1, 0)]
+            self._moves[j + 1, j] = True
+
+    def frames(self, q: Array, T_world_base: Pose | None = None) -> Array:
+        """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
+        return frames_at(self.tree[:], q, self._roots(T_world_base))
+
+    def axes(self, frames: Array) -> Array:
+        """Return the joints' axes (s, n, 3) in World, given their frames (s, n, 3, 4)."""
+        return axes_at(frames, self.tree.axis)
+
+    def placed(
+        self, q: Array, body: Index, segments: Array, T_world_base: Pose | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Return segments (c, 2, 3) on bodies (c,) at postures q (s, n), in World (s, c, 2, 3) [m].
+
+        With the joints' frames (s, n, 3, 4) and axes (s, n, 3).
+        """
+        return placed_at(self.tree[:], q, self._roots(T_world_base), body, segments)
+
+    def moves(self, body: Index) -> Flags:
+        """Return which joints move bodies (c,): (c, n)."""
+        return np.asarray(self._moves[np.maximum(body, 0)])
+
+    def root(self, body: int) -> int:
+        """Return the root that carries a body."""
+        while body > 0:
+            body = int(self.tree.parent[body - 1]) + 1
+        return -body
+
+    def body_of(self, frame: str) -> tuple[int, Pose]:
+        """Return the body that a link of the URDF is part of, and the link's pose in it.
+
+        Raises `KeyError` for a link that the URDF does not have.
+        """
+        if not self._model.existFrame(frame):
+            raise KeyError(frame)
+        placed = self._model.frames[self._model.getFrameId(frame)]
+        return self.carried(placed.parentJoint, placed.placement)
+
+    def carried(self, joint: int, placement: "pin.SE3") -> tuple[int, Pose]:
+        """Return the body that carries a thing at a joint of the URDF, and its pose in the body."""
+        body = self._carrier(joint)
+        T = self._data.oMi[joint] * placement
+        if body:
+            T = self._data.oMi[self._ids[body - 1]].inverse() * T
+        return body, Pose(T.rotation.copy(), T.translation.copy())
+
+    @property
+    def model(self) -> "pin.Model":
+        """Pinocchio's model of the whole URDF."""
+        return self._model
+
+    def _carrier(self, joint: int) -> int:
+        """Return the body that carries a joint of the URDF, or is moved by it; 0 for Base."""
+        supports = self._model.supports[joint].tolist()
+        return max((self._ids.index(j) + 1 for j in supports if j in self._ids), default=0)
+
+    def _roots(self, T_world_base: Pose | None) -> Roots:
+        return self._standing if T_world_base is None else _root(T_world_base)
+
+    def _tree(self) -> Tree:
+        """Read the tree of the joints; Base is their root."""
+        n, model, data = self.n, self._model, self._data
+        parents = np.empty(n, dtype=np.int64)
+        prismatic, parts, axes = np.zeros(n, dtype=bool), np.zeros((n, 3, 3, 4)), np.zeros((n, 3))
+        for i, j in enumerate(self._ids):
+            carrier = self._carrier(model.parents[j])
+            before = data.oMi[self._ids[carrier - 1]] if carrier else pin.SE3.Identity()
+            parents[i] = carrier - 1
+            placement = (before.inverse() * data.oMi[j]).homogeneous
+            joint_data = model.joints[j].createData()
+            model.joints[j].calc(joint_data, np.zeros(1))
+            linear, angular = np.asarray(joint_data.S).reshape(2, 3)
+            prismatic[i] = bool(linear.any())
+            axes[i] = linear if prismatic[i] else angular
+            parts[i, 0] = placement[:3]
+            if prismatic[i]:
+                parts[i, 1, :, 3] = placement[:3, :3] @ linear
+            else:
+                K = pin.skew(angular)
+                parts[i, 1, :, :3] = placement[:3, :3] @ K
+                parts[i, 2, :, :3] = placement[:3, :3] @ K @ K
+        return Tree(parents, prismatic, parts, axes)
+
+
+def _root(T: Pose) -> Roots:
+    """Return the pose of the only root, at all postures."""
+    return T.R[None, None], T.p[None, None]
