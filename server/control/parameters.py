@@ -19,6 +19,9 @@ from .proximity.capsules import Capsules
 from .spatial import Array, Pose
 from .task.source import Shaping
 
+HEADROOM = 0.1
+"""Part of a joint's greatest speed that no command takes in CST: a hand may push beside it [1]."""
+
 
 def _bounds(translation: float, rotation: float) -> Array:
     return np.array([translation] * 3 + [rotation] * 3)
@@ -89,6 +92,7 @@ class Parameters:
         """
         c: CellConfig = cell.config
         ordered = c.mechanism.drives
+        kept = 1.0 - HEADROOM if c.mechanism.operation_mode == "cst" else 1.0
         bounds = joint_bounds(cell.robot.joints, ordered)
         sensor = c.mechanism.force_torque
         smoothing = 1.0
@@ -101,7 +105,7 @@ class Parameters:
                 names=tuple(j.name for j in cell.robot.joints),
                 lower=np.array(bounds.lower),
                 upper=np.array(bounds.upper),
-                velocity=np.array([d.max_velocity for d in ordered]),
+                velocity=kept * np.array([d.max_velocity for d in ordered]),
                 acceleration=np.array([d.max_acceleration for d in ordered]),
                 jerk=np.array([d.max_jerk for d in ordered]),
                 leash=np.array([d.leash for d in ordered]),
