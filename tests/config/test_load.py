@@ -297,6 +297,27 @@ def test_a_schedule_that_falls_back_is_an_error(small):
         load_cell(small.cell)
 
 
+@pytest.mark.parametrize(
+    ("says", "words"),
+    [
+        ('relative_to = "carrier"', r"sources\.spring\.relative_to: value 'carrier'.*no \[frames"),
+        ("direction = [0.0, 0.0, 0.0]", r"sources\.spring\.direction.*must point somewhere"),
+        ("gain = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]", r"sources\.spring\.gain"),
+    ],
+)
+def test_a_fixture_that_is_nowhere_is_an_error(small, says, words):
+    small.cell.write_text(small.cell.read_text() + f"\n[sources.spring]\n{says}\n")
+    with pytest.raises(ConfigError, match=words):
+        load_cell(small.cell)
+
+
+def test_a_schedule_of_a_source_that_there_is_not_names_those_that_there_are(small):
+    table = '\n[[schedules]]\nsource = "stick"\nby = "time"\nat = [0, 1]\nfactor = [0, 1]\n'
+    small.cell.write_text(small.cell.read_text() + table)
+    with pytest.raises(ConfigError, match=r"schedules\[0\]\.source.*'stick'.*joystick, position"):
+        load_cell(small.cell)
+
+
 GRIPPER = "[mechanism.payloads]\nbare = {{ mass = 0.4 }}\n[mechanism.gripper]\nnode = {0}\n{1}\n"
 
 

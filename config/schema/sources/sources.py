@@ -10,6 +10,7 @@ from .force import Force
 from .joystick import Joystick
 from .position import Position
 from .source import Source
+from .spring import Spring
 from .vision import Vision
 
 
@@ -21,6 +22,7 @@ class Sources(Section):
     vision: Vision = Field(default_factory=Vision, description="a camera's view")
     force: Force = Field(default_factory=Force, description="force control")
     following: Following = Field(default_factory=Following, description="a hand at the tool")
+    spring: Spring = Field(default_factory=Spring, description="a virtual fixture")
 
     @property
     def each(self) -> dict[str, Source]:

@@ -8,6 +8,7 @@ from .sources.following import Following
 from .sources.force import Force
 from .sources.joystick import Joystick
 from .sources.position import Position
+from .sources.spring import Spring
 from .sources.vision import Vision
 
 KINDS: Final = MappingProxyType[str, type[Source[Any]]](
@@ -17,5 +18,6 @@ KINDS: Final = MappingProxyType[str, type[Source[Any]]](
         "vision": Vision,
         "force": Force,
         "following": Following,
+        "spring": Spring,
     }
 )
