@@ -1,4 +1,4 @@
-"""The campaign's own model of an arm: where its frames and shapes are, from the URDF alone.
+"""The oracle's model of an arm: its frames and shapes, from the URDF alone.
 
 It shares no code with the server's control and no library with it but numpy: plain products of
 homogeneous transforms. Shapes are rows of balls inside the URDF's collision primitives, within a
@@ -13,11 +13,13 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from .poses import Array, difference, matrix, numbers, origin_of, rotation
+from .poses import Array, matrix, numbers, origin_of, skew
 from .shapes import Block, Shape, blocks_of, shape_of
 
 NEIGHBOURS = 2
 """Links this many joints apart overlap by design, and are not held against each other [1]."""
+
+_EYE = np.eye(3)
 
 
 @dataclass
@@ -26,11 +28,17 @@ class _Joint:
 
     parent: int
     T: Array
-    axis: Array | None
+    axis: Array
+    """Unit vector (3,) in the child's frame."""
     coordinate: int
     """Index into q; -1 for a joint that does not move."""
     depth: int
     """Number of moving joints from the base to the child."""
+    slides: bool = False
+    """True for a prismatic joint."""
+
+    def __post_init__(self) -> None:
+        self.skew = skew(self.axis)
 
 
 @dataclass
@@ -54,7 +62,7 @@ class Arm:
             name for link in root.findall("link") if (name := link.get("name", "")) not in children
         )
         index = {base: 0}
-        joints = [_Joint(-1, np.eye(4), None, -1, 0)]
+        joints = [_Joint(-1, np.eye(4), np.zeros(3), -1, 0)]
         waiting = root.findall("joint")
         while waiting:
             element = next(j for j in waiting if _end(j, "parent") in index)
@@ -72,6 +80,7 @@ class Arm:
                     direction / np.linalg.norm(direction),
                     coordinate,
                     depth,
+                    element.get("type") == "prismatic",
                 )
             )
         mechanism = cell.config.mechanism
@@ -90,21 +99,34 @@ class Arm:
         T[0] = self.T_base
         for i, joint in enumerate(self.joints[1:], start=1):
             T[i] = T[joint.parent] @ joint.T
-            if joint.coordinate >= 0 and joint.axis is not None:
-                T[i, :3, :3] = T[i, :3, :3] @ rotation(joint.axis * q[joint.coordinate])
+            if joint.coordinate >= 0:
+                way = float(q[joint.coordinate])
+                if joint.slides:
+                    T[i, :3, 3] += T[i, :3, :3] @ joint.axis * way
+                else:
+                    K = joint.skew
+                    turn = _EYE + math.sin(way) * K + (1.0 - math.cos(way)) * (K @ K)
+                    T[i, :3, :3] = T[i, :3, :3] @ turn
         return T
 
     def tool(self, q: Array) -> Array:
         """Return the MRF's pose in World (4, 4)."""
         return np.asarray(self.frames(q)[self.tip] @ self.T_tool)
 
-    def jacobian(self, q: Array, step: float = 1e-6) -> Array:
-        """Return the MRF's Jacobian (6, n), World axes, by central differences of the pose."""
-        J = np.empty((6, len(q)))
-        for i in range(len(q)):
-            aside = np.zeros(len(q))
-            aside[i] = step
-            J[:, i] = difference(self.tool(q + aside), self.tool(q - aside)) / (2.0 * step)
+    def jacobian(self, q: Array) -> Array:
+        """Return the MRF's Jacobian (6, n), World axes: of each joint, its axis and its lever."""
+        T, J, i = self.frames(q), np.zeros((6, len(q))), self.tip
+        p = T[self.tip, :3, :3] @ self.T_tool[:3, 3] + T[self.tip, :3, 3]
+        while i > 0:
+            joint = self.joints[i]
+            if joint.coordinate >= 0:
+                axis = T[i, :3, :3] @ joint.axis
+                if joint.slides:
+                    J[:3, joint.coordinate] = axis
+                else:
+                    J[:3, joint.coordinate] = skew(axis) @ (p - T[i, :3, 3])
+                    J[3:, joint.coordinate] = axis
+            i = joint.parent
         return J
 
     def clearance(self, q: Array) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 The judge knows the arm from its URDF only (`arm.py`). From a known posture it marches along the
 straight path to a target pose (translation on a line, rotation on the geodesic) in small steps,
-each solved by Newton's method with the plain pseudo-inverse of a numerical Jacobian. A target is
+each solved by Newton's method with the plain pseudo-inverse of the Jacobian. A target is
 feasible if all along the path
 
 - every joint keeps `LIMIT_ROOM` more from its limits than the cell's `position_margin`,

@@ -1,4 +1,4 @@
-"""Poses as homogeneous matrices (4, 4), rotations by vector: the campaign's own mathematics."""
+"""Poses as homogeneous matrices (4, 4), rotations by vector: the oracle's own mathematics."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -16,9 +16,14 @@ def rotation(vector: Array) -> Array:
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
         return np.eye(3)
-    x, y, z = (vector / angle).tolist()
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    K = skew(vector / angle)
     return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
+
+
+def skew(vector: Array) -> Array:
+    """Return the matrix (3, 3) of `vector ×`."""
+    x, y, z = vector.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def rotation_vector(R: Array) -> Array:

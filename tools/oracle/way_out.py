@@ -1,10 +1,10 @@
 """Is there a way out for an arm among things? Searched by other means than the server's.
 
-A tree of postures grows from the arm's (LaValle, Rapidly-exploring random trees, 1998): each is a
-small step from one that is there, towards a posture drawn at random, away from things or along a
-straight way of the tool. It is the nearest step that keeps the gaps to first order; then the gaps
+A tree of postures grows from the arm's (`random_tree.py`): each is a small step from one that is
+there, towards a posture drawn at random, away from things or along a straight way of the tool. It
+is the nearest step that keeps the gaps to first order; then the gaps
 themselves are looked at, half way and in the end. Those to things are the physics' own, those
-between links are of the campaign's own model of the arm. A gap below the promise may not become
+between links are of the oracle's own model of the arm. A gap below the promise may not become
 smaller, joints keep their limits, and what moves stands. A way out is one on which
 
 - the least gap to things grows by `WIDER`, or
@@ -14,6 +14,7 @@ A search can show that there is a way; that there is none, it makes likely.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import daqp
 import numpy as np
@@ -24,6 +25,7 @@ from ...config.load import Cell
 from ...drivers.rig.physics.world import World
 from .arm import Arm
 from .poses import Array, difference
+from .random_tree import Tree
 
 Flags = NDArray[np.bool_]
 
@@ -80,7 +82,7 @@ class _Search:
         self._floor = np.minimum(promised, gaps) - held
         self._wanted = float(gaps[:-1].min()) + WIDER
         self._start = self._arm.tool(q)
-        self._tree = [q.copy()]
+        self._tree = Tree(q)
         self._draw = np.random.default_rng(0)
 
     def found(self) -> bool:
@@ -88,33 +90,27 @@ class _Search:
         tried = 0
         while tried < POSTURES:
             q, wish = self._aim()
-            for _ in range(IN_A_ROW):
-                tried += 1
-                step = self._step(q, wish)
-                if step is None:
-                    break
-                q = step
-                self._tree.append(q)
-                if self._out(q):
-                    return True
+            out, steps = self._tree.grow(q, partial(self._step, wish), self._out, IN_A_ROW)
+            if out:
+                return True
+            tried += steps
         return False
 
     def _aim(self) -> tuple[Array, Wish]:
         """Draw a posture of the tree, and what is wished for from there on."""
-        draw, tree = self._draw, self._tree
+        draw, nodes = self._draw, self._tree.nodes
         kind = int(draw.integers(3))
         if kind == 0:
             target = draw.uniform(self._low, self._high)
-            nearest = min(tree, key=lambda q: float(((q - target) ** 2).sum()))
-            return nearest, lambda q, _: target - q
-        q = tree[-1] if draw.random() < 0.5 else tree[int(draw.integers(len(tree)))]
+            return self._tree.nearest(target), lambda q, _: target - q
+        q = nodes[-1] if draw.random() < 0.5 else nodes[int(draw.integers(len(nodes)))]
         if kind == 1:
             weights = draw.random(len(self._floor))
             return q, lambda _, slopes: weights @ slopes
         way = draw.normal(size=3)
         return q, lambda q, _: np.linalg.pinv(self._arm.jacobian(q), rcond=0.05)[:, :3] @ way
 
-    def _step(self, q: Array, wish: Wish) -> Array | None:
+    def _step(self, wish: Wish, q: Array) -> Array | None:
         """Return a posture on the wished way from q, with gaps kept up to it; None for none."""
         gaps = self._gaps(q)
         near = gaps - self._floor < NEAR

@@ -1,18 +1,19 @@
 """The arm's real shapes and a scene's things, for whoever measures distances between them.
 
-The judge of the runs reads clearances here, with Coal on the URDF's own cylinders and spheres;
-none of the controllers under test is asked. The shapes and the pairs are the same for all.
+The judge of the runs reads clearances here, with Coal on the URDF's own cylinders and spheres, and
+the tool's pose, by the oracle's kinematics; none of the controllers under test is asked. The shapes
+and the pairs are the same for all.
 """
 
 import math
 from typing import NamedTuple
 
 import coal
-import numpy as np
 import pinocchio as pin
 
 from ....config.load import Cell
 from ....server.control.spatial import Array, Pose
+from ...oracle.arm import Arm
 from .scenes import Thing
 
 NEIGHBOURS = 2
@@ -58,10 +59,7 @@ class Geometry:
         for i, k in self.own + self.with_things:
             shapes.addCollisionPair(pin.CollisionPair(i, k))
         self.shape_data = pin.GeometryData(shapes)
-        mechanism = cell.config.mechanism
-        self._tip = full.getFrameId(mechanism.tip_link)
-        self._T_wrist_mrf = Pose.from_xyz_rpy(mechanism.T_wrist_mrf.xyz, mechanism.T_wrist_mrf.rpy)
-        self._T_world_base = Pose.from_xyz_rpy(base.xyz, base.rpy)
+        self._arm = Arm.of(cell)
 
     def move(self, time_s: float) -> None:
         """Put the things where they are at a time."""
@@ -91,19 +89,12 @@ class Geometry:
 
     def tool(self, q: Array) -> Pose:
         """Return the MRF's pose in World at q (n,) [rad]."""
-        pin.forwardKinematics(self.model, self.data, q)
-        T = pin.updateFramePlacement(self.model, self.data, self._tip)
-        T_base_wrist = Pose(T.rotation.copy(), T.translation.copy())
-        return self._T_world_base @ T_base_wrist @ self._T_wrist_mrf
+        T = self._arm.tool(q)
+        return Pose(T[:3, :3], T[:3, 3])
 
     def jacobian(self, q: Array) -> Array:
         """Return the MRF's Jacobian (6, n), World axes."""
-        align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        J = pin.computeFrameJacobian(self.model, self.data, q, self._tip, align)
-        J = np.kron(np.eye(2), self._T_world_base.R) @ J
-        lever = self.tool(q).R @ self._T_wrist_mrf.R.T @ self._T_wrist_mrf.p
-        J[:3] -= pin.skew(lever) @ J[3:]
-        return np.asarray(J)
+        return self._arm.jacobian(q)
 
     def _object(self, thing: Thing) -> "pin.GeometryObject":
         T = self.T_base_world @ Pose.from_xyz_rpy(thing.xyz, thing.rpy)

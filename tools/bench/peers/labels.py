@@ -12,6 +12,7 @@ import numpy as np
 from ....config.joint_bounds import joint_bounds
 from ....config.load import Cell
 from ....server.control.spatial import Array, Pose, pose_error
+from ...oracle.random_tree import connected
 from .geometry import Geometry
 from .scenes import Scene, Target
 
@@ -26,12 +27,6 @@ ENOUGH = 6
 """Postures that are looked for; ways are looked for to each of them in turn [1]."""
 ITERATIONS = 40
 CONVERGED = 1e-6
-BRANCHES = 600
-"""Random branches that are tried before a way is given up [1]."""
-STRIDE = 0.3
-"""Length of a branch [rad]."""
-LOOK = 0.04
-"""Clearance is looked at this often along a branch: largest joint step [rad]."""
 
 Draw = np.random.Generator
 
@@ -77,7 +72,7 @@ def _reach(
         return None, "no clear posture found"
     postures.sort(key=lambda q: float(np.abs(q - start).max()))
     for q in postures:
-        if connected(draw, geometry, start, q, low, high):
+        if connected(draw, geometry.clear, start, q, low, high):
             return q, ""
     return None, "no clear way found"
 
@@ -92,44 +87,3 @@ def _solved(geometry: Geometry, T: Pose, q: Array, low: Array, high: Array) -> A
         step = J.T @ np.linalg.solve(J @ J.T + 1e-4 * float(error @ error) * np.eye(6), error)
         q = np.clip(q + step * min(1.0, 0.5 / float(np.abs(step).max())), low, high)
     return None
-
-
-def connected(
-    draw: Draw, geometry: Geometry, start: Array, goal: Array, low: Array, high: Array
-) -> bool:
-    """Return whether a clear way was found (RRT-Connect: Kuffner, LaValle 2000)."""
-    if not (geometry.clear(start) and geometry.clear(goal)):
-        return False
-    here, there = [start], [goal]
-    if _grown(geometry, here, goal, far=True):
-        return True
-    for _ in range(BRANCHES):
-        before = len(here)
-        _grown(geometry, here, draw.uniform(low, high), far=False)
-        if len(here) > before and _grown(geometry, there, here[-1], far=True):
-            return True
-        here, there = there, here
-    return False
-
-
-def _grown(geometry: Geometry, tree: list[Array], to: Array, far: bool) -> bool:
-    """Grow a tree towards a posture, one branch or as `far` as it goes; True if it got there."""
-    nodes = np.array(tree)
-    q = nodes[int(np.argmin(((nodes - to) ** 2).sum(axis=1)))]
-    while True:
-        way = to - q
-        size = float(np.linalg.norm(way))
-        step = way * min(1.0, STRIDE / max(size, 1e-12))
-        if not _free(geometry, q, step):
-            return False
-        q = q + step
-        tree.append(q)
-        if size <= STRIDE:
-            return True
-        if not far:
-            return False
-
-
-def _free(geometry: Geometry, q: Array, step: Array) -> bool:
-    looks = max(1, int(np.ceil(float(np.abs(step).max()) / LOOK)))
-    return all(geometry.clear(q + step * (i / looks)) for i in range(1, looks + 1))
