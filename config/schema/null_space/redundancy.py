@@ -28,6 +28,9 @@ class Objectives(Section):
     spheres: float = Field(
         0.0, ge=0, le=10, description="share of the rates that [priority] asks for [1]"
     )
+    gravity_torque: float = Field(
+        0.0, ge=0, le=10, description="to postures in which joints carry less weight [1/s]"
+    )
 
 
 OBJECTIVES = tuple(Objectives.model_fields)

@@ -9,7 +9,7 @@ import pinocchio as pin
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import MATRIX, VECTOR, compiled
-from ..spatial import Array, Pose
+from ..spatial import GRAVITY, Array, Pose
 
 _POSTURES = 12
 """So many are tried to find the axes that a chain reaches [1]."""
@@ -43,6 +43,7 @@ class Mechanism:
         order = tuple(model.names[i] for i in range(1, model.njoints))
         if order != joints:
             raise ValueError(f"in order {order}, the cell says {joints}")
+        model.gravity.linear = T_world_base.R.T @ GRAVITY
         self.model = model
         self.n = int(model.nv)
         self.joints = joints
@@ -95,6 +96,14 @@ class Mechanism:
     def mass_matrix(self, q: Array) -> Array:
         """Return the mass matrix (n, n) [kg·m²] at q (n,) [rad], of the URDF's inertias."""
         return np.array(pin.crba(self.model, self._data, q))
+
+    def gravity(self, q: Array) -> tuple[Array, Array]:
+        """Return the joints' gravity torques (n,) [N·m] at q (n,) [rad], and ∂g/∂q (n, n).
+
+        Of the URDF's inertias, with Base where the cell has it.
+        """
+        slope = pin.computeGeneralizedGravityDerivatives(self.model, self._data, q)
+        return self._data.g.copy(), np.array(slope)
 
     def _reached(self) -> int:
         """Return the greatest rank that the Jacobian has at some postures, whatever its point."""

@@ -4,6 +4,7 @@ from types import MappingProxyType
 from typing import Final
 
 from .objective import Objective
+from .objectives.gravity_torque import GravityTorque
 from .objectives.least_energy import LeastEnergy
 from .objectives.manipulability import Manipulability
 from .objectives.mid_range import MidRange
@@ -18,5 +19,6 @@ KINDS: Final = MappingProxyType[str, type[Objective]](
         "least_energy": LeastEnergy,
         "field": Field,
         "spheres": Spheres,
+        "gravity_torque": GravityTorque,
     }
 )
