@@ -5,6 +5,7 @@ Enums travel as strings, tuples as arrays, absent optional fields as nil or not 
 may stand where a float is expected; nothing else is converted: "1" is not 1, true is not 1.
 """
 
+from collections.abc import Mapping
 from enum import Enum, StrEnum
 from functools import cache
 from typing import Any, Final, TypeVar, get_args
@@ -85,6 +86,18 @@ def decode_as(kind: type[MessageT], payload: bytes, max_bytes: int = 4096) -> Me
     except ValidationError as error:
         raise _refusal(error) from None
     return message
+
+
+def message_of(topic: Topic, fields: Mapping[str, Any]) -> Message:
+    """Return the message that plain fields make, as of TOML: judged as by `decode`.
+
+    Raises `CodecError`.
+    """
+    try:
+        payload: bytes = msgpack.packb({"v": VERSION, **fields})
+    except (TypeError, ValueError, OverflowError) as error:
+        raise CodecError(Reason.WRONG_TYPE, str(error)) from None
+    return decode(topic, payload)
 
 
 def _unpack(kind: type[Message], payload: bytes) -> dict[str, Any]:

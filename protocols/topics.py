@@ -1,4 +1,4 @@
-"""The one table of what crosses Zenoh. No key is spelled anywhere else.
+"""The one table of topics that cross Zenoh; a script's step names its topic by the key here.
 
 A full key is `telerobot/<cell>/<key>`. With this table, a Zenoh, a MessagePack and a cryptography
 library, any language can drive an arm: `agreement.py` says how the lease's secret is agreed,

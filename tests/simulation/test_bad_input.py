@@ -54,7 +54,7 @@ WRONG_PROOFS = {
 
 @pytest.mark.parametrize("reason", BAD_BYTES | WRONG_PROOFS)
 def test_a_bad_command_is_refused_by_name_and_changes_nothing(play, reason):
-    stick = {"at_s": 0.3, "joystick": STICK}
+    stick = {"at_s": 0.3, "cmd/joystick": STICK}
     undisturbed = play(stick, seconds=1.6)
     bad = raw(1.2, BAD_BYTES.get(reason, stick_map()), proof=WRONG_PROOFS.get(reason, "lease"))
     disturbed = play(stick, bad, seconds=1.6)
@@ -65,7 +65,7 @@ def test_a_bad_command_is_refused_by_name_and_changes_nothing(play, reason):
 
 def test_a_flood_of_bad_commands_is_told_a_few_times_a_second(play):
     flood = [raw(0.5 + 0.01 * i, b"\xc1", proof="") for i in range(100)]
-    run = play({"at_s": 0.3, "joystick": STICK}, *flood, seconds=2.0)
+    run = play({"at_s": 0.3, "cmd/joystick": STICK}, *flood, seconds=2.0)
     refusals = run.events("command_refused")
     assert 1 <= len(refusals) <= 8
     assert run.summary["limit_violations"] == 0
@@ -74,11 +74,11 @@ def test_a_flood_of_bad_commands_is_told_a_few_times_a_second(play):
 
 def test_a_target_of_too_many_joints_or_beyond_a_limit_is_refused_with_value_and_bound(play):
     run = play(
-        {"at_s": 0.3, "posture": [0.0, 9.0, 0.0, 0.0, 0.0, 0.0, 0.0]},
-        {"at_s": 0.8, "posture": [0.0, 0.1]},
-        {"at_s": 1.3, "posture": "sofa"},
-        {"at_s": 1.8, "jog": {"rates": [5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}},
-        {"at_s": 1.85, "jog": {}},
+        {"at_s": 0.3, "cmd/posture": {"q": [0.0, 9.0, 0.0, 0.0, 0.0, 0.0, 0.0]}},
+        {"at_s": 0.8, "cmd/posture": {"q": [0.0, 0.1]}},
+        {"at_s": 1.3, "cmd/posture": {"posture": "sofa"}},
+        {"at_s": 1.8, "cmd/jog": {"rates": [5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}},
+        {"at_s": 1.85, "silence": ["cmd/jog"]},
         seconds=2.2,
     )
     refusals = run.events("command_refused")
@@ -93,8 +93,8 @@ def test_a_target_of_too_many_joints_or_beyond_a_limit_is_refused_with_value_and
 def test_nothing_sent_before_an_enable_is_ever_executed(play):
     """A target that was on its way when the arm was held arrives after the resume: it is dead."""
     run = play(
-        {"at_s": 0.3, "mode": "hold"},
-        {"at_s": 0.8, "mode": "resume"},
+        {"at_s": 0.3, "operator/mode": {"action": "hold"}},
+        {"at_s": 0.8, "operator/mode": {"action": "resume"}},
         seconds=1.5,
     )
     resumed = next(e for e in run.events("mode") if e.values["before"] == "hold")
@@ -105,8 +105,8 @@ def test_nothing_sent_before_an_enable_is_ever_executed(play):
         )
     )  # fmt: skip
     again = play(
-        {"at_s": 0.3, "mode": "hold"},
-        {"at_s": 0.8, "mode": "resume"},
+        {"at_s": 0.3, "operator/mode": {"action": "hold"}},
+        {"at_s": 0.8, "operator/mode": {"action": "resume"}},
         raw(0.9, late, "cmd/position"),
         seconds=1.5,
     )
@@ -117,9 +117,9 @@ def test_nothing_sent_before_an_enable_is_ever_executed(play):
 def test_what_was_ordered_before_a_hold_is_dead_after_the_resume(play):
     target = {"xyz": [0.0, 0.2, 0.0], "rpy": [0.0, 0.0, 0.0], "relative_to": "mrf"}
     run = play(
-        {"at_s": 0.3, "position": target},
-        {"at_s": 0.8, "mode": "hold"},
-        {"at_s": 1.5, "mode": "resume"},
+        {"at_s": 0.3, "cmd/position": target},
+        {"at_s": 0.8, "operator/mode": {"action": "hold"}},
+        {"at_s": 1.5, "operator/mode": {"action": "resume"}},
         seconds=3.0,
     )
     assert max(map(abs, run.at(0.75).dq_command)) > 0.01
@@ -132,7 +132,7 @@ def test_what_was_ordered_before_a_hold_is_dead_after_the_resume(play):
 def test_commands_are_refused_while_the_arm_is_not_enabled(play):
     jog = encode(JointJog(seen_tick=10, rates=(0.1,) + (0.0,) * 6))
     run = play(
-        {"at_s": 0.2, "lease": "acquire"},
+        {"at_s": 0.2, "operator/lease": {}},
         raw(0.3, jog, "cmd/jog"),
         seconds=1.0,
         auto_enable=False,
@@ -143,7 +143,7 @@ def test_commands_are_refused_while_the_arm_is_not_enabled(play):
 
 def test_an_operator_that_is_cut_off_fades_and_then_the_arm_holds(play):
     run = play(
-        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 0.3, "cmd/joystick": STICK},
         {"at_s": 1.5, "link": {"cut": True}},
         seconds=4.0,
     )
@@ -159,7 +159,7 @@ def test_an_operator_that_is_cut_off_fades_and_then_the_arm_holds(play):
 
 def test_an_operator_whose_link_delivers_everything_three_seconds_late_loses_the_arm(play):
     run = play(
-        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 0.3, "cmd/joystick": STICK},
         {"at_s": 1.0, "link": {"delay_s": 3.0}},
         seconds=8.0,
     )
@@ -173,7 +173,7 @@ def test_an_operator_whose_link_delivers_everything_three_seconds_late_loses_the
 
 def test_in_order_delay_beyond_the_limit_is_noticed_while_the_lease_still_lives(play):
     run = play(
-        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 0.3, "cmd/joystick": STICK},
         {"at_s": 1.0, "link": {"delay_s": 0.3}},
         seconds=5.0,
     )
@@ -183,12 +183,12 @@ def test_in_order_delay_beyond_the_limit_is_noticed_while_the_lease_still_lives(
 
 def test_a_second_operator_is_refused_while_the_lease_lives_and_takes_over_after_release(play):
     run = play(
-        {"at_s": 0.3, "joystick": STICK},
-        {"at_s": 1.0, "operator": "second", "lease": "acquire"},
-        {"at_s": 1.5, "lease": "release"},
-        {"at_s": 1.55, "operator": "second", "lease": "acquire"},
-        {"at_s": 2.5, "operator": "second", "mode": "resume"},
-        {"at_s": 2.7, "operator": "second", "joystick": {"twist": [0, -0.05, 0, 0, 0, 0]}},
+        {"at_s": 0.3, "cmd/joystick": STICK},
+        {"at_s": 1.0, "operator": "second", "operator/lease": {}},
+        {"at_s": 1.5, "operator/release": {}},
+        {"at_s": 1.55, "operator": "second", "operator/lease": {}},
+        {"at_s": 2.5, "operator": "second", "operator/mode": {"action": "resume"}},
+        {"at_s": 2.7, "operator": "second", "cmd/joystick": {"twist": [0, -0.05, 0, 0, 0, 0]}},
         seconds=4.0,
     )
     assert [r for r in run.summary["refused"] if "lease_taken" in r]
@@ -202,11 +202,11 @@ def test_a_second_operator_is_refused_while_the_lease_lives_and_takes_over_after
 
 def test_a_second_operator_takes_over_once_the_first_has_vanished(play):
     run = play(
-        {"at_s": 0.3, "joystick": STICK},
+        {"at_s": 0.3, "cmd/joystick": STICK},
         {"at_s": 1.0, "link": {"cut": True}},
-        {"at_s": 2.5, "operator": "second", "lease": "acquire"},
-        {"at_s": 2.6, "operator": "second", "mode": "resume"},
-        {"at_s": 2.8, "operator": "second", "joystick": STICK},
+        {"at_s": 2.5, "operator": "second", "operator/lease": {}},
+        {"at_s": 2.6, "operator": "second", "operator/mode": {"action": "resume"}},
+        {"at_s": 2.8, "operator": "second", "cmd/joystick": STICK},
         seconds=4.0,
     )
     assert run.summary["refused"] == []
@@ -217,13 +217,13 @@ def test_a_second_operator_takes_over_once_the_first_has_vanished(play):
 
 def test_a_protective_stop_needs_no_lease_is_latched_and_not_cleared_by_a_stranger(play):
     run = play(
-        {"at_s": 0.3, "joystick": STICK},
-        {"at_s": 1.0, "operator": "passer_by", "protective_stop": True},
-        {"at_s": 1.6, "mode": "resume"},
-        {"at_s": 1.8, "operator": "stranger", "protective_stop": False},
-        {"at_s": 2.0, "operator": "passer_by", "protective_stop": False},
-        {"at_s": 2.1, "mode": "resume"},
-        {"at_s": 2.3, "joystick": REST},
+        {"at_s": 0.3, "cmd/joystick": STICK},
+        {"at_s": 1.0, "operator": "passer_by", "operator/protective_stop": {}},
+        {"at_s": 1.6, "operator/mode": {"action": "resume"}},
+        {"at_s": 1.8, "operator": "stranger", "operator/protective_clear": {}},
+        {"at_s": 2.0, "operator": "passer_by", "operator/protective_clear": {}},
+        {"at_s": 2.1, "operator/mode": {"action": "resume"}},
+        {"at_s": 2.3, "cmd/joystick": REST},
         seconds=2.6,
     )
     assert run.at(1.5).mode == "hold"

@@ -59,8 +59,8 @@ def way(run, from_s, to_s):
 )
 def test_a_biased_sensor_does_not_swing_the_arm_as_it_is_enabled_and_driven(mode, bias):
     steps = [
-        {"at_s": 1.0, "joystick": STICK},
-        {"at_s": 1.8, "joystick": {"twist": [0.0] * 6}},
+        {"at_s": 1.0, "cmd/joystick": STICK},
+        {"at_s": 1.8, "cmd/joystick": {"twist": [0.0] * 6}},
     ]
     run = play(cell(mode, bias), *steps, seconds=2.2)
     assert way(run, -1.0, 1.0) < 5e-3
@@ -72,9 +72,9 @@ def test_a_biased_sensor_does_not_swing_the_arm_as_it_is_enabled_and_driven(mode
 @pytest.mark.parametrize("bias", WRENCHES)
 def test_a_bias_that_is_told_wrong_moves_nothing_before_it_is_acknowledged(mode, bias):
     steps = [
-        {"at_s": 0.6, "payload": {**HAND, "bias": list(bias)}},
-        {"at_s": 1.2, "acknowledge_load": True},
-        {"at_s": 1.3, "joystick": STICK},
+        {"at_s": 0.6, "operator/payload": {**HAND, "bias": list(bias)}},
+        {"at_s": 1.2, "operator/acknowledge_load": {}},
+        {"at_s": 1.3, "cmd/joystick": STICK},
     ]
     run = play(cell(mode), *steps, seconds=2.0)
     assert way(run, 0.6, 1.2) < 5e-3
@@ -84,7 +84,10 @@ def test_a_bias_that_is_told_wrong_moves_nothing_before_it_is_acknowledged(mode,
 
 
 def test_a_bias_is_still_known_when_the_arm_is_enabled_again():
-    steps = [{"at_s": 0.8, "mode": "disable"}, {"at_s": 1.4, "mode": "enable"}]
+    steps = [
+        {"at_s": 0.8, "operator/mode": {"action": "disable"}},
+        {"at_s": 1.4, "operator/mode": {"action": "enable"}},
+    ]
     run = play(cell("cst", WRENCHES[0]), *steps, seconds=2.4)
     assert way(run, -1.0, 2.4) < 5e-3
     assert run.summary["mode"] == "enabled"
@@ -109,8 +112,11 @@ def test_a_payload_that_was_told_wrong_is_held_all_the_same(kg):
 
 @pytest.mark.parametrize("force", [(20.0, 0.0, 0.0), (0.0, -20.0, 0.0)])
 def test_a_hand_that_pushes_is_answered_whatever_the_bias(force):
-    push = {"at_s": 2.8, "fault": {"hand": "force_torque", "vector": list(force)}}
-    told = {"at_s": 0.8, "tare": True}
+    push = {
+        "at_s": 2.8,
+        "rig/fault": {"kind": "hand", "target": "force_torque", "vector": list(force)},
+    }
+    told = {"at_s": 0.8, "operator/tare": {}}
     led = [play(cell("cst", bias), told, push, seconds=3.5) for bias in ((0.0,) * 6, WRENCHES[0])]
     ways = [way(run, 2.8, 3.5) for run in led]
     assert ways[0] > 0.2

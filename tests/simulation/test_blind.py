@@ -22,8 +22,8 @@ def no_opencv(monkeypatch):
 
 def test_a_cell_with_cameras_runs_without_pictures_and_says_why_in_one_line(no_opencv, capsys):
     steps = [
-        {"at_s": 0.2, "joystick": {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.0]}},
-        {"at_s": 1.0, "store_view": "wrist"},
+        {"at_s": 0.2, "cmd/joystick": {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.0]}},
+        {"at_s": 1.0, "operator/store_view": {"camera": "wrist"}},
     ]
     script = Script.model_validate({"duration_s": 1.2, "step": steps})
     simulation = Simulation(load_cell("pa10_vision"), script)

@@ -40,8 +40,10 @@ def run(tmp_path_factory):
     step = type(script.step[0])
     steps = (
         *script.step,
-        step.model_validate({"at_s": FIELD_OFF_S, "redundancy": {"objective": "field", "gain": 0}}),
-        step.model_validate({"at_s": BARRIERS_OFF_S, "avoidance": False}),
+        step.model_validate(
+            {"at_s": FIELD_OFF_S, "operator/redundancy": {"objective": "field", "gain": 0}}
+        ),
+        step.model_validate({"at_s": BARRIERS_OFF_S, "operator/avoidance": {"on": False}}),
     )
     script = Script.model_validate(
         {**script.model_dump(exclude={"step"}), "step": sorted(steps, key=lambda s: s.at_s)}

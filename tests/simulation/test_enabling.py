@@ -43,7 +43,11 @@ def test_modes_and_drives_agree_whatever_two_things_are_asked(asking, start, fir
 
 
 def test_enable_thirty_milliseconds_after_disable_ends_enabled_with_every_drive_on(play):
-    run = play({"at_s": 0.5, "mode": "disable"}, {"at_s": 0.53, "mode": "enable"}, seconds=1.2)
+    run = play(
+        {"at_s": 0.5, "operator/mode": {"action": "disable"}},
+        {"at_s": 0.53, "operator/mode": {"action": "enable"}},
+        seconds=1.2,
+    )
     assert run.summary["refused"] == []
     last = run.states[-1]
     assert (last.mode, set(last.drives)) == ("enabled", {ON})

@@ -10,9 +10,9 @@ from telerobot.tools.checks.bus_load import bus_load, worst_case_bits
 
 from .conftest import STICK
 
-MOVING = {"at_s": 0.3, "joystick": STICK}
-RELEASED = {"push": "enabling_switch", "on": False}
-HELD = {"push": "enabling_switch"}
+MOVING = {"at_s": 0.3, "cmd/joystick": STICK}
+RELEASED = {"kind": "push", "target": "enabling_switch", "on": False}
+HELD = {"kind": "push", "target": "enabling_switch"}
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +28,10 @@ def reasons(run):
 def test_releasing_the_switch_is_a_verified_stop_and_holding_it_again_moves_nothing(play, guarded):
     run = play(
         MOVING,
-        {"at_s": 1.0, "fault": RELEASED},
-        {"at_s": 1.8, "mode": "resume"},
-        {"at_s": 2.0, "fault": HELD},
-        {"at_s": 2.6, "mode": "resume"},
+        {"at_s": 1.0, "rig/fault": RELEASED},
+        {"at_s": 1.8, "operator/mode": {"action": "resume"}},
+        {"at_s": 2.0, "rig/fault": HELD},
+        {"at_s": 2.6, "operator/mode": {"action": "resume"}},
         seconds=3.2,
         cell=guarded,
     )
@@ -49,11 +49,11 @@ def test_releasing_the_switch_is_a_verified_stop_and_holding_it_again_moves_noth
 
 def test_nothing_is_enabled_while_the_switch_is_released(play, guarded):
     run = play(
-        {"at_s": 0.1, "fault": RELEASED},
-        {"at_s": 0.3, "lease": "acquire"},
-        {"at_s": 0.4, "mode": "enable"},
-        {"at_s": 2.0, "fault": HELD},
-        {"at_s": 2.2, "mode": "enable"},
+        {"at_s": 0.1, "rig/fault": RELEASED},
+        {"at_s": 0.3, "operator/lease": {}},
+        {"at_s": 0.4, "operator/mode": {"action": "enable"}},
+        {"at_s": 2.0, "rig/fault": HELD},
+        {"at_s": 2.2, "operator/mode": {"action": "enable"}},
         seconds=3.0,
         cell=guarded,
         auto_enable=False,
@@ -65,7 +65,10 @@ def test_nothing_is_enabled_while_the_switch_is_released(play, guarded):
 
 def test_a_broken_wire_stops_the_arm_before_the_heartbeat_is_missed(play, guarded):
     run = play(
-        MOVING, {"at_s": 1.0, "fault": {"silence": "enabling_switch"}}, seconds=2.0, cell=guarded
+        MOVING,
+        {"at_s": 1.0, "rig/fault": {"kind": "silence", "target": "enabling_switch"}},
+        seconds=2.0,
+        cell=guarded,
     )
     assert reasons(run) == ["enabling_switch silent"]
     fault = run.events("fault")[0].values

@@ -13,7 +13,7 @@ from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import REST, STICK
 
-MOVING = {"at_s": 0.3, "joystick": STICK}
+MOVING = {"at_s": 0.3, "cmd/joystick": STICK}
 
 
 def assert_quick_stopped(run, joint, node):
@@ -30,13 +30,13 @@ def assert_quick_stopped(run, joint, node):
 @pytest.mark.parametrize(
     ("fault", "causes"),
     [
-        ({"silence": "e1"}, {"pdo_lost", "heartbeat_lost"}),
-        ({"fault": "e1"}, {"drive_fault", "emergency"}),
-        ({"emcy": "e1"}, {"emergency", "drive_fault"}),
+        ({"kind": "silence", "target": "e1"}, {"pdo_lost", "heartbeat_lost"}),
+        ({"kind": "fault", "target": "e1"}, {"drive_fault", "emergency"}),
+        ({"kind": "emcy", "target": "e1"}, {"emergency", "drive_fault"}),
     ],
 )
 def test_one_bad_drive_in_motion_quick_stops_them_all(play, fault, causes):
-    run = play(MOVING, {"at_s": 1.2, "fault": fault}, seconds=2.5)
+    run = play(MOVING, {"at_s": 1.2, "rig/fault": fault}, seconds=2.5)
     error = assert_quick_stopped(run, "e1", 4)
     assert error.values["cause"] in causes
     assert np.abs(run.speeds(1.1, 1.2)).max() > 0.02
@@ -48,11 +48,11 @@ def test_one_bad_drive_in_motion_quick_stops_them_all(play, fault, causes):
 def test_reset_works_only_after_the_cause_is_gone(play):
     run = play(
         MOVING,
-        {"at_s": 1.0, "fault": {"fault": "e1"}},
-        {"at_s": 2.0, "mode": "reset"},
-        {"at_s": 6.0, "fault": {"fault": "e1", "on": False}},
-        {"at_s": 6.2, "mode": "reset"},
-        {"at_s": 7.0, "mode": "enable"},
+        {"at_s": 1.0, "rig/fault": {"kind": "fault", "target": "e1"}},
+        {"at_s": 2.0, "operator/mode": {"action": "reset"}},
+        {"at_s": 6.0, "rig/fault": {"kind": "fault", "target": "e1", "on": False}},
+        {"at_s": 6.2, "operator/mode": {"action": "reset"}},
+        {"at_s": 7.0, "operator/mode": {"action": "enable"}},
         seconds=9.0,
     )
     assert run.at(5.9).mode == "fault"
@@ -65,11 +65,11 @@ def test_reset_works_only_after_the_cause_is_gone(play):
 def test_a_silent_drive_can_be_reset_once_it_speaks_again(play):
     run = play(
         MOVING,
-        {"at_s": 1.0, "fault": {"silence": "w1"}},
-        {"at_s": 2.0, "mode": "reset"},
-        {"at_s": 5.5, "fault": {"silence": "w1", "on": False}},
-        {"at_s": 6.0, "mode": "reset"},
-        {"at_s": 8.0, "mode": "enable"},
+        {"at_s": 1.0, "rig/fault": {"kind": "silence", "target": "w1"}},
+        {"at_s": 2.0, "operator/mode": {"action": "reset"}},
+        {"at_s": 5.5, "rig/fault": {"kind": "silence", "target": "w1", "on": False}},
+        {"at_s": 6.0, "operator/mode": {"action": "reset"}},
+        {"at_s": 8.0, "operator/mode": {"action": "enable"}},
         seconds=9.5,
     )
     assert run.at(5.4).mode == "fault"
@@ -80,7 +80,7 @@ def test_a_silent_drive_can_be_reset_once_it_speaks_again(play):
 def test_a_joint_pushed_out_of_its_following_window_quick_stops_the_arm(play):
     run = play(
         MOVING,
-        {"at_s": 1.0, "fault": {"push": "e1", "vector": [0.0, 0.0, -4000.0]}},
+        {"at_s": 1.0, "rig/fault": {"kind": "push", "target": "e1", "vector": [0.0, 0.0, -4000.0]}},
         seconds=1.6,
     )
     errors = [e for e in run.simulation.events if e.severity == "error"]
@@ -98,10 +98,10 @@ def unfeeling(pa10):
 def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10, unfeeling):
     leash = pa10.config.mechanism.drives[3].leash
     run = play(
-        {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
-        {"at_s": 1.0, "fault": {"block": "e1"}},
-        {"at_s": 3.0, "fault": {"block": "e1", "on": False}},
-        {"at_s": 3.5, "jog": {}},
+        {"at_s": 0.3, "cmd/jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
+        {"at_s": 1.0, "rig/fault": {"kind": "block", "target": "e1"}},
+        {"at_s": 3.0, "rig/fault": {"kind": "block", "target": "e1", "on": False}},
+        {"at_s": 3.5, "silence": ["cmd/jog"]},
         seconds=5.0,
         cell=unfeeling,
     )
@@ -120,9 +120,9 @@ def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10,
 
 def test_motion_away_from_a_blocked_direction_is_free(play, unfeeling):
     run = play(
-        {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
-        {"at_s": 1.0, "fault": {"block": "e1"}},
-        {"at_s": 2.0, "jog": {"rates": [0, 0, 0, -0.1, 0, 0, 0]}},
+        {"at_s": 0.3, "cmd/jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
+        {"at_s": 1.0, "rig/fault": {"kind": "block", "target": "e1"}},
+        {"at_s": 2.0, "cmd/jog": {"rates": [0, 0, 0, -0.1, 0, 0, 0]}},
         seconds=2.25,
         cell=unfeeling,
     )
@@ -131,8 +131,8 @@ def test_motion_away_from_a_blocked_direction_is_free(play, unfeeling):
 
 def test_a_blocked_elbow_is_felt_long_before_the_leash_is_spent(play, pa10):
     run = play(
-        {"at_s": 0.3, "jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
-        {"at_s": 1.0, "fault": {"block": "e1"}},
+        {"at_s": 0.3, "cmd/jog": {"rates": [0, 0, 0, 0.1, 0, 0, 0]}},
+        {"at_s": 1.0, "rig/fault": {"kind": "block", "target": "e1"}},
         seconds=2.0,
     )
     (felt,) = run.events("touched")
@@ -179,8 +179,8 @@ def test_a_dead_daemon_leaves_drives_that_stop_by_themselves(pa10):
 
 def test_a_stale_sensor_silences_the_force_source_and_says_so(play):
     run = play(
-        {"at_s": 0.5, "fault": {"silence": "force_torque"}},
-        {"at_s": 1.5, "fault": {"silence": "force_torque", "on": False}},
+        {"at_s": 0.5, "rig/fault": {"kind": "silence", "target": "force_torque"}},
+        {"at_s": 1.5, "rig/fault": {"kind": "silence", "target": "force_torque", "on": False}},
         seconds=2.5,
     )
     assert run.at(1.4).wrench_mrf is None
@@ -198,10 +198,10 @@ def test_an_essential_sensor_that_falls_silent_stops_the_arm_until_it_is_back(pl
     config = pa10.config.model_copy(update={"mechanism": mechanism})
     run = play(
         MOVING,
-        {"at_s": 1.0, "fault": {"silence": "force_torque"}},
-        {"at_s": 2.0, "mode": "resume"},
-        {"at_s": 2.5, "fault": {"silence": "force_torque", "on": False}},
-        {"at_s": 3.0, "mode": "resume"},
+        {"at_s": 1.0, "rig/fault": {"kind": "silence", "target": "force_torque"}},
+        {"at_s": 2.0, "operator/mode": {"action": "resume"}},
+        {"at_s": 2.5, "rig/fault": {"kind": "silence", "target": "force_torque", "on": False}},
+        {"at_s": 3.0, "operator/mode": {"action": "resume"}},
         seconds=3.5,
         cell=dataclasses.replace(pa10, config=config),
     )
@@ -291,7 +291,7 @@ def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
 
 def test_enabling_does_not_move_a_joint_that_sagged(play, pa10):
     """The brake opens before the torque stands: joints sag, and are held where they have sagged."""
-    run = play({"at_s": 0.0, "switch": {"source": "force", "on": False}}, seconds=1.5)
+    run = play({"at_s": 0.0, "operator/switch": {"source": "force", "on": False}}, seconds=1.5)
     start = np.array(pa10.config.mechanism.postures["start"])
     enabled = run.at(0.0)
     assert np.abs(np.array(enabled.q) - start).max() > 1e-5
@@ -304,10 +304,10 @@ def test_contact_beyond_the_threshold_in_hold_is_bled_off(play, pa10):
     """The wall is pushed with 45 N, then HOLD: force control alone goes on until little is left."""
     threshold = pa10.config.sources.force.hold_threshold
     run = play(
-        {"at_s": 0.2, "posture": "ready"},
-        {"at_s": 3.5, "joystick": {"twist": [0.034, 0, 0, 0, 0, 0], "expressed_in": "base"}},
-        {"at_s": 9.0, "mode": "hold"},
-        {"at_s": 9.0, "joystick": REST},
+        {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 3.5, "cmd/joystick": {"twist": [0.034, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 9.0, "operator/mode": {"action": "hold"}},
+        {"at_s": 9.0, "cmd/joystick": REST},
         seconds=12.0,
     )
     pressed = np.linalg.norm(run.at(8.9).wrench_mrf[:3])

@@ -16,8 +16,14 @@ from .conftest import Run
 
 SWITCH = 'operation_mode = "csp"'
 FORCE, PUSHED_S = 4.0, 1.0
-PUSH = {"at_s": 0.6, "fault": {"hand": "force_torque", "vector": [0.0, FORCE, 0.0]}}
-LET_GO = {"at_s": 0.6 + PUSHED_S, "fault": {"hand": "force_torque", "on": False}}
+PUSH = {
+    "at_s": 0.6,
+    "rig/fault": {"kind": "hand", "target": "force_torque", "vector": [0.0, FORCE, 0.0]},
+}
+LET_GO = {
+    "at_s": 0.6 + PUSHED_S,
+    "rig/fault": {"kind": "hand", "target": "force_torque", "on": False},
+}
 
 
 @pytest.fixture(scope="session")
@@ -101,7 +107,7 @@ def test_the_attitude_is_held_while_the_hand_leads(pushed, mode):
 
 @pytest.mark.parametrize("force", [(0.0, 0.0, FORCE), (-2.5, 2.0, 2.5)], ids=["up", "aslant"])
 def test_in_cst_friction_does_not_turn_the_tool_where_the_arm_sets_off(hand, force):
-    push = {"at_s": PUSH["at_s"], "fault": {**PUSH["fault"], "vector": list(force)}}
+    push = {"at_s": PUSH["at_s"], "rig/fault": {**PUSH["rig/fault"], "vector": list(force)}}
     _, poses, first = path(played(hand("cst"), push, seconds=1.1))
     R = rotation_rpy(*first[3:])
     turned = [np.linalg.norm(rotation_log(R.T @ rotation_rpy(*pose[3:]))) for pose in poses]
@@ -111,7 +117,7 @@ def test_in_cst_friction_does_not_turn_the_tool_where_the_arm_sets_off(hand, for
 
 def test_in_cst_the_attitude_is_held_while_a_weak_hand_comes_and_goes(hand):
     """The hand of the paper: (0, 4, 0) N, as sin² over 6 s."""
-    swell = {"at_s": PUSH["at_s"], "fault": {**PUSH["fault"], "value": 6.0}}
+    swell = {"at_s": PUSH["at_s"], "rig/fault": {**PUSH["rig/fault"], "value": 6.0}}
     _, poses, first = path(played(hand("cst"), swell, seconds=7.2))
     R = rotation_rpy(*first[3:])
     turned = [np.linalg.norm(rotation_log(R.T @ rotation_rpy(*pose[3:]))) for pose in poses]
@@ -165,7 +171,7 @@ def test_enabling_in_cst_sags_little_and_ends_where_it_began(hand):
 
 @pytest.mark.parametrize("mode", ["csp", "cst"])
 def test_a_sensor_that_falls_silent_lets_the_motion_fade(hand, mode):
-    silent = {"at_s": 1.2, "fault": {"silence": "force_torque"}}
+    silent = {"at_s": 1.2, "rig/fault": {"kind": "silence", "target": "force_torque"}}
     run = played(hand(mode), PUSH, silent, seconds=2.2)
     assert run.events("sensor_stale")
     start = run.simulation.player.start_s
@@ -182,8 +188,8 @@ def test_a_sensor_that_falls_silent_lets_the_motion_fade(hand, mode):
 
 @pytest.mark.parametrize("mode", ["csp", "cst"])
 def test_following_is_switched_off_and_on_in_motion_without_a_jump(hand, mode):
-    off = {"at_s": 1.2, "switch": {"source": "following", "on": False}}
-    on = {"at_s": 2.0, "switch": {"source": "following", "on": True}}
+    off = {"at_s": 1.2, "operator/switch": {"source": "following", "on": False}}
+    on = {"at_s": 2.0, "operator/switch": {"source": "following", "on": True}}
     run = played(hand(mode), PUSH, off, on, seconds=3.0)
     start = run.simulation.player.start_s
     y = [truth.pose_mrf[1] for truth in run.truths if truth.time_s - start > 0.5]
@@ -195,8 +201,8 @@ def test_following_is_switched_off_and_on_in_motion_without_a_jump(hand, mode):
 
 
 STOPS = {
-    "hold": {"at_s": 1.2, "mode": "hold"},
-    "protective stop": {"at_s": 1.2, "protective_stop": True},
+    "hold": {"at_s": 1.2, "operator/mode": {"action": "hold"}},
+    "protective stop": {"at_s": 1.2, "operator/protective_stop": {}},
     "lease lost": {"at_s": 1.2, "link": {"cut": True}},
 }
 
@@ -216,15 +222,15 @@ def test_in_cst_a_verified_stop_ends_in_hold_and_the_hand_moves_nothing(hand, ca
 
 
 QUICK = {
-    "a drive's fault": {"fault": "e1"},
-    "a silent drive": {"silence": "s2"},
-    "a joint pushed away": {"push": "e1", "vector": [0.0, 0.0, -2000.0]},
+    "a drive's fault": {"kind": "fault", "target": "e1"},
+    "a silent drive": {"kind": "silence", "target": "s2"},
+    "a joint pushed away": {"kind": "push", "target": "e1", "vector": [0.0, 0.0, -2000.0]},
 }
 
 
 @pytest.mark.parametrize("cause", sorted(QUICK))
 def test_in_cst_a_quick_stop_is_the_drives_own_and_ends_at_rest(hand, cause):
-    run = played(hand("cst"), PUSH, {"at_s": 1.2, "fault": QUICK[cause]}, seconds=2.6)
+    run = played(hand("cst"), PUSH, {"at_s": 1.2, "rig/fault": QUICK[cause]}, seconds=2.6)
     assert run.summary["mode"] == "fault"
     assert [e for e in run.simulation.events if e.severity == "error"]
     held = [i for i, j in enumerate(hand("cst").robot.joints) if j.name != "s2"]
@@ -257,7 +263,7 @@ def test_in_cst_torques_are_planned_inside_their_bounds_and_what_is_held_back_is
     )
     mechanism = cell.config.mechanism.model_copy(update={"drives": drives})
     tight = replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
-    push = {**PUSH, "fault": {**PUSH["fault"], "vector": [0.0, 8.0, 0.0]}}
+    push = {**PUSH, "rig/fault": {**PUSH["rig/fault"], "vector": [0.0, 8.0, 0.0]}}
     run = played(tight, push, LET_GO, seconds=2.6)
     assert any("torque:s1" in state.limits for state in run.states)
     assert run.events("gate_refused") == []
@@ -277,14 +283,15 @@ def test_in_cst_a_stop_while_a_hand_pushes_is_the_verified_one(hand, way):
     rises = [
         {
             "at_s": round(0.6 + 0.02 * i, 2),
-            "fault": {
-                "hand": "force_torque",
+            "rig/fault": {
+                "kind": "hand",
+                "target": "force_torque",
                 "vector": [20.0 * x * (i + 1) / RISEN for x in way],
             },
         }
         for i in range(RISEN)
     ]
-    run = played(hand("cst"), *rises, {"at_s": 0.78, "protective_stop": True}, seconds=2.0)
+    run = played(hand("cst"), *rises, {"at_s": 0.78, "operator/protective_stop": {}}, seconds=2.0)
     assert run.events("gate_refused") == []
     assert run.summary["mode"] == "hold"
     assert run.summary["limit_violations"] == 0

@@ -19,8 +19,8 @@ from .conftest import Run
 
 T = 0.01
 SILENT = [
-    {"at_s": 0.0, "fault": {"silence": "base"}},
-    {"at_s": 0.0, "fault": {"silence": "carrier"}},
+    {"at_s": 0.0, "rig/fault": {"kind": "silence", "target": "base"}},
+    {"at_s": 0.0, "rig/fault": {"kind": "silence", "target": "carrier"}},
 ]
 
 
@@ -135,8 +135,8 @@ def test_with_the_crf_on_base_or_in_hold_no_news_of_base_moves_an_idle_arm():
     def sways(since, tick, _simulation):
         yield base(since, tick, (0.05 * np.sin(3.0 * since), 0.0, 0.0))
 
-    on_base = {"at_s": 0.1, "frame": {"frame": "crf", "moves_with": "base"}}
-    hold = {"at_s": 0.1, "mode": "hold"}
+    on_base = {"at_s": 0.1, "operator/frame": {"frame": "crf", "moves_with": "base"}}
+    hold = {"at_s": 0.1, "operator/mode": {"action": "hold"}}
     for step in (on_base, hold):
         run = play("pa10_platform", sways, 1.5, [step, *SILENT])
         assert travel(run) < 2e-3  # the sensor's noise does as much
@@ -190,8 +190,8 @@ def test_forged_pictures_move_nothing_until_the_source_is_on_and_then_at_its_own
     idle = play("pa10_vision", sees, 1.8)
     assert idle.events("view_found")
     assert travel(idle) < 3e-3
-    on = [{"at_s": 0.8, "store_view": "wrist"},
-          {"at_s": 0.9, "switch": {"source": "vision", "on": True}}]  # fmt: skip
+    on = [{"at_s": 0.8, "operator/store_view": {"camera": "wrist"}},
+          {"at_s": 0.9, "operator/switch": {"source": "vision", "on": True}}]  # fmt: skip
     run = play("pa10_vision", sees, 2.6, on)
     assert run.summary["refused"] == []
     assert travel(run) > 0.02

@@ -98,8 +98,8 @@ def test_a_stick_pushes_the_tool_aside_on_the_conveyor_and_on_release_it_comes_b
 
 CRF_ON_CARRIER = {"frame": "crf", "moves_with": "carrier", "relative_to": "carrier"}
 MOVING = [
-    {"at_s": 0.1, "frame": CRF_ON_CARRIER},
-    {"at_s": 0.2, "carrier": {"twist": [0.0, 0.08, 0.0, 0.0, 0.0, 0.0]}},
+    {"at_s": 0.1, "operator/frame": CRF_ON_CARRIER},
+    {"at_s": 0.2, "rig/motion": {"target": "carrier", "twist": [0.0, 0.08, 0.0, 0.0, 0.0, 0.0]}},
 ]
 
 
@@ -118,7 +118,7 @@ def test_without_a_goal_the_tool_moves_along_with_what_the_crf_is_fixed_to(cell)
 
 
 def test_hold_holds_the_joints_whatever_the_crf_does(cell):
-    run = played(cell, [*MOVING, {"at_s": 1.5, "mode": "hold"}], 3.0)
+    run = played(cell, [*MOVING, {"at_s": 1.5, "operator/mode": {"action": "hold"}}], 3.0)
     assert run.summary["mode"] == "hold"
     held = np.array([s.q_command for s, _ in window(run, 2.3, 3.0)])
     assert not np.ptp(held, axis=0).any()
@@ -127,8 +127,8 @@ def test_hold_holds_the_joints_whatever_the_crf_does(cell):
 
 def test_a_conveyor_that_falls_silent_is_no_longer_followed_and_news_brings_it_back(cell):
     silent = [
-        {"at_s": 2.0, "fault": {"silence": "carrier"}},
-        {"at_s": 3.5, "fault": {"silence": "carrier", "on": False}},
+        {"at_s": 2.0, "rig/fault": {"kind": "silence", "target": "carrier"}},
+        {"at_s": 3.5, "rig/fault": {"kind": "silence", "target": "carrier", "on": False}},
     ]
     run = played(cell, [*MOVING, *silent], 6.0)
     (lost,) = run.events("frame_lost")
@@ -167,7 +167,7 @@ def test_a_tool_keeps_its_pose_in_world_on_a_platform_that_sways():
 
 
 def test_a_platform_whose_twist_is_measured_is_made_up_for_still_better(cell):
-    steps = [s.model_dump(exclude_unset=True) for s in load_script("platform").steps]
+    steps = load_script("platform").steps
     rig = cell.config.rig
     frames = rig.frames.model_copy(update={"twists": True})
     config = cell.config.model_copy(update={"rig": rig.model_copy(update={"frames": frames})})
@@ -180,8 +180,15 @@ def test_a_platform_whose_twist_is_measured_is_made_up_for_still_better(cell):
 
 def test_the_sensors_weight_is_taken_off_in_the_bases_true_attitude(cell):
     """A platform that leans by 0.2 rad turns the tool's weight in the sensor: 1.9 N of 9.6 N."""
-    lean = {"at_s": 0.2, "platform": {"sway": [0.0, 0.0, 0.0, 0.2, 0.0, 0.0], "period_s": 8.0}}
-    on_base = {"at_s": 0.1, "frame": {"frame": "crf", "moves_with": "base"}}
+    lean = {
+        "at_s": 0.2,
+        "rig/motion": {
+            "target": "platform",
+            "sway": [0.0, 0.0, 0.0, 0.2, 0.0, 0.0],
+            "period_s": 8.0,
+        },
+    }
+    on_base = {"at_s": 0.1, "operator/frame": {"frame": "crf", "moves_with": "base"}}
     run = played(cell, [on_base, lean], 5.0)
     attitudes = [t.frames["base"][3] for _, t in window(run, 1.0, 5.0)]
     assert max(attitudes) > 0.15

@@ -37,10 +37,10 @@ def test_a_wrist_that_a_wrong_payload_presses_on_a_table_lets_go():
 
 def test_a_push_that_lasts_is_given_way_to_inside_the_leash_and_told(play, pa10):
     run = play(
-        {"at_s": 0.3, "joystick": MOVING},
-        {"at_s": 2.0, "fault": {"push": "e1", "vector": [-30.0, 0.0, 0.0]}},
-        {"at_s": 7.0, "fault": {"push": "e1", "on": False}},
-        {"at_s": 7.5, "mode": "resume"},
+        {"at_s": 0.3, "cmd/joystick": MOVING},
+        {"at_s": 2.0, "rig/fault": {"kind": "push", "target": "e1", "vector": [-30.0, 0.0, 0.0]}},
+        {"at_s": 7.0, "rig/fault": {"kind": "push", "target": "e1", "on": False}},
+        {"at_s": 7.5, "operator/mode": {"action": "resume"}},
         seconds=7.7,
     )
     (giving, *_), (stuck,) = run.events("giving_way"), run.events("still_pushed")
@@ -62,7 +62,7 @@ def test_a_load_that_nobody_told_of_moves_nothing_in_hold(play, pa10):
     )
     config = pa10.config.model_copy(update={"mechanism": mechanism, "rig": rig})
     cell = replace(pa10, config=config)
-    run = play({"at_s": 0.3, "joystick": MOVING}, seconds=3.0, cell=cell)
+    run = play({"at_s": 0.3, "cmd/joystick": MOVING}, seconds=3.0, cell=cell)
     assert run.events("touched")
     assert run.events("still_pushed")
     held = np.array([s.q_command for s in run.states if s.mode == "hold"])
@@ -72,7 +72,7 @@ def test_a_load_that_nobody_told_of_moves_nothing_in_hold(play, pa10):
 def test_without_a_sensor_the_tool_is_that_of_the_urdf_and_no_push(play, pa10):
     mechanism = pa10.config.mechanism.model_copy(update={"force_torque": None})
     cell = replace(pa10, config=pa10.config.model_copy(update={"mechanism": mechanism}))
-    run = play({"at_s": 0.3, "joystick": MOVING}, seconds=3.0, cell=cell)
+    run = play({"at_s": 0.3, "cmd/joystick": MOVING}, seconds=3.0, cell=cell)
     assert run.events("touched") == []
     assert run.states[-1].mode == "enabled"
 

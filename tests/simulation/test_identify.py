@@ -91,7 +91,7 @@ def through_all_attitudes(cell):
         x, y, z, *rpy = (mechanism.pose_wrist(stop.q) @ T_wrist_mrf).to_xyz_rpy()
         place = [x - 0.12, y + (0.08, -0.08)[i % 2], z + 0.12]
         target = {"xyz": place, "rpy": rpy, "relative_to": "world", "speed": 0.25}
-        steps.append({"at_s": 0.1 + 5.0 * i, "position": target})
+        steps.append({"at_s": 0.1 + 5.0 * i, "cmd/position": target})
     return steps
 
 
@@ -133,7 +133,7 @@ def test_whatever_the_arm_is_rated_for_is_identified_on_a_sensor_that_is_askew(n
 )
 def test_a_push_stops_an_identification(pa10, target, vector):
     cell, _, _ = askew(pa10, 8.0, 6.0)
-    push = {"at_s": 8.0, "fault": {"push": target, "vector": vector}}
+    push = {"at_s": 8.0, "rig/fault": {"kind": "push", "target": target, "vector": vector}}
     simulation = Simulation(cell, Script.model_validate({"duration_s": 40.0, "step": [push]}))
     guide = Guide(simulation.player.client, attitudes(cell, "ready", 8, 0.15))
 

@@ -62,11 +62,11 @@ def play(cell, steps, listener=None, seconds=2.5):
 
 def test_replayed_altered_and_renumbered_commands_move_nothing(pa10, monkeypatch):
     steps = [
-        {"at_s": 0.3, "joystick": STICK},
-        {"at_s": 1.0, "speed": 0.5},
-        {"at_s": 1.2, "mode": "hold"},
-        {"at_s": 1.7, "mode": "resume"},
-        {"at_s": 1.9, "joystick": STICK},
+        {"at_s": 0.3, "cmd/joystick": STICK},
+        {"at_s": 1.0, "operator/speed": {"factor": 0.5}},
+        {"at_s": 1.2, "operator/mode": {"action": "hold"}},
+        {"at_s": 1.7, "operator/mode": {"action": "resume"}},
+        {"at_s": 1.9, "cmd/joystick": STICK},
     ]
     _, alone = play(pa10, steps)
     listener = Listener(monkeypatch)
@@ -80,7 +80,7 @@ def test_replayed_altered_and_renumbered_commands_move_nothing(pa10, monkeypatch
 
 
 def test_a_silent_operators_lease_is_not_kept_alive_by_what_it_once_said(pa10, monkeypatch):
-    steps = [{"at_s": 0.3, "joystick": STICK}, {"at_s": 1.0, "link": {"cut": True}}]
+    steps = [{"at_s": 0.3, "cmd/joystick": STICK}, {"at_s": 1.0, "link": {"cut": True}}]
     listener = Listener(monkeypatch)
     simulation, result = play(pa10, steps, listener)
     assert [e.name for e in simulation.events if e.name == "lease_expired"] == ["lease_expired"]
@@ -90,7 +90,7 @@ def test_a_silent_operators_lease_is_not_kept_alive_by_what_it_once_said(pa10, m
 
 @pytest.mark.parametrize("seq", [10**6, 2**63 - 1, 2**64 - 1])
 def test_the_holder_is_not_locked_out_by_numbers_that_it_never_sent(pa10, seq):
-    steps = [{"at_s": 0.3, "joystick": STICK}]
+    steps = [{"at_s": 0.3, "cmd/joystick": STICK}]
     _, alone = play(pa10, steps, seconds=1.0)
     script = Script.model_validate({"duration_s": 1.0, "step": steps})
     simulation = Simulation(pa10, script)

@@ -11,7 +11,7 @@ from telerobot.config.schema.mechanism import Payload
 HAND = {"mass": 0.98, "com": (0.0, 0.0, 0.051)}
 HEAVIER = Payload(mass=5.98, com=(0.0, 0.0, 0.051))
 BIAS = (50.4, -0.3, 0.6, 0.01, -0.02, 0.01)
-PUSH = {"push": "force_torque", "vector": [0.0, 20.0, 0.0]}
+PUSH = {"kind": "push", "target": "force_torque", "vector": [0.0, 20.0, 0.0]}
 REST = {"twist": [0.0] * 6}
 
 
@@ -59,7 +59,7 @@ def test_a_payload_that_is_told_wrong_is_said_and_does_not_move_the_arm(
 
 
 def test_a_sensor_that_is_biased_is_said_and_a_tare_is_the_way_out(play, pa10):
-    steps = [{"at_s": 2.0, "tare": True}, {"at_s": 3.5, "fault": PUSH}]
+    steps = [{"at_s": 2.0, "operator/tare": {}}, {"at_s": 3.5, "rig/fault": PUSH}]
     run = play(*steps, cell=changed(pa10, {"bias": BIAS}), seconds=5.0)
     (said,) = run.events("load_unexplained")
     found = np.array(json.loads(said.values["bias"]))
@@ -70,7 +70,7 @@ def test_a_sensor_that_is_biased_is_said_and_a_tare_is_the_way_out(play, pa10):
 
 
 def test_telling_the_payload_is_the_other_way_out(play, pa10):
-    steps = [{"at_s": 2.0, "payload": HAND}, {"at_s": 3.5, "fault": PUSH}]
+    steps = [{"at_s": 2.0, "operator/payload": HAND}, {"at_s": 3.5, "rig/fault": PUSH}]
     run = play(*steps, cell=changed(pa10, {"payload": HEAVIER}), seconds=5.0)
     assert len(run.events("load_unexplained")) == 1
     assert way(run, 1.0, 3.4) < 1e-3
@@ -78,7 +78,7 @@ def test_telling_the_payload_is_the_other_way_out(play, pa10):
 
 
 def test_what_is_acknowledged_acts(play, pa10):
-    steps = [{"at_s": 2.0, "acknowledge_load": True}]
+    steps = [{"at_s": 2.0, "operator/acknowledge_load": {}}]
     run = play(*steps, cell=changed(pa10, {"payload": HEAVIER}), seconds=3.0)
     assert len(run.events("load_acknowledged")) == 1
     assert way(run, 1.0, 1.99) < 0.5e-3
@@ -93,7 +93,7 @@ def test_following_a_hand_does_not_follow_a_load(play):
 
 
 def test_a_payload_that_is_told_wrong_while_enabled_is_said(play):
-    run = play({"at_s": 1.0, "payload": {**HAND, "mass": 5.98}}, seconds=4.0)
+    run = play({"at_s": 1.0, "operator/payload": {**HAND, "mass": 5.98}}, seconds=4.0)
     (said,) = run.events("load_unexplained")
     assert said.values["mass_kg"] == pytest.approx(-5.0, abs=0.05)
     assert way(run, 1.0, 4.0) < 6e-3
@@ -103,11 +103,11 @@ def test_a_payload_that_is_told_wrong_while_enabled_is_said(play):
 def test_contact_when_the_arm_is_enabled_is_bled_off(play, pa10, mode, stiffness):
     wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
     run = play(
-        {"at_s": 0.1, "posture": "ready"},
-        {"at_s": 3.2, "joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "base"}},
-        {"at_s": 6.5, "mode": "disable"},
-        {"at_s": 6.5, "joystick": REST},
-        {"at_s": 7.5, "mode": "enable"},
+        {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 3.2, "cmd/joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 6.5, "operator/mode": {"action": "disable"}},
+        {"at_s": 6.5, "cmd/joystick": REST},
+        {"at_s": 7.5, "operator/mode": {"action": "enable"}},
         cell=changed(pa10, rig={"wall": wall}, mode=mode),
         seconds=12.0,
     )
@@ -119,8 +119,8 @@ def test_contact_when_the_arm_is_enabled_is_bled_off(play, pa10, mode, stiffness
 
 def test_contact_of_a_tool_with_an_unexplained_load_stops_the_arm(play, pa10):
     run = play(
-        {"at_s": 0.1, "posture": "ready"},
-        {"at_s": 3.2, "joystick": {"twist": [0.03, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 3.2, "cmd/joystick": {"twist": [0.03, 0, 0, 0, 0, 0], "expressed_in": "base"}},
         cell=changed(pa10, {"bias": BIAS}),
         seconds=8.0,
     )
@@ -132,7 +132,7 @@ def test_contact_of_a_tool_with_an_unexplained_load_stops_the_arm(play, pa10):
 
 def test_a_payload_that_is_said_to_be_unknown_moves_nothing_either(play, pa10):
     cell = changed(pa10, {"payload": HEAVIER})
-    run = play({"at_s": 0.05, "payload": {"unknown": True}}, cell=cell, seconds=2.0)
+    run = play({"at_s": 0.05, "operator/payload": {"unknown": True}}, cell=cell, seconds=2.0)
     assert run.events("load_unexplained") == []
     assert len(run.events("load_unknown")) == 1
     assert way(run, 0.3, 2.0) < 1e-3

@@ -16,10 +16,13 @@ WITHIN = 0.02
 def held(mass: float, height: float) -> Run:
     """Return a run with a payload declared, and a knock in HOLD: 50 ms of 15 N."""
     steps = [
-        {"at_s": 0.4, "payload": {"mass": mass, "com": [0.0, 0.0, height]}},
-        {"at_s": 1.2, "mode": "hold"},
-        {"at_s": OFF_S - 0.05, "fault": {"hand": "force_torque", "vector": [15.0, 0.0, 0.0]}},
-        {"at_s": OFF_S, "fault": {"hand": "force_torque", "on": False}},
+        {"at_s": 0.4, "operator/payload": {"mass": mass, "com": [0.0, 0.0, height]}},
+        {"at_s": 1.2, "operator/mode": {"action": "hold"}},
+        {
+            "at_s": OFF_S - 0.05,
+            "rig/fault": {"kind": "hand", "target": "force_torque", "vector": [15.0, 0.0, 0.0]},
+        },
+        {"at_s": OFF_S, "rig/fault": {"kind": "hand", "target": "force_torque", "on": False}},
     ]
     script = Script.model_validate({"duration_s": END_S, "step": steps})
     simulation = Simulation(load_cell("pa10_hand_torque"), script)

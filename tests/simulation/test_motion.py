@@ -40,11 +40,14 @@ def joint_speed(run, at_s):
 def test_objectives_are_switched_while_running_and_the_tool_does_not_notice(play, pa10):
     run = clean(
         play(
-            {"at_s": 0.2, "redundancy": {"objective": "mid_range", "gain": 0.0}},
-            {"at_s": 1.0, "redundancy": {"objective": "posture", "gain": 2.0, "posture": "park"}},
-            {"at_s": 3.0, "redundancy": {"objective": "manipulability", "gain": 5.0}},
-            {"at_s": 5.0, "redundancy": {"objective": "posture", "gain": 0.0}},
-            {"at_s": 5.0, "redundancy": {"objective": "manipulability", "gain": 0.0}},
+            {"at_s": 0.2, "operator/redundancy": {"objective": "mid_range", "gain": 0.0}},
+            {
+                "at_s": 1.0,
+                "operator/redundancy": {"objective": "posture", "gain": 2.0, "posture": "park"},
+            },
+            {"at_s": 3.0, "operator/redundancy": {"objective": "manipulability", "gain": 5.0}},
+            {"at_s": 5.0, "operator/redundancy": {"objective": "posture", "gain": 0.0}},
+            {"at_s": 5.0, "operator/redundancy": {"objective": "manipulability", "gain": 0.0}},
             seconds=7.0,
             cell=open_space(pa10),
         )
@@ -64,7 +67,10 @@ def test_objectives_are_switched_while_running_and_the_tool_does_not_notice(play
 
 def test_a_posture_that_the_cell_lacks_is_refused_by_name(play):
     run = play(
-        {"at_s": 0.1, "redundancy": {"objective": "posture", "gain": 1.0, "posture": "bed"}},
+        {
+            "at_s": 0.1,
+            "operator/redundancy": {"objective": "posture", "gain": 1.0, "posture": "bed"},
+        },
         seconds=0.4,
     )
     assert len(run.summary["refused"]) == 1
@@ -80,8 +86,8 @@ def test_a_stick_pushes_the_wall_with_the_force_that_its_schedule_leaves(play, p
     rate, gain = 0.0075, pa10.config.sources.force.gain[0]
     run = clean(
         play(
-            {"at_s": 0.2, "joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "base"}},
-            {"at_s": 2.6, "joystick": {"twist": [rate, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+            {"at_s": 0.2, "cmd/joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+            {"at_s": 2.6, "cmd/joystick": {"twist": [rate, 0, 0, 0, 0, 0], "expressed_in": "base"}},
             seconds=12.0,
             cell=cell,
         )
@@ -105,7 +111,7 @@ PATH = {"waypoints": SQUARE, "relative_to": "mrf", "expressed_in": "base"}
 
 @pytest.mark.parametrize("blend", [0.0, 0.03])
 def test_a_route_ends_within_a_millimetre_of_its_last_waypoint(play, blend):
-    run = clean(play({"at_s": 0.3, "path": {**PATH, "blend": blend}}, seconds=7.0))
+    run = clean(play({"at_s": 0.3, "cmd/path": {**PATH, "blend": blend}}, seconds=7.0))
     assert run.summary["tool_error_m"] < 1e-3
     assert run.summary["tool_error_rad"] < 2e-3
     assert run.states[-1].at_goal
@@ -118,13 +124,13 @@ def test_a_path_is_paused_nudged_resumed_and_still_reaches_its_end(play):
     stick = {"twist": [-0.05, 0.0, 0.05, 0.0, 0.0, 0.0], "expressed_in": "base"}
     run = clean(
         play(
-            {"at_s": 0.3, "path": PATH},
-            {"at_s": 0.9, "path_control": "pause"},
-            {"at_s": 2.0, "joystick": stick},
-            {"at_s": 2.6, "joystick": {"twist": [0.0] * 6}},
-            {"at_s": 5.0, "path_control": "resume"},
-            {"at_s": 5.6, "joystick": stick},
-            {"at_s": 6.0, "joystick": {"twist": [0.0] * 6}},
+            {"at_s": 0.3, "cmd/path": PATH},
+            {"at_s": 0.9, "operator/path": {"action": "pause"}},
+            {"at_s": 2.0, "cmd/joystick": stick},
+            {"at_s": 2.6, "cmd/joystick": {"twist": [0.0] * 6}},
+            {"at_s": 5.0, "operator/path": {"action": "resume"}},
+            {"at_s": 5.6, "cmd/joystick": stick},
+            {"at_s": 6.0, "cmd/joystick": {"twist": [0.0] * 6}},
             seconds=13.0,
         )
     )
@@ -140,9 +146,9 @@ def test_a_path_is_paused_nudged_resumed_and_still_reaches_its_end(play):
 def test_an_aborted_path_is_gone_and_the_tool_stands(play):
     run = clean(
         play(
-            {"at_s": 0.3, "path": PATH},
-            {"at_s": 0.9, "path_control": "abort"},
-            {"at_s": 1.5, "path_control": "resume"},
+            {"at_s": 0.3, "cmd/path": PATH},
+            {"at_s": 0.9, "operator/path": {"action": "abort"}},
+            {"at_s": 1.5, "operator/path": {"action": "resume"}},
             seconds=2.5,
         )
     )
@@ -158,7 +164,7 @@ def test_twists_bring_the_tool_as_far_as_their_times_say(play):
         "durations_s": [1.0, 2.0],
         "expressed_in": "base",
     }
-    run = clean(play({"at_s": 0.3, "path": path}, seconds=5.0))
+    run = clean(play({"at_s": 0.3, "cmd/path": path}, seconds=5.0))
     np.testing.assert_allclose(moved(run, 0.2, 4.9)[:3], [-0.05, 0.1, 0.1], atol=2e-3)
     assert run.states[-1].at_goal
 
@@ -166,9 +172,9 @@ def test_twists_bring_the_tool_as_far_as_their_times_say(play):
 def test_hold_ends_a_path(play):
     run = clean(
         play(
-            {"at_s": 0.3, "path": PATH},
-            {"at_s": 0.9, "mode": "hold"},
-            {"at_s": 2.0, "mode": "resume"},
+            {"at_s": 0.3, "cmd/path": PATH},
+            {"at_s": 0.9, "operator/mode": {"action": "hold"}},
+            {"at_s": 2.0, "operator/mode": {"action": "resume"}},
             seconds=3.0,
         )
     )
@@ -191,10 +197,11 @@ def accelerations(run):
 def test_the_tool_follows_the_hand_by_the_scale(play):
     run = clean(
         play(
-            {"at_s": 0.2, "clutch": ENGAGE, "master": STILL},
+            {"at_s": 0.2, "operator/clutch": ENGAGE},
+            {"at_s": 0.2, "master": STILL},
             {"at_s": 0.5, "master": HAND},
             {"at_s": 1.5, "master": STILL},
-            {"at_s": 2.5, "clutch": {"translation": 0.25}},
+            {"at_s": 2.5, "operator/clutch": {"translation": 0.25}},
             {"at_s": 3.0, "master": HAND},
             {"at_s": 4.0, "master": STILL},
             seconds=6.0,
@@ -211,9 +218,10 @@ def test_the_tool_follows_the_hand_by_the_scale(play):
 def test_what_the_hand_does_with_the_clutch_open_does_not_count(play):
     run = clean(
         play(
-            {"at_s": 0.2, "clutch": ENGAGE, "master": HAND},
-            {"at_s": 1.0, "clutch": FREE},
-            {"at_s": 2.5, "clutch": ENGAGE},
+            {"at_s": 0.2, "operator/clutch": ENGAGE},
+            {"at_s": 0.2, "master": HAND},
+            {"at_s": 1.0, "operator/clutch": FREE},
+            {"at_s": 2.5, "operator/clutch": ENGAGE},
             {"at_s": 3.5, "master": STILL},
             seconds=5.0,
         )
@@ -226,11 +234,13 @@ def test_what_the_hand_does_with_the_clutch_open_does_not_count(play):
 
 
 def test_scale_and_clutch_change_in_full_motion_without_a_jump(play):
-    steps = [{"at_s": 0.2, "clutch": ENGAGE, "master": HAND}]
+    steps = [{"at_s": 0.2, "operator/clutch": ENGAGE}, {"at_s": 0.2, "master": HAND}]
     for i, scale in enumerate((2.0, 0.1, 3.0, 0.5)):
-        steps.append({"at_s": 0.8 + 0.3 * i, "clutch": {"translation": scale, "rotation": scale}})
-        steps.append({"at_s": 0.9 + 0.3 * i, "clutch": FREE})
-        steps.append({"at_s": 1.0 + 0.3 * i, "clutch": ENGAGE})
+        steps.append(
+            {"at_s": 0.8 + 0.3 * i, "operator/clutch": {"translation": scale, "rotation": scale}}
+        )
+        steps.append({"at_s": 0.9 + 0.3 * i, "operator/clutch": FREE})
+        steps.append({"at_s": 1.0 + 0.3 * i, "operator/clutch": ENGAGE})
     steps.append({"at_s": 2.2, "master": STILL})
     run = clean(play(*steps, seconds=4.0))
     v = np.array([np.linalg.norm(s.sources["position"][:3]) for s in run.states])
@@ -243,8 +253,9 @@ def test_scale_and_clutch_change_in_full_motion_without_a_jump(play):
 def test_a_master_that_falls_silent_lets_the_tool_stop_where_it_is(play):
     run = clean(
         play(
-            {"at_s": 0.2, "clutch": ENGAGE, "master": HAND},
-            {"at_s": 1.2, "master": {}},
+            {"at_s": 0.2, "operator/clutch": ENGAGE},
+            {"at_s": 0.2, "master": HAND},
+            {"at_s": 1.2, "silence": ["cmd/master_pose"]},
             {"at_s": 2.5, "master": HAND},
             {"at_s": 3.5, "master": STILL},
             seconds=5.0,
@@ -261,11 +272,14 @@ def test_a_stick_is_clutched_and_scaled_too(play):
     stick = {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.2], "expressed_in": "base"}
     run = clean(
         play(
-            {"at_s": 0.2, "joystick": stick},
-            {"at_s": 1.0, "clutch": {"translation": 0.5, "rotation": 0.0}},
-            {"at_s": 2.0, "clutch": FREE},
-            {"at_s": 3.0, "clutch": {"engaged": True, "translation": 1.0, "rotation": 1.0}},
-            {"at_s": 4.0, "joystick": {"twist": [0.0] * 6}},
+            {"at_s": 0.2, "cmd/joystick": stick},
+            {"at_s": 1.0, "operator/clutch": {"translation": 0.5, "rotation": 0.0}},
+            {"at_s": 2.0, "operator/clutch": FREE},
+            {
+                "at_s": 3.0,
+                "operator/clutch": {"engaged": True, "translation": 1.0, "rotation": 1.0},
+            },
+            {"at_s": 4.0, "cmd/joystick": {"twist": [0.0] * 6}},
             seconds=4.5,
         )
     )
@@ -283,9 +297,10 @@ def test_another_goal_takes_over_and_the_master_waits_to_be_engaged_anew(play):
     target = {"xyz": [0.0, 0.05, 0.05], "rpy": [0, 0, 0], "relative_to": "mrf"}
     run = clean(
         play(
-            {"at_s": 0.2, "clutch": ENGAGE, "master": HAND},
-            {"at_s": 1.0, "position": {**target, "expressed_in": "base"}},
-            {"at_s": 4.0, "clutch": ENGAGE},
+            {"at_s": 0.2, "operator/clutch": ENGAGE},
+            {"at_s": 0.2, "master": HAND},
+            {"at_s": 1.0, "cmd/position": {**target, "expressed_in": "base"}},
+            {"at_s": 4.0, "operator/clutch": ENGAGE},
             {"at_s": 4.5, "master": STILL},
             seconds=6.0,
         )

@@ -70,13 +70,17 @@ JOG = [0.0] * 7
 
 
 def jog(joint, rate):
-    return {"jog": {"rates": [*JOG[:joint], rate, *JOG[joint + 1 :]]}}
+    return {"cmd/jog": {"rates": [*JOG[:joint], rate, *JOG[joint + 1 :]]}}
 
 
 @pytest.mark.parametrize("mode", CASES)
 @pytest.mark.parametrize(
     ("what", "step"),
-    [("jog", jog(W1, 0.3)), ("posture", {"posture": "ready"}), ("stick", {"joystick": STICK})],
+    [
+        ("jog", jog(W1, 0.3)),
+        ("posture", {"cmd/posture": {"posture": "ready"}}),
+        ("stick", {"cmd/joystick": STICK}),
+    ],
 )
 def test_a_joint_outside_comes_back_in_at_bounded_rates_and_never_goes_further_out(
     mode, what, step
@@ -103,7 +107,7 @@ def test_jogged_outwards_a_joint_at_its_limit_stands_and_so_do_the_others(beyond
 
 def test_a_stop_on_the_way_in_leads_inwards():
     cell, _ = standing("csp", W1, 0.1, sense=-1)
-    steps = {"at_s": 0.2, **jog(W1, 0.5)}, {"at_s": 0.3, "mode": "hold"}
+    steps = {"at_s": 0.2, **jog(W1, 0.5)}, {"at_s": 0.3, "operator/mode": {"action": "hold"}}
     simulation = Simulation(cell, Script.model_validate({"duration_s": 1.0, "step": steps}))
     result = simulation.run()
     assert result.summary["mode"] == "hold"
@@ -118,8 +122,8 @@ def test_the_next_enable_takes_the_drives_room_back_once_the_joint_is_inside():
     simulation, _ = played(
         cell,
         {"at_s": 0.2, **jog(W1, 0.3)},
-        {"at_s": 1.2, "mode": "disable"},
-        {"at_s": 1.8, "mode": "enable"},
+        {"at_s": 1.2, "operator/mode": {"action": "disable"}},
+        {"at_s": 1.8, "operator/mode": {"action": "enable"}},
         seconds=2.5,
     )
     drive = simulation.rig.drives["w1"]

@@ -25,7 +25,7 @@ def with_payloads(pa10, at_start):
 
 def test_a_payload_that_is_told_by_name_ends_the_drift_without_a_jump(pa10, play):
     cell = with_payloads(pa10, Payload())
-    run = play({"at_s": 1.0, "payload": {"name": "hand"}}, cell=cell, seconds=3.0)
+    run = play({"at_s": 1.0, "operator/payload": {"name": "hand"}}, cell=cell, seconds=3.0)
     before, after = run.at(0.99), run.at(2.9)
     assert before.payload[0] == 0.0
     assert after.payload == (0.98, 0.0, 0.0, 0.051)
@@ -42,7 +42,7 @@ def test_a_payload_that_is_told_by_name_ends_the_drift_without_a_jump(pa10, play
 
 
 def test_a_payload_that_no_one_named_is_refused_and_changes_nothing(pa10, play):
-    run = play({"at_s": 0.5, "payload": {"name": "anvil"}}, seconds=1.0)
+    run = play({"at_s": 0.5, "operator/payload": {"name": "anvil"}}, seconds=1.0)
     assert len(run.summary["refused"]) == 1
     assert "unknown_payload" in run.summary["refused"][0]
     assert run.states[-1].payload[0] == pa10.config.mechanism.force_torque.payload.mass
@@ -58,9 +58,9 @@ def test_the_sensors_own_reading_is_told_with_weight_and_bias_in_it(pa10, play):
 
 def test_gains_that_bounce_are_refused_unless_forced(pa10, play):
     gain = {"source": "force", "gain": [5e-3] * 3 + [0.03] * 3}
-    run = play({"at_s": 0.2, "gain": gain}, seconds=0.5)
+    run = play({"at_s": 0.2, "operator/gain": gain}, seconds=0.5)
     assert "unstable_gain" in run.summary["refused"][0]
-    run = play({"at_s": 0.2, "gain": gain | {"forced": True}}, seconds=2.0)
+    run = play({"at_s": 0.2, "operator/gain": gain | {"forced": True}}, seconds=2.0)
     assert run.summary["refused"] == []
     assert run.states[-1].gains["force"][0] == pytest.approx(5e-3, rel=1e-3)
     assert run.events("gain_forced")
@@ -73,7 +73,10 @@ BOTH = Payload(
     mass=HAND.mass + PART[0],
     com=tuple((HAND.mass * np.array(HAND.com) + PART[0] * PART[1]) / (HAND.mass + PART[0])),
 )
-CLOSE, OPEN = {"at_s": 1.0, "gripper": "close"}, {"at_s": 3.0, "gripper": "open"}
+CLOSE, OPEN = (
+    {"at_s": 1.0, "operator/gripper": {"closed": True}},
+    {"at_s": 3.0, "operator/gripper": {"closed": False}},
+)
 
 
 def with_gripper(pa10, told=True, **gripper):
@@ -97,7 +100,7 @@ def moved(run, a_s, b_s):
 @pytest.mark.parametrize("closed", [0, 1])
 def test_what_is_picked_up_and_put_down_weighs_nothing_and_moves_nothing(pa10, play, closed):
     cell = with_gripper(pa10, closed=closed)
-    first = {"at_s": 0.0, "gripper": "open"}
+    first = {"at_s": 0.0, "operator/gripper": {"closed": False}}
     run = play(first, CLOSE, OPEN, cell=cell, seconds=5.0)
     assert run.summary["refused"] == []
     assert run.summary["limit_violations"] == 0
@@ -129,7 +132,12 @@ def test_a_gripper_stays_as_it_is_until_somebody_says_otherwise(pa10, play):
 
 
 def test_what_is_held_is_held_on_in_a_quick_stop_and_when_the_daemon_dies(pa10, play):
-    run = play(CLOSE, {"at_s": 2.0, "fault": {"fault": "s1"}}, cell=with_gripper(pa10), seconds=3.0)
+    run = play(
+        CLOSE,
+        {"at_s": 2.0, "rig/fault": {"kind": "fault", "target": "s1"}},
+        cell=with_gripper(pa10),
+        seconds=3.0,
+    )
     assert run.summary["mode"] == "fault"
     gripper = run.simulation.rig.nodes["gripper"]
     assert gripper.closed

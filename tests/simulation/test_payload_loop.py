@@ -9,7 +9,7 @@ from telerobot.server.stability.payload_loop import following_source, heaviest
 from telerobot.tools.campaign.payloads import STANDS, laden, pushed, speed_at_the_end
 from telerobot.tools.checks.findings import Status
 from telerobot.tools.commands.check import judge
-from telerobot.tools.scripts.script import Step
+from telerobot.tools.scripts.step import Step
 from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
@@ -88,7 +88,7 @@ def test_a_payload_that_would_swing_the_tool_is_an_error_of_check():
 
 
 def test_a_payload_that_would_swing_the_tool_is_refused_with_the_numbers():
-    heavy = {"at_s": 0.3, "payload": {"mass": 2.98, "com": [0.0, 0.0, 0.08]}}
+    heavy = {"at_s": 0.3, "operator/payload": {"mass": 2.98, "com": [0.0, 0.0, 0.08]}}
     cell = laden(0.0, rate_hz=200, mass=0.5, damping=15.0)
     run = played(cell, (0.0, 4.0, 0.0), 0.3, heavy)
     assert run.events("payload_set") == []
@@ -101,9 +101,9 @@ def test_a_payload_that_would_swing_the_tool_is_refused_with_the_numbers():
 
 def test_following_is_not_switched_on_under_a_payload_that_would_swing_the_tool():
     steps = (
-        {"at_s": 0.2, "switch": {"source": "following", "on": False}},
-        {"at_s": 0.3, "payload": {"mass": 2.98, "com": [0.0, 0.0, 0.08]}},
-        {"at_s": 0.4, "switch": {"source": "following", "on": True}},
+        {"at_s": 0.2, "operator/switch": {"source": "following", "on": False}},
+        {"at_s": 0.3, "operator/payload": {"mass": 2.98, "com": [0.0, 0.0, 0.08]}},
+        {"at_s": 0.4, "operator/switch": {"source": "following", "on": True}},
     )
     cell = laden(0.0, rate_hz=200, mass=0.5, damping=15.0)
     run = played(cell, (0.0, 0.0, 0.0), 0.3, *steps)
@@ -117,8 +117,8 @@ def test_a_force_gain_under_which_the_payload_would_swing_the_tool_is_refused():
     sensor = cell.config.mechanism.force_torque.model_copy(update={"stiffest_environment": 100.0})
     mechanism = cell.config.mechanism.model_copy(update={"force_torque": sensor})
     soft = replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
-    on = {"at_s": 0.2, "switch": {"source": "force", "on": True}}
-    gain = {"at_s": 0.3, "gain": {"source": "force", "gain": [0.02] * 3 + [0.0] * 3}}
+    on = {"at_s": 0.2, "operator/switch": {"source": "force", "on": True}}
+    gain = {"at_s": 0.3, "operator/gain": {"source": "force", "gain": [0.02] * 3 + [0.0] * 3}}
     run = played(soft, (0.0, 0.0, 0.0), 0.3, on, gain)
     assert [e.values["reason"] for e in run.events("request_refused")] == ["unstable_gain"]
     assert "5.98 kg" in run.events("request_refused")[0].detail

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.protocols import topics as t
 from telerobot.tools.campaign.contact.insertion import (
     DIRECTIONS,
     GENTLE,
@@ -50,10 +51,12 @@ def test_the_shipped_insertion_is_played_as_it_is_written():
 def test_both_scripts_ask_the_same_of_the_stick():
     force, stiff = load_script("peg_insert"), load_script("peg_insert_stiff")
     sticks = [
-        [(s.at_s, s.joystick) for s in script.steps if s.joystick] for script in (force, stiff)
+        [(s.at_s, u) for s in script.steps if (u := s.says(t.JOYSTICK))]
+        for script in (force, stiff)
     ]
     assert sticks[0] == sticks[1]
-    assert [s.switch.on for s in stiff.steps if s.switch] == [False]
+    switched = [switch["on"] for s in stiff.steps if (switch := s.says(t.SWITCH))]
+    assert switched == [False]
 
 
 def test_every_direction_is_as_far_off_and_each_is_another():

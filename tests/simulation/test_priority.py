@@ -81,8 +81,11 @@ def test_each_case_keeps_further_away_and_priority_keeps_the_inner_spheres_free(
 
 def test_avoiding_begins_again_when_a_hand_leads_the_arm_from_a_posture(beside_the_pole):
     steps = [
-        {"at_s": 0.1, "posture": "ready"},
-        {"at_s": 0.5, "fault": {"hand": "force_torque", "vector": [0.0, 6.0, 0.0]}},
+        {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},
+        {
+            "at_s": 0.5,
+            "rig/fault": {"kind": "hand", "target": "force_torque", "vector": [0.0, 6.0, 0.0]},
+        },
     ]
     script = Script.model_validate({"duration_s": 2.5, "step": steps})
     run = play(beside_the_pole(3, "rate"), script)

@@ -8,9 +8,9 @@ OUT_OF_REACH = {"xyz": [0.0, 0.0, 2.0], "rpy": [0.0, 0.0, 0.0], "relative_to": "
 
 
 def test_a_target_out_of_reach_is_approached_and_left_for_one_within(play):
-    start = {"at_s": 0.2, "posture": [1.5, 0.25, 0.0, 2.1, 0.0, -0.78, 0.0]}
-    away = {"at_s": 3.5, "position": OUT_OF_REACH}
-    run = play(start, away, {"at_s": 14.0, "position": {
+    start = {"at_s": 0.2, "cmd/posture": {"q": [1.5, 0.25, 0.0, 2.1, 0.0, -0.78, 0.0]}}
+    away = {"at_s": 3.5, "cmd/position": OUT_OF_REACH}
+    run = play(start, away, {"at_s": 14.0, "cmd/position": {
         "xyz": [0.0, 0.0, -0.15], "rpy": [0.0, 0.0, 0.0], "relative_to": "mrf",
         "expressed_in": "base"}}, seconds=18.0)  # fmt: skip
     before, at_edge, leaving = run.at(3.4), run.at(13.9), run.at(15.5)
@@ -30,9 +30,9 @@ def test_a_target_beyond_a_joint_limit_keeps_the_tool_on_its_path_while_it_can(p
     lower = ur5e.robot.joints[2].lower
     assert lower < -3.0
     run = play(
-        {"at_s": 0.2, "posture": "ready"},
-        {"at_s": 4.0, "joystick": {"twist": [-0.15, 0, 0, 0, 0, 0], "expressed_in": "base"}},
-        {"at_s": 9.0, "joystick": {"twist": [0.15, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 4.0, "cmd/joystick": {"twist": [-0.15, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 9.0, "cmd/joystick": {"twist": [0.15, 0, 0, 0, 0, 0], "expressed_in": "base"}},
         seconds=10.0,
         cell=ur5e,
     )
@@ -47,9 +47,9 @@ def test_pushing_against_the_edge_of_reach_never_locks_the_way_back(play, axis):
     out[axis] = 0.3 if axis != 0 else -0.3  # away from the wall in front
     back = [-0.5 * v for v in out]
     run = play(
-        {"at_s": 0.2, "posture": [1.5, 0.25, 0.0, 2.1, 0.0, -0.78, 0.0]},
-        {"at_s": 3.5, "joystick": {"twist": [*out, 0, 0, 0], "expressed_in": "base"}},
-        {"at_s": 11.0, "joystick": {"twist": [*back, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 0.2, "cmd/posture": {"q": [1.5, 0.25, 0.0, 2.1, 0.0, -0.78, 0.0]}},
+        {"at_s": 3.5, "cmd/joystick": {"twist": [*out, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 11.0, "cmd/joystick": {"twist": [*back, 0, 0, 0], "expressed_in": "base"}},
         seconds=13.0,
     )
     edge, home = run.at(10.9), run.at(12.9)

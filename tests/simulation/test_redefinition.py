@@ -21,12 +21,13 @@ QUARTER = {"xyz": [0.0, 0.0, 0.121], "rpy": [0.0, 0.0, 1.5708]}
 OTHER = {"xyz": [0.05, -0.04, 0.2], "rpy": [0.3, 1.2, -0.4]}
 REST: list = []
 MOTION = [
-    {"at_s": 0.2, "position": {"xyz": [0.05, 0.12, 0.05], "rpy": [0.2, 0.5, 0.3],
+    {"at_s": 0.2, "cmd/position": {"xyz": [0.05, 0.12, 0.05], "rpy": [0.2, 0.5, 0.3],
                                "relative_to": "mrf", "expressed_in": "base"}},
-    {"at_s": 0.3, "joystick": {"twist": [0.02, 0.06, 0.04, 0, 0, 0], "expressed_in": "base"}},
-    {"at_s": 0.4, "fault": {"hand": "force_torque", "vector": [3.0, 4.0, -2.0]}},
-    {"at_s": 1.4, "fault": {"hand": "force_torque", "on": False}},
-    {"at_s": 1.5, "joystick": {"twist": [0.0] * 6, "expressed_in": "base"}},
+    {"at_s": 0.3, "cmd/joystick": {"twist": [0.02, 0.06, 0.04, 0, 0, 0], "expressed_in": "base"}},
+    {"at_s": 0.4, "rig/fault": {"kind": "hand", "target": "force_torque",
+                                "vector": [3.0, 4.0, -2.0]}},
+    {"at_s": 1.4, "rig/fault": {"kind": "hand", "target": "force_torque", "on": False}},
+    {"at_s": 1.5, "cmd/joystick": {"twist": [0.0] * 6, "expressed_in": "base"}},
 ]  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def undisturbed(mode, name):
 
 
 def mrf(at_s, frame):
-    return {"at_s": at_s, "frame": {"frame": "mrf", **frame}}
+    return {"at_s": at_s, "operator/frame": {"frame": "mrf", **frame}}
 
 
 ONCE = [mrf(0.7, QUARTER)]
@@ -88,8 +89,8 @@ def test_frames_that_change_33_times_a_second_leave_no_debt_behind():
     far = {"xyz": [0.6, -0.2, 0.3], "rpy": [0.3, 1.2, -0.4]}
     turn = {"twist": [0.02, 0.06, 0.0, 0.0, 0.3, 0.2], "expressed_in": "base"}
     redefined = [mrf(0.4 + 0.03 * i, TOOL if i % 2 else far) for i in range(33)]
-    release = {"at_s": 1.4, "joystick": {"twist": [0.0] * 6, "expressed_in": "base"}}
-    run = play("csp", [{"at_s": 0.3, "joystick": turn}, *redefined, release], 2.5)
+    release = {"at_s": 1.4, "cmd/joystick": {"twist": [0.0] * 6, "expressed_in": "base"}}
+    run = play("csp", [{"at_s": 0.3, "cmd/joystick": turn}, *redefined, release], 2.5)
     assert run.summary["mode"] == "enabled"
     assert run.summary["limit_violations"] == 0
     owed = np.array([s.sources["frames"] for s in run.states])
@@ -99,12 +100,12 @@ def test_frames_that_change_33_times_a_second_leave_no_debt_behind():
 
 def test_what_is_said_in_the_same_period_is_about_the_new_mrf():
     """The displacement of a target is from where the new MRF is, not from where the old one was."""
-    step = {
-        "at_s": 0.5,
-        "frame": {"frame": "mrf", **OTHER},
-        "position": {"xyz": [0.0, 0.0, 0.03], "rpy": [0, 0, 0], "relative_to": "mrf"},
-    }
-    run = play("csp", [step], 0.7)
+    target = {"xyz": [0.0, 0.0, 0.03], "rpy": [0, 0, 0], "relative_to": "mrf"}
+    steps = [
+        {"at_s": 0.5, "operator/frame": {"frame": "mrf", **OTHER}},
+        {"at_s": 0.5, "cmd/position": target},
+    ]
+    run = play("csp", steps, 0.7)
     tool, other = (Pose.from_xyz_rpy(f["xyz"], f["rpy"]) for f in (TOOL, OTHER))
     there = Pose.from_xyz_rpy(run.at(0.48).pose_mrf[:3], run.at(0.48).pose_mrf[3:])
     target = Pose.from_xyz_rpy(run.at(0.6).target_mrf[:3], run.at(0.6).target_mrf[3:])

@@ -68,15 +68,15 @@ def assert_driven_again(simulation, refused):
 
 
 AGAIN = (
-    {"at_s": 1.5, "mode": "reset"},
-    {"at_s": 2.2, "mode": "enable"},
-    {"at_s": 2.6, "joystick": STICK},
+    {"at_s": 1.5, "operator/mode": {"action": "reset"}},
+    {"at_s": 2.2, "operator/mode": {"action": "enable"}},
+    {"at_s": 2.6, "cmd/joystick": STICK},
 )
 
 
 @pytest.mark.parametrize("first", ["enabled", "ready"])
 def test_a_drive_that_was_taken_set_up_otherwise_and_left_under_power_is_driven_again(pa10, first):
-    off = [{"at_s": 0.2, "mode": "disable"}] if first == "ready" else []
+    off = [{"at_s": 0.2, "operator/mode": {"action": "disable"}}] if first == "ready" else []
     simulation = simulation_of(pa10, *off, *AGAIN, seconds=3.2)
     other = OtherMaster(simulation)
     other.at(0.5, NMT_ID, (NmtCommand.PRE_OPERATIONAL, NODE))

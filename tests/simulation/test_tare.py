@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 
-TARE = {"tare": True}
+TARE = {"operator/tare": {}}
 
 
 def wrong_bias(name, bias):
@@ -45,9 +45,9 @@ def test_what_a_stick_pushes_against_a_wall_is_no_bias(play):
     """The arm stands there: the push is what force control and stick agree on."""
     push = {"twist": [0.0, 0.0, 0.01, 0.0, 0.0, 0.0], "relative_to": "mrf", "expressed_in": "mrf"}
     steps = [
-        {"at_s": 0.2, "posture": "ready"},
-        {"at_s": 3.5, "joystick": {**push, "twist": [0.0, 0.0, 0.05, 0.0, 0.0, 0.0]}},
-        {"at_s": 5.5, "joystick": push},
+        {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 3.5, "cmd/joystick": {**push, "twist": [0.0, 0.0, 0.05, 0.0, 0.0, 0.0]}},
+        {"at_s": 5.5, "cmd/joystick": push},
         {"at_s": 9.0, **TARE},
     ]
     run = play(*steps, seconds=9.5)
@@ -61,5 +61,5 @@ def test_what_a_stick_pushes_against_a_wall_is_no_bias(play):
 
 def test_an_arm_that_is_jogged_slowly_is_not_tared(play):
     rates = [0.0] * 6 + [0.01]
-    run = play({"at_s": 0.5, "jog": {"rates": rates}}, {"at_s": 1.5, **TARE}, seconds=2.0)
+    run = play({"at_s": 0.5, "cmd/jog": {"rates": rates}}, {"at_s": 1.5, **TARE}, seconds=2.0)
     assert len(refusals(run)) == 1

@@ -10,7 +10,7 @@ from .conftest import Run
 
 MOVING = {
     "at_s": 0.3,
-    "joystick": {"twist": [0.0, 0.05, 0.02, 0.0, 0.0, 0.1], "expressed_in": "base"},
+    "cmd/joystick": {"twist": [0.0, 0.05, 0.02, 0.0, 0.0, 0.1], "expressed_in": "base"},
 }
 
 
@@ -44,11 +44,11 @@ def test_a_tool_that_slides_along_what_it_presses_is_not_pushed(slide):
 def test_the_event_names_joint_estimate_and_bound_and_the_way_out_is_resume(play):
     run = play(
         MOVING,
-        {"at_s": 2.0, "fault": {"push": "e1", "vector": [-30.0, 0.0, 0.0]}},
-        {"at_s": 3.0, "mode": "resume"},
-        {"at_s": 4.0, "fault": {"push": "e1", "on": False}},
-        {"at_s": 5.0, "mode": "resume"},
-        {"at_s": 5.2, "joystick": MOVING["joystick"]},
+        {"at_s": 2.0, "rig/fault": {"kind": "push", "target": "e1", "vector": [-30.0, 0.0, 0.0]}},
+        {"at_s": 3.0, "operator/mode": {"action": "resume"}},
+        {"at_s": 4.0, "rig/fault": {"kind": "push", "target": "e1", "on": False}},
+        {"at_s": 5.0, "operator/mode": {"action": "resume"}},
+        {"at_s": 5.2, "cmd/joystick": MOVING["cmd/joystick"]},
         seconds=6.5,
     )
     (felt,) = run.events("touched")
@@ -62,7 +62,7 @@ def test_the_event_names_joint_estimate_and_bound_and_the_way_out_is_resume(play
 
 def test_pressing_a_wall_with_the_tool_is_seen_and_no_push(play):
     run = play(
-        {"at_s": 0.3, "joystick": {"twist": [0.03, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 0.3, "cmd/joystick": {"twist": [0.03, 0, 0, 0, 0, 0], "expressed_in": "base"}},
         seconds=12.0,
     )
     assert max(abs(f) for f in run.states[-1].wrench_mrf[:3]) > 5.0

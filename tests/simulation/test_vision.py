@@ -17,9 +17,9 @@ REACHED = (2e-3, np.radians(0.5))
 """Greatest distance and angle of the true Lens from the stored view [m], [rad]."""
 
 STORE = [
-    {"at_s": 0.2, "posture": "ready"},
-    {"at_s": 2.2, "store_view": "wrist"},
-    {"at_s": 2.3, "switch": {"source": "vision", "on": True}},
+    {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
+    {"at_s": 2.2, "operator/store_view": {"camera": "wrist"}},
+    {"at_s": 2.3, "operator/switch": {"source": "vision", "on": True}},
 ]
 
 
@@ -129,8 +129,9 @@ def test_conflicting_vision_and_position_settle_in_between_as_their_gains_say(pl
     gain = {"source": "position", "gain": [1.0] * 6}
     steps = [
         *STORE,
-        {"at_s": 2.4, "gain": gain, "position": {**step, "expressed_in": "base"}},
-        {"at_s": 9.0, "switch": {"source": "position", "on": False}},
+        {"at_s": 2.4, "operator/gain": gain},
+        {"at_s": 2.4, "cmd/position": {**step, "expressed_in": "base"}},
+        {"at_s": 9.0, "operator/switch": {"source": "position", "on": False}},
     ]
     run = play(*steps, seconds=16.0, cell=cell)
     clean(run)
@@ -147,7 +148,10 @@ def test_conflicting_vision_and_position_settle_in_between_as_their_gains_say(pl
 def test_a_target_that_jumps_is_refused_by_name_and_then_followed(play, cell):
     steps = [
         *STORE,
-        {"at_s": 3.0, "fault": {"move": "panel", "vector": [1.16, 0.18, 0.48]}},
+        {
+            "at_s": 3.0,
+            "rig/fault": {"kind": "move", "target": "panel", "vector": [1.16, 0.18, 0.48]},
+        },
     ]
     run = play(*steps, seconds=14.0, cell=cell)
     clean(run)
@@ -161,9 +165,10 @@ def test_a_target_that_jumps_is_refused_by_name_and_then_followed(play, cell):
 def test_a_stop_takes_the_switch_back_so_that_no_resume_sets_the_arm_in_motion(play, cell):
     steps = [
         *STORE,
-        {"at_s": 2.5, "joystick": {"twist": [0.0, 0.08, 0.0, 0.0, 0.0, 0.0]}},
-        {"at_s": 3.5, "mode": "hold", "joystick": {}},
-        {"at_s": 4.5, "mode": "resume"},
+        {"at_s": 2.5, "cmd/joystick": {"twist": [0.0, 0.08, 0.0, 0.0, 0.0, 0.0]}},
+        {"at_s": 3.5, "operator/mode": {"action": "hold"}},
+        {"at_s": 3.5, "silence": ["cmd/joystick"]},
+        {"at_s": 4.5, "operator/mode": {"action": "resume"}},
     ]
     run = play(*steps, seconds=6.0, cell=cell)
     assert run.summary["mode"] == "enabled"
@@ -172,15 +177,17 @@ def test_a_stop_takes_the_switch_back_so_that_no_resume_sets_the_arm_in_motion(p
 
 
 def test_without_a_view_the_source_is_not_switched_on(play, cell):
-    run = play({"at_s": 0.2, "switch": {"source": "vision", "on": True}}, seconds=0.5, cell=cell)
+    run = play(
+        {"at_s": 0.2, "operator/switch": {"source": "vision", "on": True}}, seconds=0.5, cell=cell
+    )
     (refused,) = run.summary["refused"]
     assert "not_now: no view is stored yet" in refused
 
 
 def test_a_view_of_nothing_is_not_stored(play, cell):
     steps = [
-        {"at_s": 0.1, "fault": {"cover": "panel"}},
-        {"at_s": 1.0, "store_view": "wrist"},
+        {"at_s": 0.1, "rig/fault": {"kind": "cover", "target": "panel"}},
+        {"at_s": 1.0, "operator/store_view": {"camera": "wrist"}},
     ]
     run = play(*steps, seconds=1.2, cell=cell)
     (refused,) = run.summary["refused"]
@@ -196,11 +203,12 @@ def test_a_view_is_kept_from_a_platform_that_sways(play, cell):
     """By the Lens's true pose; the tag stands in World, and pictures are of the true platform."""
     frames = Frames(base=MovingFrame())
     swaying = replace(cell, config=cell.config.model_copy(update={"frames": frames}))
-    sway = {"sway": [0.0, 0.04, 0.02, 0.02, 0.0, 0.03], "period_s": 4.0}
+    sway = {"target": "platform", "sway": [0.0, 0.04, 0.02, 0.02, 0.0, 0.03], "period_s": 4.0}
     run = play(
         *STORE,
-        {"at_s": 2.5, "joystick": {"twist": [0.0, 0.06, 0.03, 0.0, 0.0, 0.1]}},
-        {"at_s": 3.5, "joystick": {"twist": [0.0] * 6}, "platform": sway},
+        {"at_s": 2.5, "cmd/joystick": {"twist": [0.0, 0.06, 0.03, 0.0, 0.0, 0.1]}},
+        {"at_s": 3.5, "cmd/joystick": {"twist": [0.0] * 6}},
+        {"at_s": 3.5, "rig/motion": sway},
         seconds=12.0,
         cell=swaying,
     )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.protocols import topics as t
 from telerobot.tools.campaign.hostile.equipment import EMPTY, LOADED, with_gripper
 from telerobot.tools.campaign.hostile.generator import generate
 from telerobot.tools.campaign.hostile.sights import ComputedSights
@@ -10,9 +11,9 @@ from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
 WATCH = [
-    {"at_s": 0.1, "posture": "ready"},
-    {"at_s": 2.4, "store_view": "wrist"},
-    {"at_s": 2.5, "switch": {"source": "vision", "on": True}},
+    {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},
+    {"at_s": 2.4, "operator/store_view": {"camera": "wrist"}},
+    {"at_s": 2.5, "operator/switch": {"source": "vision", "on": True}},
 ]
 REJECTED = "picture_rejected"
 
@@ -48,8 +49,8 @@ def test_what_the_gripper_holds_adds_up_to_what_the_daemon_is_told(name):
 def test_a_stored_view_is_kept_on_computed_sights(watch):
     stick = {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.0], "expressed_in": "base"}
     simulation, result = watch(
-        {"at_s": 3.0, "joystick": stick},
-        {"at_s": 4.0, "joystick": {"twist": [0.0] * 6}},
+        {"at_s": 3.0, "cmd/joystick": stick},
+        {"at_s": 4.0, "cmd/joystick": {"twist": [0.0] * 6}},
         seconds=9.0,
     )
     assert result.ok
@@ -61,8 +62,8 @@ def test_a_stored_view_is_kept_on_computed_sights(watch):
 
 def test_a_covered_tag_is_lost_and_found(watch):
     simulation, result = watch(
-        {"at_s": 3.0, "fault": {"cover": "panel"}},
-        {"at_s": 4.5, "fault": {"cover": "panel", "on": False}},
+        {"at_s": 3.0, "rig/fault": {"kind": "cover", "target": "panel"}},
+        {"at_s": 4.5, "rig/fault": {"kind": "cover", "target": "panel", "on": False}},
         seconds=6.0,
     )
     names = [e.name for e in simulation.events]
@@ -82,12 +83,14 @@ def test_runs_with_cameras_watch_move_and_cover_and_put_all_back(seeing):
     kinds = set()
     for seed in range(6):
         steps = generate(seeing, seed).script.steps
-        kinds |= {s.fault.kind for s in steps if s.fault and s.fault.on}
-        assert any(s.store_view for s in steps)
-        switched = [s.switch.on for s in steps if s.switch and s.switch.source == "vision"]
+        faults = [fault for s in steps if (fault := s.says(t.RIG_FAULT))]
+        kinds |= {fault["kind"] for fault in faults if fault.get("on", True)}
+        assert any(s.says(t.STORE_VIEW) for s in steps)
+        switches = [switch for s in steps if (switch := s.says(t.SWITCH))]
+        switched = [switch["on"] for switch in switches if switch["source"] == "vision"]
         assert switched[-1] is False
         for tag in ("panel", "hand"):
-            covered = [s.fault.on for s in steps if s.fault and s.fault.target == tag]
+            covered = [f.get("on", True) for f in faults if f["target"] == tag]
             assert covered[-1] is False
     assert {"cover", "move"} <= kinds
 
@@ -96,8 +99,12 @@ def test_some_arms_have_a_gripper_and_let_go_in_the_end():
     gripping = [p for p in (generate(load_cell("pa10"), s) for s in range(20)) if _gripper(p)]
     assert 2 <= len(gripping) < 15
     for plan in gripping:
-        assert [s.gripper for s in plan.script.steps if s.gripper][-1] == "open"
-    assert any(s.gripper == "close" for p in gripping for s in p.script.steps)
+        assert grips(plan)[-1] is False
+    assert any(closed for plan in gripping for closed in grips(plan))
+
+
+def grips(plan):
+    return [asked["closed"] for s in plan.script.steps if (asked := s.says(t.GRIPPER))]
 
 
 def _gripper(plan):

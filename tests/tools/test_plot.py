@@ -21,7 +21,7 @@ def recorded(tmp_path_factory):
 
     path = tmp_path_factory.mktemp("plot") / "run.mcap"
     script = Script.model_validate(
-        {"description": "a push", "duration_s": 1.0, "step": [{"at_s": 0.1, "joystick": STICK}]}
+        {"description": "a push", "duration_s": 1.0, "step": [{"at_s": 0.1, "cmd/joystick": STICK}]}
     )
     simulation = Simulation(load_cell("pa10"), script, path)
     return path, simulation.run()

@@ -2,6 +2,7 @@
 
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.protocols import topics as t
 from telerobot.tools.campaign.hostile.wild import equipped, wild
 from telerobot.tools.campaign.hostile.wild_runs import CELLS, play_in
 
@@ -16,11 +17,13 @@ def test_they_use_all_that_a_cell_has():
     cell, asked = load_cell("pa10_all"), set()
     for seed in range(12):
         for step in wild(equipped(cell, seed), seed).steps:
-            asked |= step.model_fields_set
+            asked |= {step.message.topic.key} if step.message else step.model_fields_set
     wanted = {
-        "joystick", "jog", "position", "posture", "path", "master", "gain", "switch", "frame",
-        "speed", "mode", "obstacle", "store_view", "payload", "force", "redundancy", "avoidance",
-        "clutch", "cancel", "protective_stop", "path_control",
+        "cmd/joystick", "cmd/jog", "cmd/position", "cmd/posture", "cmd/path", "cmd/force",
+        "cmd/cancel", "operator/gain", "operator/switch", "operator/frame", "operator/speed",
+        "operator/mode", "operator/store_view", "operator/payload", "operator/redundancy",
+        "operator/avoidance", "operator/clutch", "operator/protective_stop",
+        "operator/protective_clear", "operator/path", "master", "obstacle", "silence",
     }  # fmt: skip
     assert wanted <= asked
 
@@ -32,9 +35,10 @@ def test_nothing_that_they_do_is_forged_and_nothing_of_the_hardware_fails(name):
         for step in wild(cell, seed).steps:
             assert step.raw is None
             assert step.link is None
-            assert step.lease is None
+            assert step.says(t.LEASE) is step.says(t.RELEASE) is None
             # The things in a camera's view may be moved and covered; that is no fault of hardware.
-            assert step.fault is None or step.fault.kind in ("cover", "move", "silence")
+            fault = step.says(t.RIG_FAULT)
+            assert fault is None or fault["kind"] in ("cover", "move", "silence")
 
 
 @pytest.mark.parametrize(("name", "seed"), [("ur5e_scene", 4), ("pa10_all", 2)])

@@ -78,8 +78,14 @@ def laden(more: float, mode: Mode = "csp", rate_hz: int | None = None, **impedan
 def pushed(force: Sequence[float], seconds: float = PUSHED_S) -> Script:
     """Return a script in which a hand pushes the tool (3,) [N] for a while, then waits."""
     steps = [
-        {"at_s": AT_S, "fault": {"hand": "force_torque", "vector": list(force)}},
-        {"at_s": AT_S + seconds, "fault": {"hand": "force_torque", "on": False}},
+        {
+            "at_s": AT_S,
+            "rig/fault": {"kind": "hand", "target": "force_torque", "vector": list(force)},
+        },
+        {
+            "at_s": AT_S + seconds,
+            "rig/fault": {"kind": "hand", "target": "force_torque", "on": False},
+        },
     ]
     return Script.model_validate({"duration_s": AT_S + seconds + REST_S, "step": steps})
 

@@ -102,8 +102,9 @@ def _risen(at_s: float, before: Array, after: Array, rise_s: float) -> list[dict
     return [
         {
             "at_s": round(at_s + (i + 1) * rise_s / parts, 3),
-            "fault": {
-                "hand": "force_torque",
+            "rig/fault": {
+                "kind": "hand",
+                "target": "force_torque",
                 "vector": np.round(before + (i + 1) / parts * (after - before), 2).tolist(),
             },
         }
@@ -117,16 +118,19 @@ def _between(draw: Draw, at_s: float) -> list[dict[str, Any]]:
     match int(draw.integers(5)):
         case 0:
             return [
-                {"at_s": at_s, "protective_stop": True},
-                {"at_s": end_s, "protective_stop": False},
-                {"at_s": round(end_s + 0.02, 3), "mode": "resume"},
+                {"at_s": at_s, "operator/protective_stop": {}},
+                {"at_s": end_s, "operator/protective_clear": {}},
+                {"at_s": round(end_s + 0.02, 3), "operator/mode": {"action": "resume"}},
             ]
         case 1:
-            return [{"at_s": at_s, "mode": "hold"}, {"at_s": end_s, "mode": "resume"}]
+            return [
+                {"at_s": at_s, "operator/mode": {"action": "hold"}},
+                {"at_s": end_s, "operator/mode": {"action": "resume"}},
+            ]
         case 2:
             mass, z = draw.uniform(0.98, 0.98 + WRONG_KG), draw.uniform(0.04, 0.12)
             payload = {"mass": round(mass, 2), "com": [0.0, 0.0, round(z, 3)]}
-            return [{"at_s": at_s, "payload": payload}]
+            return [{"at_s": at_s, "operator/payload": payload}]
         case _:
             return []
 

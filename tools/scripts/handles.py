@@ -1,4 +1,4 @@
-"""The reflecting handles of a script's operators, as its steps have them."""
+"""Reflecting handles of a script's operators."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from ...protocols import topics as t
 from ...protocols.messages import messages as m
 from ..operator.client.protocol_client import ProtocolClient
 from ..reflect.client import ReflectingClient
-from .steps import DeviceStep
+from .generators import Device
 
 
 class Handles:
@@ -18,7 +18,7 @@ class Handles:
         self.of_operator: dict[str, ReflectingClient] = {}
         """By the operators' names."""
 
-    def take(self, step: DeviceStep, client: ProtocolClient, now_s: float) -> None:
+    def take(self, step: Device, client: ProtocolClient, now_s: float) -> None:
         """Do what a step says. Raises `ValueError` in a cell that reflects no forces."""
         handle = self.of_operator.get(client.name)
         if handle is None:

@@ -1,4 +1,4 @@
-"""A master device for scripts: its handle moves at twists that it is told, its pose is streamed."""
+"""Handle of a script's master device: moves at given twists, its pose is streamed."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from ...protocols.messages.messages import Frame
 Array = NDArray[np.float64]
 
 
-class MovingMaster:
+class MasterHandle:
     """A handle at a pose of its own, moving at a twist since some time."""
 
     def __init__(self) -> None:

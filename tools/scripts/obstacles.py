@@ -1,23 +1,17 @@
-"""Obstacles of scripts: where they are over time, in the physics and in what the daemon is told."""
+"""Motions of a script's obstacles, in the physics and in the daemon's news."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...protocols.messages.obstacles import ObstacleNews
 from ...protocols.messages.rig import RigFault
-from .incidents import ObstacleStep
+from .generators import MovingObstacle
 
 NEWS_EVERY_S = 0.05
 """Time between two news of an obstacle that moves [s]."""
-
-_TOLD_ONCE = (
-    "shape", "to", "rpy", "half_size", "radius", "max_speed", "max_acceleration", "timeout_s",
-    "stale", "clearance", "hard",
-)  # fmt: skip
 
 
 @dataclass
@@ -36,7 +30,7 @@ class _Moving:
         return (x, y, z)
 
 
-class MovingObstacles:
+class ObstacleMotions:
     """Moves obstacles and tells of them; `run` does what is due."""
 
     def __init__(
@@ -44,9 +38,9 @@ class MovingObstacles:
     ) -> None:
         self._tell, self._inject = tell, inject
         self._moving: dict[str, _Moving] = {}
-        self._waiting: list[tuple[ObstacleStep, float]] = []
+        self._waiting: list[tuple[MovingObstacle, float]] = []
 
-    def take(self, step: ObstacleStep, now_s: float) -> None:
+    def take(self, step: MovingObstacle, now_s: float) -> None:
         """Do what a step says, at the next `run`."""
         self._waiting.append((step, now_s))
 
@@ -68,31 +62,24 @@ class MovingObstacles:
                 news = ObstacleNews(name=name, tick=tick, xyz=place, velocity=(vx, vy, vz))
                 self._tell(news)
 
-    def _begin(self, step: ObstacleStep, since_s: float, tick: int) -> None:
-        moving = self._moving.pop(step.name, None)
+    def _begin(self, step: MovingObstacle, since_s: float, tick: int) -> None:
+        news = step.news
+        moving = self._moving.pop(news.name, None)
         if step.silent and moving is not None:
             moving.tell = False
-            self._moving[step.name] = moving
+            self._moving[news.name] = moving
             return
-        place = step.xyz
+        place = news.xyz
         if place is None and moving is not None:
             place = moving.at(since_s)
-        if step.tell and step.remove:  # where it is, or goes, is no news of one that is gone
-            self._tell(ObstacleNews(name=step.name, tick=tick, remove=True))
-        elif step.tell:
-            told: dict[str, Any] = {
-                key: value for key in _TOLD_ONCE if (value := getattr(step, key)) is not None
-            }
-            if place is not None:
-                told["xyz"] = place
-            if step.velocity is not None:
-                told["velocity"] = step.velocity
-            self._tell(ObstacleNews(name=step.name, tick=tick, **told))
+        if step.tell:
+            known = {} if place is None or news.remove else {"xyz": place}
+            self._tell(news.model_copy(update={"tick": tick, **known}))
         if place is not None and step.physical:
-            self._place(step.name, place)
-        if place is not None and step.velocity is not None and any(step.velocity):
-            self._moving[step.name] = _Moving(
-                np.array(place), np.array(step.velocity), since_s, step.physical, step.tell, since_s
+            self._place(news.name, place)
+        if place is not None and news.velocity is not None and any(news.velocity):
+            self._moving[news.name] = _Moving(
+                np.array(place), np.array(news.velocity), since_s, step.physical, step.tell, since_s
             )
 
     def _place(self, name: str, place: tuple[float, float, float]) -> None:

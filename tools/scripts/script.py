@@ -1,90 +1,31 @@
-"""Scripts: what operators do over time, and which faults happen meanwhile, in TOML.
+"""Scripts: actions of operators, and events around the arm, over time, in TOML.
 
     duration_s = 6.0
     [[step]]
     at_s = 0.5
-    joystick = { twist = [0.05, 0, 0, 0, 0, 0], expressed_in = "base" }
+    for_s = 2.0
+    "cmd/joystick" = { twist = [0.05, 0, 0, 0, 0, 0], expressed_in = "base" }
 
-Times count from the moment the arm is enabled. A stick or jog is streamed at 100 Hz until the next
-step of its kind. The same script drives a simulation and a running daemon.
+A step is a topic (`protocols/topics.py`) and the fields of its message. Times count from the moment
+the arm is enabled. The same script drives a simulation and a running daemon.
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any
 
 from pydantic import Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from ...config.load import ConfigError, read_toml, script_path
-from ...protocols.messages import messages as m
-from .incidents import FaultStep, LinkStep, MotionStep, Network, ObstacleStep, TargetStep
-from .steps import (
-    ClutchStep,
-    DeviceStep,
-    FrameStep,
-    Gain,
-    Jog,
-    MasterStep,
-    Objective,
-    Part,
-    PathStep,
-    PayloadStep,
-    Raw,
-    ReflectionStep,
-    Stick,
-    Switch,
-    Target,
-    WrenchStep,
-)
+from .generators import Network, Part
+from .step import Step
 
-NonNegative = Annotated[float, Field(ge=0)]
-
-
-class Step(Part):
-    """One moment of a script; everything in it happens at `at_s`, in this order."""
-
-    at_s: NonNegative
-    operator: m.OperatorName = "operator"
-    lease: Literal["acquire", "release"] | None = None
-    link: LinkStep | None = None
-    mode: Literal["enable", "hold", "resume", "disable", "reset"] | None = None
-    protective_stop: bool | None = None
-    speed: float | None = Field(None, ge=0.01, le=1)
-    store_view: str | None = None
-    """Camera whose present view is to be kept."""
-    gain: Gain | None = None
-    switch: Switch | None = None
-    frame: FrameStep | None = None
-    payload: PayloadStep | None = None
-    gripper: Literal["close", "open"] | None = None
-    tare: bool = False
-    acknowledge_load: bool = False
-    redundancy: Objective | None = None
-    clutch: ClutchStep | None = None
-    path_control: Literal["pause", "resume", "abort"] | None = None
-    cancel: bool = False
-    joystick: Stick | None = None
-    jog: Jog | None = None
-    position: Target | None = None
-    posture: Annotated[str, Field(max_length=32)] | m.JointVector | None = None
-    path: PathStep | None = None
-    master: MasterStep | None = None
-    device: DeviceStep | None = None
-    reflection: ReflectionStep | None = None
-    force: m.Wrench | WrenchStep | None = None
-    target: TargetStep | None = None
-    raw: Raw | None = None
-    obstacle: ObstacleStep | None = None
-    avoidance: bool | None = None
-    """Whether clearances are kept."""
-    fault: FaultStep | None = None
-    platform: MotionStep | None = None
-    """How what the arm stands on moves from now on."""
-    carrier: MotionStep | None = None
-    """How what the CRF may ride on moves from now on."""
+SAME_S = 1e-9
+"""Steps that are no further apart happen at once [s]."""
 
 
 class Script(Part):
-    """What happens over a run."""
+    """A run: its length, its network, its steps."""
 
     description: str = ""
     duration_s: float = Field(gt=0, le=3600)
@@ -95,17 +36,42 @@ class Script(Part):
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """The steps in order of time."""
-        return tuple(sorted(self.step, key=lambda s: s.at_s))
+        """The steps in order of time; a stream with an end is followed by its silence."""
+        steps = sorted(self.step, key=lambda step: step.at_s)
+        ends = [end for i, step in enumerate(steps) if (end := _end(step, steps[i + 1 :]))]
+        return tuple(sorted([*ends, *steps], key=lambda step: step.at_s))
+
+
+def _end(step: Step, later: list[Step]) -> Step | None:
+    """Return the silence after a stream's step; None without an end or before another step."""
+    if step.for_s is None:
+        return None
+    end_s = step.at_s + step.for_s
+    for other in later:
+        if other.at_s > end_s + SAME_S:
+            break
+        if other.operator == step.operator and other.streams & step.streams:
+            return None
+    return Step(at_s=end_s, operator=step.operator, silence=tuple(step.streams))
 
 
 def load_script(name_or_path: str | Path, base: Path = Path()) -> Script:
-    """Load a script: a path, or the name of one that is shipped. Raises `ConfigError`."""
+    """Load a script: a path, or the name of a shipped one. Raises `ConfigError`."""
     path = script_path(name_or_path, base)
+    document = read_toml(path)
     try:
-        return Script.model_validate(read_toml(path))
+        return Script.model_validate(document)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        value = str(first["input"])[:60]
-        raise ConfigError(f"{path}: {key}: value {value}: {first['msg']}") from None
+        raise ConfigError(f"{path}: {_explain(error.errors()[0], document)}") from None
+
+
+def _explain(error: ErrorDetails, document: dict[str, Any]) -> str:
+    """Return one error: the key, the time of its step, the value and the expectation."""
+    loc, words = error["loc"], error["msg"].removeprefix("Value error, ")
+    key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc).removeprefix(".")
+    match loc:
+        case ("step", int(i), *_) if "at_s" in document["step"][i]:
+            key += f" (at_s = {document['step'][i]['at_s']})"
+    value = error["input"]
+    shown = "" if isinstance(value, dict) else f"value {str(value)[:60]}: "
+    return f"{key}: {shown}{words}"

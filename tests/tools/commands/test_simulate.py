@@ -27,7 +27,10 @@ def test_a_cell_without_virtual_hardware_is_named(command, small, capsys, caplog
 
 def test_a_fault_that_makes_no_sense_fails_the_script(small, capsys, tmp_path):
     script = tmp_path / "script.toml"
-    script.write_text("duration_s = 1.0\n[[step]]\nat_s = 0.1\nfault = { silence = 'nosuch' }")
+    script.write_text(
+        "duration_s = 1.0\n[[step]]\nat_s = 0.1\n"
+        "'rig/fault' = { kind = 'silence', target = 'nosuch' }"
+    )
     assert main(["simulate", str(small.cell), str(script), "--json"]) == 1
     failure = json.loads(capsys.readouterr().out)["failure"]
     assert failure.startswith("0.1 s: fault silence: no target 'nosuch'")

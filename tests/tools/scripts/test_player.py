@@ -2,6 +2,8 @@ import tomllib
 
 import pytest
 from telerobot.protocols import topics as t
+from telerobot.protocols.codec import decode_as
+from telerobot.protocols.messages.obstacles import ObstacleNews
 from telerobot.tools.scripts.player import Phase, Player
 from telerobot.tools.scripts.script import Script
 
@@ -12,7 +14,7 @@ class Play:
     def __init__(self, daemon, make_state, text):
         self.daemon, self.make_state = daemon, make_state
         self.faults = []
-        script = Script.model_validate(tomllib.loads(text))
+        script = Script.model_validate(tomllib.loads(text) if isinstance(text, str) else text)
         self.player = Player(script, "cell", daemon.put, daemon.ask, self.faults.append)
         self.ms = 0
         self.sent = []
@@ -38,14 +40,24 @@ def play(daemon, make_state):
 
 
 def test_the_operator_takes_the_lease_and_enables_before_time_starts(play, daemon):
-    run = play("duration_s = 1.0\n[[step]]\nat_s = 0.2\nmode = 'hold'").until(3.0)
+    run = play(
+        "duration_s = 1.0\n[[step]]\nat_s = 0.2\n'operator/mode' = { action = 'hold' }"
+    ).until(3.0)
     assert run.player.phase is Phase.OVER
     assert [message.action for message in daemon.of(t.MODE)] == ["enable", "hold"]
     assert run.times(t.MODE)[1] == pytest.approx(run.player.start_s + 0.2, abs=2e-3)
 
 
 def test_steps_are_played_in_order_of_time_whatever_their_order_in_the_file(play, daemon):
-    text = "duration_s = 1.0\n[[step]]\nat_s = 0.5\nspeed = 0.5\n[[step]]\nat_s = 0.1\nspeed = 0.1"
+    text = """
+        duration_s = 1.0
+        [[step]]
+        at_s = 0.5
+        "operator/speed" = { factor = 0.5 }
+        [[step]]
+        at_s = 0.1
+        "operator/speed" = { factor = 0.1 }
+    """
     play(text).until(3.0)
     assert [message.factor for message in daemon.of(t.SPEED)] == [0.1, 0.5]
 
@@ -55,10 +67,10 @@ def test_a_stick_is_streamed_until_the_next_step_of_its_kind(play, daemon):
         duration_s = 1.0
         [[step]]
         at_s = 0.0
-        joystick = { twist = [0.1, 0, 0, 0, 0, 0] }
+        "cmd/joystick" = { twist = [0.1, 0, 0, 0, 0, 0] }
         [[step]]
         at_s = 0.5
-        joystick = {}
+        silence = ["cmd/joystick"]
     """).until(3.0)
     times = run.times(t.JOYSTICK)
     assert len(times) == pytest.approx(50, abs=1)
@@ -67,7 +79,9 @@ def test_a_stick_is_streamed_until_the_next_step_of_its_kind(play, daemon):
 
 def test_what_is_refused_is_kept_with_time_and_reason(play, daemon):
     daemon.refusals["operator/speed"] = "out_of_range"
-    run = play("duration_s = 1.0\n[[step]]\nat_s = 0.25\nspeed = 0.5").until(3.0)
+    run = play(
+        "duration_s = 1.0\n[[step]]\nat_s = 0.25\n'operator/speed' = { factor = 0.5 }"
+    ).until(3.0)
     assert run.player.phase is Phase.OVER
     assert run.player.refused == ["0.25 s: operator/speed: out_of_range: by the test"]
 
@@ -97,15 +111,15 @@ def test_a_second_operator_has_a_lease_and_numbers_of_its_own(play, daemon):
         duration_s = 1.0
         [[step]]
         at_s = 0.1
-        lease = "release"
+        "operator/release" = {}
         [[step]]
         at_s = 0.2
         operator = "second"
-        lease = "acquire"
+        "operator/lease" = {}
         [[step]]
         at_s = 0.3
         operator = "second"
-        cancel = true
+        "cmd/cancel" = {}
     """).until(3.0)
     assert [message.operator for message in daemon.of(t.LEASE)] == ["operator", "second"]
     (cancel,) = daemon.of(t.CANCEL)
@@ -119,7 +133,7 @@ def test_a_command_without_the_lease_is_noted_not_raised(play, daemon):
         [[step]]
         at_s = 0.1
         operator = "second"
-        cancel = true
+        "cmd/cancel" = {}
     """).until(3.0)
     assert run.player.refused == ["0.1 s: second holds no lease"]
 
@@ -140,7 +154,7 @@ def test_a_slow_link_delivers_everything_late_and_in_order(play, daemon):
         link = { delay_s = 0.3 }
         [[step]]
         at_s = 1.0
-        cancel = true
+        "cmd/cancel" = {}
     """).until(4.0)
     (cancelled,) = run.times(t.CANCEL)
     assert cancelled == pytest.approx(run.player.start_s + 1.3, abs=2e-3)
@@ -163,7 +177,9 @@ def test_replies_are_late_as_well(play, daemon):
 
 
 def test_faults_go_to_the_rig(play, daemon):
-    run = play("duration_s = 0.5\n[[step]]\nat_s = 0.1\nfault = { silence = 'j4' }").until(3.0)
+    run = play(
+        "duration_s = 0.5\n[[step]]\nat_s = 0.1\n'rig/fault' = { kind = 'silence', target = 'j4' }"
+    ).until(3.0)
     (fault,) = run.faults
     assert (fault.kind, fault.target, fault.on) == ("silence", "j4", True)
 
@@ -175,3 +191,85 @@ def test_raw_bytes_are_sent_as_they_are(play, daemon):
         2
     )
     assert (t.JOG, b"\x00\xff") in raw
+
+
+def test_a_stream_with_an_end_falls_silent_by_itself(play, daemon):
+    run = play("""
+        duration_s = 1.0
+        [[step]]
+        at_s = 0.1
+        for_s = 0.3
+        "cmd/jog" = { rates = [0.1] }
+    """).until(3.0)
+    times = run.times(t.JOG)
+    assert len(times) == pytest.approx(30, abs=1)
+    assert times[-1] < run.player.start_s + 0.4
+
+
+def test_an_end_that_comes_after_the_next_step_of_its_stream_ends_nothing(play, daemon):
+    run = play("""
+        duration_s = 1.0
+        [[step]]
+        at_s = 0.1
+        for_s = 0.5
+        "cmd/jog" = { rates = [0.1] }
+        [[step]]
+        at_s = 0.4
+        "cmd/jog" = { rates = [0.2] }
+    """).until(3.0)
+    assert run.times(t.JOG)[-1] > run.player.start_s + 0.95
+    assert [message.rates for message in daemon.of(t.JOG)[-2:]] == [(0.2,), (0.2,)]
+
+
+def test_every_topic_of_an_operator_is_a_step_with_its_messages_own_fields(play, daemon):
+    steps = {
+        "cmd/posture": {"posture": "ready"},
+        "cmd/force": {"wrench": [1, 0, 0, 0, 0, 0], "expressed_in": "world"},
+        "operator/clutch": {"engaged": True},
+        "operator/protective_stop": {},
+        "operator/protective_clear": {},
+        "operator/tare": {},
+    }
+    script = {"duration_s": 1.0, "step": [{"at_s": 0.1, key: f} for key, f in steps.items()]}
+    play(script).until(3.0)
+    (posture,) = daemon.of(t.POSTURE)
+    (force,) = daemon.of(t.FORCE)
+    (clutch,) = daemon.of(t.CLUTCH)
+    assert (posture.posture, force.wrench[0], force.expressed_in) == ("ready", 1.0, "world")
+    assert clutch.engaged
+    (stop,), (clear,) = daemon.of(t.PROTECTIVE_STOP), daemon.of(t.PROTECTIVE_CLEAR)
+    assert stop.operator == clear.operator == "operator"
+    assert len(daemon.of(t.TARE)) == 1
+
+
+def test_news_of_a_sensor_carries_the_newest_tick_and_no_proof(play, daemon):
+    told = []
+    daemon.put = lambda topic, payload, proof: told.append((topic, payload, proof))
+    play("""
+        duration_s = 0.5
+        [[step]]
+        at_s = 0.2
+        "sensor/obstacle" = { name = "ball", xyz = [1, 0, 0] }
+    """).until(2.0)
+    ((payload, proof),) = [(p, proof) for topic, p, proof in told if topic is t.OBSTACLE]
+    news = decode_as(ObstacleNews, payload)
+    assert (news.name, news.xyz, proof) == ("ball", (1.0, 0.0, 0.0), b"")
+    assert news.tick > 0
+
+
+@pytest.mark.parametrize(("tell", "physical"), [(True, True), (True, False), (False, True)])
+def test_an_obstacle_that_moves_is_told_and_is_there_as_far_as_its_step_says(
+    play, daemon, tell, physical
+):
+    told = []
+    daemon.put = lambda topic, payload, proof: told.append((topic, payload))
+    moving = {"name": "ball", "xyz": [1, 0, 0], "velocity": [0, 1, 0], "max_speed": 2.0}
+    step = {"at_s": 0.1, "obstacle": {**moving, "tell": tell, "physical": physical}}
+    run = play({"duration_s": 1.0, "step": [step]}).until(3.0)
+    news = [decode_as(ObstacleNews, payload) for topic, payload in told if topic is t.OBSTACLE]
+    assert [n.max_speed for n in news[:2]] == [2.0, None][: len(news)]
+    assert len(news) == (pytest.approx(19, abs=1) if tell else 0)
+    assert bool(run.faults) == physical
+    for ys in ([n.xyz[1] for n in news], [fault.vector[1] for fault in run.faults]):
+        assert ys == sorted(ys)
+        assert not ys or ys[-1] == pytest.approx(0.9, abs=0.06)

@@ -1,7 +1,12 @@
+import math
+
 import pytest
+from pydantic import ValidationError
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import shipped
-from telerobot.tools.scripts.script import Step, load_script
+from telerobot.protocols import topics as t
+from telerobot.tools.scripts.script import load_script
+from telerobot.tools.scripts.step import Step
 
 
 def write(tmp_path, text):
@@ -18,7 +23,8 @@ def test_every_shipped_script_is_sound_and_ends_after_its_last_step(name):
 
 
 def test_steps_come_in_order_of_time(tmp_path):
-    text = "duration_s = 3\n[[step]]\nat_s = 2\n[[step]]\nat_s = 1\ntare = true"
+    steps = ("[[step]]\nat_s = 2\n'cmd/cancel' = {}", "[[step]]\nat_s = 1\n'operator/tare' = {}")
+    text = "\n".join(("duration_s = 3", *steps))
     assert [step.at_s for step in load_script(write(tmp_path, text)).steps] == [1, 2]
 
 
@@ -30,30 +36,42 @@ def test_steps_come_in_order_of_time(tmp_path):
         ("duration_s = inf", "duration_s"),
         ("[[step]]\nat_s = 1", "duration_s"),
         ("duration_s = 1\nsteps = 2", "steps"),
-        ("duration_s = 1\n[[step]]\nat_s = -1", "step.0.at_s: value -1"),
-        ("duration_s = 1\n[[step]]\nat_s = 0\nmode = 'jump'", "step.0.mode: value jump"),
         (
-            "duration_s = 1\n[[step]]\nat_s = 0\nfault = { silence = 'j1', drop = 'j1' }",
-            "one fault",
+            "duration_s = 1\n[[step]]\nat_s = -1\n'cmd/cancel' = {}",
+            "step[0].at_s (at_s = -1): value -1",
         ),
-        ("duration_s = 1\n[[step]]\nat_s = 0\njoystick = { twist = [1, 2] }", "step.0.joystick"),
-        ("duration_s = 1\n[[step]]\nat_s = 0\nposition = { xyz = [0, 0, 0] }", "rpy"),
-        ("duration_s = 1\n[[step]]\nat_s = 0\nspeed = 5", "step.0.speed: value 5"),
-        ("duration_s = 1\n[[step]]\nat_s = 0\noperator = ''", "step.0.operator"),
-        ("duration_s = 1\n[[step]]\nat_s = 0\nposture = []", "step.0.posture"),
-        ("duration_s = 1\n[[step]]\nat_s = 0\njog = { rates = [] }", "step.0.jog.rates"),
         (
-            "duration_s = 1\n[[step]]\nat_s = 0\n"
-            "position = { xyz = [0, 0, 0], rpy = [0, 0, 0], speed = -1 }",
-            "step.0.position.speed: value -1",
+            "duration_s = 1\n[[step]]\nat_s = 0\noperator = ''\n'cmd/cancel' = {}",
+            "step[0].operator",
         ),
+        ("duration_s = 1\n[[step]]\nat_s = 0", "one topic or one of silence, link, "),
+        ("duration_s = 1\n[[step]]\nat_s = 0\njoystick = {}", "did you mean 'cmd/joystick'?"),
+        ("duration_s = 1\n[[step]]\nat_s = 0\n'tlm/state' = {}", "tlm/state: neither a topic nor"),
+        (
+            "duration_s = 1\n[[step]]\nat_s = 0\n'cmd/cancel' = {}\n'operator/tare' = {}",
+            "not cmd/cancel, operator/tare",
+        ),
+        (
+            "duration_s = 1\n[[step]]\nat_s = 0.5\nfor_s = 1\n'cmd/cancel' = {}",
+            "step[0] (at_s = 0.5): for_s: value 1: only a stream lasts",
+        ),
+        ("duration_s = 1\n[[step]]\nat_s = 0\nsilence = ['cmd/path']", "step[0].silence[0]"),
+        (
+            "duration_s = 1\n[[step]]\nat_s = 0\nlink = { loss = 2 }",
+            "step[0].link.loss (at_s = 0): value 2: Input should be less than 1",
+        ),
+        ("duration_s = 1\n[[step]]\nat_s = 0\nmaster = {}", "step[0].master.twist"),
         (
             "duration_s = 1\n[[step]]\nat_s = 0\nraw = { topic = 'cmd/joystick', hex = 'zz' }",
-            "step.0.raw.hex: value zz",
+            "step[0].raw.hex (at_s = 0): value zz",
         ),
         (
             "duration_s = 1\n[[step]]\nat_s = 0\nraw = { topic = 'cmd/nosuch', hex = '00' }",
-            "step.0.raw.topic: value cmd/nosuch",
+            "step[0].raw.topic (at_s = 0): value cmd/nosuch",
+        ),
+        (
+            "duration_s = 1\n[[step]]\nat_s = 0\nobstacle = { name = 'x', raduis = 1 }",
+            "sensor/obstacle: raduis is not a field",
         ),
     ],
 )
@@ -79,7 +97,41 @@ def test_a_script_that_is_not_there_is_named():
         load_script("no_such_script")
 
 
-@pytest.mark.parametrize("spelling", [{"silence": "j4"}, {"kind": "silence", "target": "j4"}])
-def test_a_fault_may_be_spelt_short_or_long(spelling):
-    step = Step.model_validate({"at_s": 0, "fault": spelling})
-    assert (step.fault.kind, step.fault.target, step.fault.on) == ("silence", "j4", True)
+@pytest.mark.parametrize(
+    ("key", "fields", "words"),
+    [
+        ("operator/mode", {"action": "jump"}, "action: Input should be 'enable', "),
+        ("operator/speed", {"factor": 5}, "factor: Input should be less than or equal to 1, not 5"),
+        ("operator/speed", {"factor": "1"}, "factor: Input should be a valid number, not '1'"),
+        ("operator/speed", {"factor": math.nan}, "factor: Input should be a finite number"),
+        ("operator/speed", 0.5, "value 0.5: a table of fields is expected"),
+        ("operator/tare", {"factor": 1}, "factor is not a field of this message"),
+        ("cmd/joystick", {"twist": [1, 2]}, "twist[2]: the array is too short"),
+        ("cmd/joystick", {}, "twist is missing"),
+        ("cmd/joystick", {"twist": [11, 0, 0, 0, 0, 0]}, "less than or equal to 10, not 11"),
+        ("cmd/position", {"xyz": [0, 0, 0]}, "rpy is missing"),
+        ("cmd/position", {"xyz": [0] * 3, "rpy": [0] * 3, "speed": -1}, "speed: Input should be"),
+        ("cmd/posture", {}, "give either posture or q"),
+        ("cmd/jog", {"rates": []}, "rates: Tuple should have at least 1 item"),
+        ("cmd/cancel", {"seen_tick": 3}, "seen_tick: is filled in by its sender"),
+        ("operator/protective_stop", {"seal": "00"}, "seal: is filled in by its sender"),
+        ("rig/fault", {"kind": "jump", "target": "j1"}, "kind: Input should be 'silence', "),
+        ("rig/motion", {"target": "platform", "period_s": 0}, "period_s: Input should be greater"),
+    ],
+)
+def test_a_step_is_judged_by_its_message_and_field_value_and_bound_are_named(key, fields, words):
+    with pytest.raises(ValidationError) as caught:
+        Step.model_validate({"at_s": 0, key: fields})
+    (error,) = caught.value.errors()
+    assert f"{key}: " in error["msg"]
+    assert words in error["msg"]
+
+
+SPOKEN = [x for x in t.TOPICS if x.flow not in (t.Flow.TELEMETRY, t.Flow.RIG_TELEMETRY)]
+
+
+@pytest.mark.parametrize("topic", SPOKEN, ids=lambda topic: topic.key)
+def test_every_topic_that_takes_commands_or_news_is_a_step(topic):
+    """A new command needs its message and its row: here its message refuses by itself."""
+    with pytest.raises(ValidationError, match=f"{topic.key}: .*(missing|nonsense is not a field)"):
+        Step.model_validate({"at_s": 0, topic.key: {"nonsense": 1}})

@@ -32,8 +32,8 @@ def recording(tmp_path_factory):
         {
             "duration_s": REST_S + 1.4,
             "step": [
-                {"at_s": 0.05, "switch": {"source": "force", "on": False}},
-                {"at_s": 0.1, "posture": posture},
+                {"at_s": 0.05, "operator/switch": {"source": "force", "on": False}},
+                {"at_s": 0.1, "cmd/posture": {"q": posture}},
             ],
         }
     )
@@ -176,9 +176,9 @@ SCRIPT = {
     "step": [
         {
             "at_s": 0.1,
-            "joystick": {"twist": (0.05, 0.02, 0.0, 0.0, 0.0, 0.2), "expressed_in": "base"},
+            "cmd/joystick": {"twist": (0.05, 0.02, 0.0, 0.0, 0.0, 0.2), "expressed_in": "base"},
         },
-        {"at_s": 0.3, "position": {"xyz": (0, 0.1, 0), "rpy": (0, 0, 0), "relative_to": "mrf"}},
+        {"at_s": 0.3, "cmd/position": {"xyz": (0, 0.1, 0), "rpy": (0, 0, 0), "relative_to": "mrf"}},
     ],
 }
 
@@ -209,6 +209,6 @@ def test_a_fresh_process_with_another_hash_seed_has_the_same_hash():
 
 def test_one_changed_digit_of_an_input_changes_the_hash():
     twist = (0.05, 0.02, 0.0, 0.0, 0.0, 0.21)
-    changed = {**SCRIPT["step"][0], "joystick": {"twist": twist, "expressed_in": "base"}}
+    changed = {**SCRIPT["step"][0], "cmd/joystick": {"twist": twist, "expressed_in": "base"}}
     other = {**SCRIPT, "step": [changed, *SCRIPT["step"][1:]]}
     assert command_hash(other) != command_hash(SCRIPT)

@@ -198,18 +198,18 @@ _TOLD = ("touched", "gave_way", "request_refused")
 
 
 def _script(rates: tuple[float, ...] | None, resumed_s: float, hold_s: float | None) -> Script:
-    steps: list[dict[str, object]] = [{"at_s": resumed_s, "mode": "resume"}]
+    steps: list[dict[str, object]] = [{"at_s": resumed_s, "operator/mode": {"action": "resume"}}]
     if hold_s is not None:
-        steps.append({"at_s": hold_s, "mode": "hold"})
+        steps.append({"at_s": hold_s, "operator/mode": {"action": "hold"}})
     if rates is None:
         # Said to be unexplained, force control would not act on it.
-        steps.append({"at_s": SAID_S, "acknowledge_load": True})
+        steps.append({"at_s": SAID_S, "operator/acknowledge_load": {}})
     else:
         back = [-rate for rate in rates]
         steps += [
-            {"at_s": 0.3, "jog": {"rates": list(rates)}},
-            {"at_s": SEARCH_S, "jog": {}},
-            {"at_s": resumed_s + 0.1, "jog": {"rates": back}},
+            {"at_s": 0.3, "cmd/jog": {"rates": list(rates)}},
+            {"at_s": SEARCH_S, "silence": ["cmd/jog"]},
+            {"at_s": resumed_s + 0.1, "cmd/jog": {"rates": back}},
         ]
     seconds = resumed_s + (0.1 if rates is None else AWAY_S)
     return Script.model_validate({"duration_s": seconds, "step": steps})

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ....config.load import Cell
+from ....protocols import topics as t
 from ....server.reflection.force_reflection import pose_stiffness
 from ...reflect.linkage import Array
 from ...scripts.script import Script, load_script
@@ -154,7 +155,10 @@ def _script(name: str, rtt_s: float, protected: bool, seed: int) -> Script:
     steps = script.step
     if not protected:
         off = Script.model_validate(
-            {"duration_s": 1.0, "step": [{"at_s": 0.0, "reflection": {"protected": False}}]}
+            {
+                "duration_s": 1.0,
+                "step": [{"at_s": 0.0, "operator/reflection": {"protected": False}}],
+            }
         )
         steps = (*off.step, *steps)
     return script.model_copy(update={"network": network, "step": steps})
@@ -165,7 +169,7 @@ def _played(cell: Cell, script: Script) -> tuple[Simulation, _Log]:
     rows: list[tuple[float, list[float], list[float], list[float], float]] = []
 
     def look(running: Simulation) -> None:
-        truth, clients = running.truths[-1], running.player.handles.of_operator.values()
+        truth, clients = running.truths[-1], running.player.operators.handles.of_operator.values()
         for client in clients:
             device = client.device
             rows.append(
@@ -212,5 +216,5 @@ def _drift(script: Script, log: _Log) -> float:
 
 
 def _scale(script: Script) -> float:
-    scales = [s.clutch.translation for s in script.steps if s.clutch is not None]
-    return next((scale for scale in scales if scale is not None), 1.0)
+    told = [fields for step in script.steps if (fields := step.says(t.CLUTCH)) is not None]
+    return next((fields["translation"] for fields in told if "translation" in fields), 1.0)

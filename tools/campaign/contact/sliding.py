@@ -52,7 +52,7 @@ def sliding(cell: Cell, slide: Slide) -> Script:
     def stick(at_s: float, press: float, speed: float) -> dict[str, Any]:
         linear = [press * i + speed * a for i, a in zip(into, along, strict=True)]
         twist = {"twist": [*linear, 0.0, 0.0, 0.0], "expressed_in": "base"}
-        return {"at_s": at_s, "joystick": twist}
+        return {"at_s": at_s, "cmd/joystick": twist}
 
     back_s = SLIDES_S + one_way_s
     end_s = back_s + one_way_s
@@ -60,7 +60,7 @@ def sliding(cell: Cell, slide: Slide) -> Script:
         {
             "duration_s": end_s + AFTER_S,
             "step": [
-                {"at_s": 0.1, "posture": "ready" if wall else DOWN},
+                {"at_s": 0.1, "cmd/posture": {"posture": "ready"} if wall else {"q": DOWN}},
                 stick(3.2, APPROACH, 0.0),
                 stick(MADE_S, pressing, 0.0),
                 stick(SLIDES_S, pressing, slide.speed),

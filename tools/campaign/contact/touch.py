@@ -133,11 +133,11 @@ def free_motion(seed: int) -> Script:
         twist = np.round(draw.uniform(-1.0, 1.0, 6) * size, 3)
         for sense in (1.0, -1.0):
             stick = {"twist": (sense * twist).tolist(), "expressed_in": "base"}
-            steps.append({"at_s": round(at_s, 2), "joystick": stick})
+            steps.append({"at_s": round(at_s, 2), "cmd/joystick": stick})
             at_s += draw.uniform(0.3, 1.2)
         if leg % 4 == 3:
-            steps.append({"at_s": round(at_s, 2), "joystick": {"twist": [0.0] * 6}})
-            steps.append({"at_s": round(at_s + 0.5, 2), "posture": "ready"})
+            steps.append({"at_s": round(at_s, 2), "cmd/joystick": {"twist": [0.0] * 6}})
+            steps.append({"at_s": round(at_s + 0.5, 2), "cmd/posture": {"posture": "ready"}})
             at_s += 3.0
     return Script.model_validate({"duration_s": round(at_s, 2), "step": steps})
 
@@ -150,8 +150,11 @@ def push(number: int) -> Script:
         {
             "duration_s": PUSH_AT_S + 1.5,
             "step": [
-                {"at_s": 0.3, "joystick": {"twist": twist, "expressed_in": "base"}},
-                {"at_s": PUSH_AT_S, "fault": {"push": ELBOW, "vector": force}},
+                {"at_s": 0.3, "cmd/joystick": {"twist": twist, "expressed_in": "base"}},
+                {
+                    "at_s": PUSH_AT_S,
+                    "rig/fault": {"kind": "push", "target": ELBOW, "vector": force},
+                },
             ],
         }
     )

@@ -25,7 +25,7 @@ def play(seed: int) -> Outcome:
     cells = shipped("cells")
     cell = load_cell(cells[seed % len(cells)])
     outcome, dice = Outcome(f"bus, {cell.config.name}", seed), random.Random(f"bus {seed}")
-    stick = {"at_s": 0.3, "joystick": {"twist": [0.0, 0.03, 0.02, 0.0, 0.0, 0.1]}}
+    stick = {"at_s": 0.3, "cmd/joystick": {"twist": [0.0, 0.03, 0.02, 0.0, 0.0, 0.1]}}
     script = Script.model_validate({"duration_s": SECONDS, "step": [stick]})
     simulation = Simulation(cell, script, cameras=lambda _s: Blind())
     stranger = InProcessBus(simulation.hubs[0], lambda _message: None)

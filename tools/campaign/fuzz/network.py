@@ -86,7 +86,7 @@ def _script(seed: int, *, wild: bool) -> Script:
         twist = [dice.uniform(-0.1, 0.1) for _ in range(3)] + [dice.uniform(-0.3, 0.3)] * 3
         for k, sense in enumerate((1.0, -1.0)):
             stick = {"twist": [sense * x for x in twist], "expressed_in": "base"}
-            sticks.append({"at_s": 0.3 + i + 0.5 * k, "joystick": stick})
+            sticks.append({"at_s": 0.3 + i + 0.5 * k, "cmd/joystick": stick})
     return Script.model_validate({"duration_s": SECONDS, "step": sticks})
 
 

@@ -10,7 +10,7 @@ from ....config.load import Cell
 from ....config.schema.mechanism import Gripper, Payload
 from ....config.schema.rig.rig import RigGripper
 from ....protocols.messages.messages import Frame
-from ...scripts.script import Step
+from ...scripts.step import Step
 from ..steps import Draw, step
 
 Segment = Callable[[Draw, Cell, float, float], list[Step]]
@@ -52,7 +52,10 @@ def opening(cell: Cell) -> list[Step]:
     """Return how a run begins: where there are cameras, with the tag in sight and the view kept."""
     if not cell.config.cameras:
         return []
-    return [step(at_s=0.05, posture="ready"), *_keep_view(cell.config.cameras[0].name, 2.4)]
+    return [
+        step(0.05, {"cmd/posture": {"posture": "ready"}}),
+        *_keep_view(cell.config.cameras[0].name, 2.4),
+    ]
 
 
 OPENING_S = 2.6
@@ -65,20 +68,23 @@ def disturbances(draw: Draw, cell: Cell) -> tuple[Pair, ...]:
     if cell.config.mechanism.gripper is not None:
         wrong = {"mass": float(draw.uniform(0.0, 2.0)), "com": [0.0, 0.0, 0.05]}
         found += [
-            ({"gripper": "close"}, {"gripper": "open"}),
-            ({"gripper": "close"}, {}),
-            ({"payload": wrong}, {"payload": {"name": EMPTY}}),
-            ({"payload": {"name": LOADED}}, {"gripper": "close"}),
+            ({"operator/gripper": {"closed": True}}, {"operator/gripper": {"closed": False}}),
+            ({"operator/gripper": {"closed": True}}, {}),
+            ({"operator/payload": wrong}, {"operator/payload": {"name": EMPTY}}),
+            ({"operator/payload": {"name": LOADED}}, {"operator/gripper": {"closed": True}}),
         ]
     tags = _tags(cell)
     if cell.config.cameras and tags:
         tag = tags[int(draw.integers(len(tags)))]
         gain = [g * float(draw.choice([0.0, 0.5, 1.5])) for g in cell.config.sources.vision.gain]
         found += [
-            ({"fault": {"cover": tag}}, {"fault": {"cover": tag, "on": False}}),
-            ({"fault": {"cover": tag}}, {}),
-            ({"gain": {"source": "vision", "gain": gain}}, {}),
-            ({"switch": {"source": "vision", "on": False}}, {}),
+            (
+                {"rig/fault": {"kind": "cover", "target": tag}},
+                {"rig/fault": {"kind": "cover", "target": tag, "on": False}},
+            ),
+            ({"rig/fault": {"kind": "cover", "target": tag}}, {}),
+            ({"operator/gain": {"source": "vision", "gain": gain}}, {}),
+            ({"operator/switch": {"source": "vision", "on": False}}, {}),
         ]
     return tuple(found)
 
@@ -87,44 +93,50 @@ def order(cell: Cell) -> list[dict[str, Any]]:
     """Return what brings order back, one step each."""
     found: list[dict[str, Any]] = []
     if cell.config.mechanism.gripper is not None:
-        found.append({"gripper": "open"})
-        found.append({"payload": {"name": EMPTY}})
+        found.append({"operator/gripper": {"closed": False}})
+        found.append({"operator/payload": {"name": EMPTY}})
     if cell.config.cameras:
-        found.append({"switch": {"source": "vision", "on": False}})
+        found.append({"operator/switch": {"source": "vision", "on": False}})
         gain = cell.config.sources.vision.gain
-        found.append({"gain": {"source": "vision", "gain": gain}})
-        found += [{"fault": {"cover": tag, "on": False}} for tag in _tags(cell)]
+        found.append({"operator/gain": {"source": "vision", "gain": gain}})
+        found += [
+            {"rig/fault": {"kind": "cover", "target": tag, "on": False}} for tag in _tags(cell)
+        ]
     return found
 
 
 def _watch(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     """Views stored and kept, of a tag that moves and is covered, while a stick pulls away."""
     camera = cell.config.cameras[int(draw.integers(len(cell.config.cameras)))].name
-    steps = [step(at_s=at_s, joystick={}, cancel=True), *_keep_view(camera, at_s + 0.02)]
+    steps = [
+        step(at_s, {"silence": ["cmd/joystick"]}),
+        step(at_s, {"cmd/cancel": {}}),
+        *_keep_view(camera, at_s + 0.02),
+    ]
     homes = _standing(cell)
     while at_s < end_s - 0.1:
         at_s += float(draw.uniform(0.1, 0.3))
         tag = str(draw.choice(_tags(cell)))
         twist = [*draw.normal(0.0, 0.3, 3).tolist(), *draw.normal(0.0, 0.6, 3).tolist()]
         things: list[dict[str, Any]] = [
-            {"joystick": {"twist": twist, "expressed_in": Frame.MRF}},
-            {"joystick": {}},
-            {"fault": {"cover": tag}},
-            {"fault": {"cover": tag, "on": False}},
-            {"store_view": camera},
-            {"switch": {"source": "vision", "on": bool(draw.random() < 0.7)}},
+            {"cmd/joystick": {"twist": twist, "expressed_in": Frame.MRF}},
+            {"silence": ["cmd/joystick"]},
+            {"rig/fault": {"kind": "cover", "target": tag}},
+            {"rig/fault": {"kind": "cover", "target": tag, "on": False}},
+            {"operator/store_view": {"camera": camera}},
+            {"operator/switch": {"source": "vision", "on": bool(draw.random() < 0.7)}},
         ]
         for name, home in homes.items():
             place = (np.array(home) + draw.uniform(-0.05, 0.05, 3)).tolist()
-            things.append({"fault": {"move": name, "vector": place}})
-        steps.append(step(at_s=at_s, **things[int(draw.integers(len(things)))]))
+            things.append({"rig/fault": {"kind": "move", "target": name, "vector": place}})
+        steps.append(step(at_s, things[int(draw.integers(len(things)))]))
     return steps
 
 
 def _keep_view(camera: str, at_s: float) -> list[Step]:
     return [
-        step(at_s=at_s, store_view=camera),
-        step(at_s=at_s + 0.05, switch={"source": "vision", "on": True}),
+        step(at_s, {"operator/store_view": {"camera": camera}}),
+        step(at_s + 0.05, {"operator/switch": {"source": "vision", "on": True}}),
     ]
 
 

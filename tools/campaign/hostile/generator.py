@@ -17,7 +17,8 @@ import numpy as np
 from ....config.load import Cell
 from ...oracle.feasible import Judge
 from ...oracle.poses import Array, difference, rotation
-from ...scripts.script import Script, Step
+from ...scripts.script import Script
+from ...scripts.step import Step
 from ..steps import Draw, step
 from . import equipment, grounds
 from .equipment import OPENING_S, opening, segments, with_gripper
@@ -94,7 +95,7 @@ def generate(cell: Cell, seed: int) -> Plan:
     steps = _hostile(draw, cell, end_s) + _restored(cell, end_s)
     go_s = end_s + RESTORE_S
     posture = _posture(draw, cell, judge)
-    steps.append(step(at_s=go_s, posture=tuple(posture.tolist())))
+    steps.append(step(go_s, {"cmd/posture": {"q": tuple(posture.tolist())}}))
     duration_s = go_s + POSTURE_S
     if draw.random() < 0.4:
         goal = _target(draw, judge, posture, duration_s)
@@ -124,7 +125,8 @@ def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
     while at_s < end_s - 0.4:
         until_s = min(end_s, at_s + float(draw.uniform(0.5, 1.1)))
         if draw.random() < SLOWED:
-            steps.append(step(at_s=at_s, speed=float(draw.choice([0.1, 0.25, 0.5, 1.0]))))
+            factor = float(draw.choice([0.1, 0.25, 0.5, 1.0]))
+            steps.append(step(at_s, {"operator/speed": {"factor": factor}}))
         segment = known[int(draw.integers(len(known)))]
         steps += segment(draw, cell, at_s, until_s)
         if draw.random() < 0.35:
@@ -139,27 +141,28 @@ def _restored(cell: Cell, at_s: float) -> list[Step]:
     besides = grounds.order(cell) + equipment.order(cell)
     wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 21 + len(besides)).tolist())
     steps = [
-        step(at_s=at_s, link={}, fault={"silence": "force_torque", "on": False}),
-        step(at_s=at_s + 0.02, joystick={}, jog={}, master={}),
-        step(at_s=next(wait), lease="acquire"),
-        step(at_s=next(wait), protective_stop=False),
-        step(at_s=next(wait), speed=1.0),
-        step(at_s=next(wait), frame={"frame": "mrf", "xyz": mrf.xyz, "rpy": mrf.rpy}),
+        step(at_s, {"link": {}}),
+        step(at_s, {"rig/fault": {"kind": "silence", "target": "force_torque", "on": False}}),
+        step(at_s + 0.02, {"silence": ["cmd/joystick", "cmd/jog", "cmd/master_pose"]}),
+        step(next(wait), {"operator/lease": {}}),
+        step(next(wait), {"operator/protective_clear": {}}),
+        step(next(wait), {"operator/speed": {"factor": 1.0}}),
+        step(next(wait), {"operator/frame": {"frame": "mrf", "xyz": mrf.xyz, "rpy": mrf.rpy}}),
     ]
     for name, gain in (
         ("joystick", sources.joystick.gain),
         ("position", sources.position.gain),
         ("force", sources.force.gain),
     ):
-        steps.append(step(at_s=next(wait), gain={"source": name, "gain": gain}))
-        steps.append(step(at_s=next(wait), switch={"source": name, "on": True}))
+        steps.append(step(next(wait), {"operator/gain": {"source": name, "gain": gain}}))
+        steps.append(step(next(wait), {"operator/switch": {"source": name, "on": True}}))
     for name, pull in cell.config.redundancy.gains.items():
-        steps.append(step(at_s=next(wait), redundancy={"objective": name, "gain": pull}))
-    steps += [step(at_s=next(wait), **what) for what in besides]
+        steps.append(step(next(wait), {"operator/redundancy": {"objective": name, "gain": pull}}))
+    steps += [step(next(wait), what) for what in besides]
     whole = {"engaged": True, "translation": 1.0, "rotation": 1.0}
-    steps.append(step(at_s=next(wait), clutch=whole))
-    steps += [step(at_s=next(wait), mode="enable") for _ in range(3)]
-    steps.append(step(at_s=next(wait), cancel=True))
+    steps.append(step(next(wait), {"operator/clutch": whole}))
+    steps += [step(next(wait), {"operator/mode": {"action": "enable"}}) for _ in range(3)]
+    steps.append(step(next(wait), {"cmd/cancel": {}}))
     return steps
 
 
@@ -204,10 +207,10 @@ def _approach(draw: Draw, goal: Goal, nudged: bool) -> list[Step]:
     pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
     rpy = (math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0]))
     position = {"xyz": goal.T_target[:3, 3].tolist(), "rpy": rpy, "relative_to": "world"}
-    steps = [step(at_s=at_s, position=position)]
+    steps = [step(at_s, {"cmd/position": position})]
     if nudged:
         twist = [*draw.uniform(-0.05, 0.05, 3).tolist(), *draw.uniform(-0.15, 0.15, 3).tolist()]
         stick = {"twist": twist, "expressed_in": "world"}
-        steps.append(step(at_s=at_s + 0.3, joystick=stick))
-        steps.append(step(at_s=at_s + 1.3, joystick={"twist": (0.0,) * 6}))
+        steps.append(step(at_s + 0.3, {"cmd/joystick": stick}))
+        steps.append(step(at_s + 1.3, {"cmd/joystick": {"twist": (0.0,) * 6}}))
     return steps

@@ -52,14 +52,18 @@ def disturbances(draw: Draw, cell: Cell) -> tuple[Pair, ...]:
     period_s = float(draw.uniform(*PERIODS_S))
     if cell.config.frames.base is not None:
         sway = np.repeat([SWAY, TURN], 3) * draw.uniform(-1.0, 1.0, 6)
-        found.append(({"platform": {"sway": sway.tolist(), "period_s": period_s}}, {}))
+        swaying = {"target": "platform", "sway": sway.tolist(), "period_s": period_s}
+        found.append(({"rig/motion": swaying}, {}))
     if cell.config.frames.carrier is not None:
         twist = [*draw.uniform(-SPEED, SPEED, 3).tolist(), *draw.uniform(-0.2, 0.2, 3).tolist()]
-        riding = {"frame": {"frame": "crf", "moves_with": "carrier", "relative_to": "mrf"}}
-        found += [({"carrier": {"twist": twist}}, {}), (riding, {"carrier": {"twist": twist}})]
+        riding = {"operator/frame": {"frame": "crf", "moves_with": "carrier", "relative_to": "mrf"}}
+        found += [
+            ({"rig/motion": {"target": "carrier", "twist": twist}}, {}),
+            (riding, {"rig/motion": {"target": "carrier", "twist": twist}}),
+        ]
     for name in cell.config.frames.moving:
-        silence = {"silence": name}
-        found.append(({"fault": silence}, {"fault": {**silence, "on": False}}))
+        silence = {"kind": "silence", "target": name}
+        found.append(({"rig/fault": silence}, {"rig/fault": {**silence, "on": False}}))
     return tuple(found) * DOUBLED
 
 
@@ -67,13 +71,13 @@ def order(cell: Cell) -> list[dict[str, Any]]:
     """Return what brings order back, one step each."""
     frames, crf = cell.config.frames, cell.config.T_world_crf
     found: list[dict[str, Any]] = [
-        {"fault": {"silence": name, "on": False}} for name in frames.moving
+        {"rig/fault": {"kind": "silence", "target": name, "on": False}} for name in frames.moving
     ]
     if frames.base is not None:
-        found.append({"platform": {}})
+        found.append({"rig/motion": {"target": "platform"}})
     if frames.carrier is not None:
-        found.append({"carrier": {}})
+        found.append({"rig/motion": {"target": "carrier"}})
     if found:
         at = {"xyz": crf.xyz, "rpy": crf.rpy, "relative_to": "world", "moves_with": "world"}
-        found.append({"frame": {"frame": "crf", **at}})
+        found.append({"operator/frame": {"frame": "crf", **at}})
     return found

@@ -13,7 +13,7 @@ from ....config.load import Cell
 from ....config.schema.null_space.redundancy import OBJECTIVES
 from ....config.schema.sources.schedule import Schedule
 from ....protocols.messages.messages import Frame
-from ...scripts.script import Step
+from ...scripts.step import Step
 from ..steps import Draw, step
 from . import equipment, grounds
 
@@ -69,8 +69,11 @@ def jog_to_limit(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step
         rates[joint] = float(draw.choice([-1.0, 1.0])) * drives[joint].max_velocity
     factor = float(draw.choice([0.3, 1.0]))
     return [
-        step(at_s=at_s, joystick={}, speed=factor, jog={"rates": rates}),
-        step(at_s=end_s - 0.02, jog={}, speed=1.0),
+        step(at_s, {"operator/speed": {"factor": factor}}),
+        step(at_s, {"silence": ["cmd/joystick"]}),
+        step(at_s, {"cmd/jog": {"rates": rates}}),
+        step(end_s - 0.02, {"operator/speed": {"factor": 1.0}}),
+        step(end_s - 0.02, {"silence": ["cmd/jog"]}),
     ]
 
 
@@ -84,10 +87,10 @@ def goals(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # n
             "relative_to": Frame.MRF,
             "expressed_in": _frame(draw),
         }
-        steps.append(step(at_s=at_s, position=position))
+        steps.append(step(at_s, {"cmd/position": position}))
         steps.append(_stick(at_s + 0.15, _twist(draw), _axes(draw)))
         at_s += float(draw.uniform(0.3, 0.7))
-    steps.append(step(at_s=end_s - 0.01, cancel=True))
+    steps.append(step(end_s - 0.01, {"cmd/cancel": {}}))
     return steps
 
 
@@ -98,14 +101,15 @@ def postures(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     while at_s < end_s:
         q = np.array(known[str(draw.choice(sorted(known)))])
         q = q + draw.uniform(-0.3, 0.3, len(q))
-        steps.append(step(at_s=at_s, joystick={}, posture=tuple(q.tolist())))
+        steps.append(step(at_s, {"silence": ["cmd/joystick"]}))
+        steps.append(step(at_s, {"cmd/posture": {"q": tuple(q.tolist())}}))
         at_s += float(draw.uniform(0.3, 0.8))
     return steps
 
 
 def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
     """Routes and timed twists, paused, resumed, aborted and replaced, with a stick in between."""
-    steps = [step(at_s=at_s, joystick={})]
+    steps = [step(at_s, {"silence": ["cmd/joystick"]})]
     while at_s < end_s:
         count = int(draw.integers(1, 6))
         if draw.random() < 0.5:
@@ -122,38 +126,42 @@ def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # n
                 "twists": [[0.6 * x for x in _twist(draw)] for _ in range(count)],
                 "durations_s": draw.uniform(0.03, 0.4, count).tolist(),
             }
-        steps.append(step(at_s=at_s, path={**path, "expressed_in": _frame(draw)}))
+        steps.append(step(at_s, {"cmd/path": {**path, "expressed_in": _frame(draw)}}))
         if draw.random() < 0.4:
             steps.append(_stick(at_s + 0.1, _twist(draw), _axes(draw)))
         action = str(draw.choice(["pause", "abort", "resume"]))
-        steps.append(step(at_s=at_s + 0.15, path_control=action))
+        steps.append(step(at_s + 0.15, {"operator/path": {"action": action}}))
         if action == "pause" and draw.random() < 0.7:
-            steps.append(step(at_s=at_s + 0.35, path_control="resume"))
+            steps.append(step(at_s + 0.35, {"operator/path": {"action": "resume"}}))
         at_s += float(draw.uniform(0.25, 0.7))
-    steps.append(step(at_s=end_s - 0.01, cancel=True))
+    steps.append(step(end_s - 0.01, {"cmd/cancel": {}}))
     return steps
 
 
 def master(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
     """A master's pose, clutched, scaled, silent and resumed while it moves, beside a stick."""
-    steps = [step(at_s=at_s, joystick={}, clutch={"engaged": True})]
+    steps = [
+        step(at_s, {"operator/clutch": {"engaged": True}}),
+        step(at_s, {"silence": ["cmd/joystick"]}),
+    ]
     axes = _frame(draw)
     while at_s < end_s:
         twist = [float(draw.choice([0.5, 2.0])) * x for x in _twist(draw)]
-        steps.append(step(at_s=at_s, master={"twist": twist, "expressed_in": axes}))
+        steps.append(step(at_s, {"master": {"twist": twist, "expressed_in": axes}}))
         changes: tuple[dict[str, Any], ...] = (
-            {"clutch": {"engaged": False}},
-            {"clutch": {"engaged": True}},
-            {"clutch": {"translation": float(draw.uniform(0, 5)), "rotation": 0.5}},
-            {"clutch": {"rotation": float(draw.uniform(0, 5))}},
-            {"master": {}},
-            {"joystick": {"twist": _twist(draw), **_axes(draw)}},
+            {"operator/clutch": {"engaged": False}},
+            {"operator/clutch": {"engaged": True}},
+            {"operator/clutch": {"translation": float(draw.uniform(0, 5)), "rotation": 0.5}},
+            {"operator/clutch": {"rotation": float(draw.uniform(0, 5))}},
+            {"silence": ["cmd/master_pose"]},
+            {"cmd/joystick": {"twist": _twist(draw), **_axes(draw)}},
         )
-        steps.append(step(at_s=at_s + 0.1, **changes[int(draw.integers(len(changes)))]))
-        steps.append(step(at_s=at_s + 0.2, clutch={"engaged": True}))
+        steps.append(step(at_s + 0.1, changes[int(draw.integers(len(changes)))]))
+        steps.append(step(at_s + 0.2, {"operator/clutch": {"engaged": True}}))
         at_s += float(draw.uniform(0.2, 0.5))
-    steps.append(step(at_s=end_s - 0.02, master={}, cancel=True))
-    steps.append(step(at_s=end_s - 0.01, clutch={"translation": 1.0, "rotation": 1.0}))
+    steps.append(step(end_s - 0.02, {"cmd/cancel": {}}))
+    steps.append(step(end_s - 0.02, {"silence": ["cmd/master_pose"]}))
+    steps.append(step(end_s - 0.01, {"operator/clutch": {"translation": 1.0, "rotation": 1.0}}))
     return steps
 
 
@@ -173,37 +181,51 @@ def disturbance(draw: Draw, cell: Cell, at_s: float) -> list[Step]:
     source = str(draw.choice(sorted(gains)))
     later = at_s + float(draw.uniform(0.15, 0.4))
     choices: tuple[tuple[dict[str, Any], dict[str, Any]], ...] = (
-        ({"gain": {"source": source, "gain": _scaled(draw, gains[source])}}, {}),
-        ({"gain": {"source": "force", "gain": (50.0,) * 6}}, {}),
-        ({"switch": {"source": source, "on": False}}, {"switch": {"source": source, "on": True}}),
-        ({"speed": float(draw.uniform(0.1, 1.0))}, {"speed": 1.0}),
-        ({"mode": "hold"}, {"mode": "resume"}),
-        ({"protective_stop": True}, {"protective_stop": False}),
-        ({"joystick": {}}, {}),
+        ({"operator/gain": {"source": source, "gain": _scaled(draw, gains[source])}}, {}),
+        ({"operator/gain": {"source": "force", "gain": (50.0,) * 6}}, {}),
+        (
+            {"operator/switch": {"source": source, "on": False}},
+            {"operator/switch": {"source": source, "on": True}},
+        ),
+        (
+            {"operator/speed": {"factor": float(draw.uniform(0.1, 1.0))}},
+            {"operator/speed": {"factor": 1.0}},
+        ),
+        ({"operator/mode": {"action": "hold"}}, {"operator/mode": {"action": "resume"}}),
+        ({"operator/protective_stop": {}}, {"operator/protective_clear": {}}),
+        ({"silence": ["cmd/joystick"]}, {}),
         ({"link": {"delay_s": float(draw.uniform(0.02, 0.3))}}, {"link": {}}),
         ({"link": {"cut": True}}, {"link": {}}),
         ({"raw": {"topic": "cmd/joystick", "hex": draw.bytes(24).hex()}}, {}),
-        ({"jog": {"rates": [0.1]}}, {"jog": {}}),
-        ({"force": draw.uniform(-10.0, 10.0, 6).tolist()}, {"force": [0.0] * 6}),
-        ({"redundancy": _objective(draw, cell)}, {}),
-        ({"redundancy": _objective(draw, cell)}, {"redundancy": _objective(draw, cell)}),
-        ({"path_control": str(draw.choice(["pause", "resume", "abort"]))}, {}),
-        ({"clutch": {"engaged": False}}, {"clutch": {"engaged": True}}),
-        ({"frame": _redefined(draw, "crf")}, {}),
-        ({"frame": _redefined(draw, "mrf")}, {}),
+        ({"cmd/jog": {"rates": [0.1]}}, {"silence": ["cmd/jog"]}),
         (
-            {"fault": {"silence": "force_torque"}},
-            {"fault": {"silence": "force_torque", "on": False}},
+            {"cmd/force": {"wrench": draw.uniform(-10.0, 10.0, 6).tolist()}},
+            {"cmd/force": {"wrench": [0.0] * 6}},
+        ),
+        ({"operator/redundancy": _objective(draw, cell)}, {}),
+        (
+            {"operator/redundancy": _objective(draw, cell)},
+            {"operator/redundancy": _objective(draw, cell)},
+        ),
+        ({"operator/path": {"action": str(draw.choice(["pause", "resume", "abort"]))}}, {}),
+        ({"operator/clutch": {"engaged": False}}, {"operator/clutch": {"engaged": True}}),
+        ({"operator/frame": _redefined(draw, "crf")}, {}),
+        ({"operator/frame": _redefined(draw, "mrf")}, {}),
+        (
+            {"rig/fault": {"kind": "silence", "target": "force_torque"}},
+            {"rig/fault": {"kind": "silence", "target": "force_torque", "on": False}},
         ),
     )
     choices += equipment.disturbances(draw, cell) + grounds.disturbances(draw, cell)
     first, second = choices[int(draw.integers(len(choices)))]
-    steps = [step(at_s=at_s, **first)]
+    steps = [step(at_s, first)]
     if second:
-        steps.append(step(at_s=later, **second))
-    if second.keys() & {"mode", "protective_stop", "link"}:
+        steps.append(step(later, second))
+    if second.keys() & {"operator/mode", "operator/protective_clear", "link"}:
         # A stop takes a moment to end in HOLD; asked again, it is refused or goes on.
-        steps += [step(at_s=later + wait, mode="resume") for wait in (0.3, 0.6)]
+        steps += [
+            step(later + wait, {"operator/mode": {"action": "resume"}}) for wait in (0.3, 0.6)
+        ]
     return steps
 
 
@@ -229,7 +251,7 @@ def _axes(draw: Draw) -> dict[str, Frame]:
 
 
 def _stick(at_s: float, twist: list[float], axes: dict[str, Frame]) -> Step:
-    return step(at_s=at_s, joystick={"twist": twist, **axes})
+    return step(at_s, {"cmd/joystick": {"twist": twist, **axes}})
 
 
 def _scaled(draw: Draw, gain: tuple[float, ...]) -> list[float]:

@@ -17,7 +17,8 @@ from ....config.load import Cell
 from ....config.schema.null_space.redundancy import OBJECTIVES
 from ....config.schema.sources.sources import SOURCES
 from ....protocols.messages.messages import Frame
-from ...scripts.script import Script, Step
+from ...scripts.script import Script
+from ...scripts.step import Step
 from ..steps import Draw, step
 from . import equipment, grounds, segments
 
@@ -45,10 +46,12 @@ def wild(cell: Cell, seed: int) -> Script:
         steps += known[int(draw.integers(len(known)))](draw, cell, at_s, until_s)
         for _ in range(int(draw.poisson(BESIDES))):
             what = happenings[int(draw.integers(len(happenings)))](draw, cell)
-            steps.append(step(at_s=float(draw.uniform(at_s, until_s)), **what))
+            steps.append(step(float(draw.uniform(at_s, until_s)), what))
         # Whatever has stopped the arm, its operator wants it to go on.
         for wish in ("resume", "enable"):
-            steps.append(step(at_s=until_s - 0.05 * float(draw.random()), mode=wish))
+            steps.append(
+                step(until_s - 0.05 * float(draw.random()), {"operator/mode": {"action": wish}})
+            )
         at_s = until_s
     done = tuple(s for s in steps if s.at_s < WILD_S)
     return Script(description=f"wild seed {seed}", duration_s=WILD_S, step=done)
@@ -67,7 +70,7 @@ def equipped(cell: Cell, seed: int) -> Cell:
 def _creep(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:  # noqa: ARG001
     """One slow way for long, whatever stands there."""
     twist = [*(0.15 * draw.normal(size=3)).tolist(), *(0.3 * draw.normal(size=3)).tolist()]
-    return [step(at_s=at_s, joystick={"twist": twist, "expressed_in": _frame(draw)})]
+    return [step(at_s, {"cmd/joystick": {"twist": twist, "expressed_in": _frame(draw)}})]
 
 
 def _happenings(cell: Cell) -> tuple[Happening, ...]:
@@ -77,7 +80,7 @@ def _happenings(cell: Cell) -> tuple[Happening, ...]:
         _obstacle, _obstacle, _obstacle, _posture, _target,
     ]  # fmt: skip
     if cell.config.mechanism.gripper is not None:
-        found.append(lambda draw, _: {"gripper": str(draw.choice(["close", "open"]))})
+        found.append(_gripper)
     if cell.config.cameras:
         found += [_store_view, _watch]
     if cell.config.frames.moving:
@@ -90,23 +93,24 @@ def _frame(draw: Draw) -> Frame:
 
 
 def _mode(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"mode": str(draw.choice(["hold", "resume", "enable", "enable", "disable"]))}
+    action = str(draw.choice(["hold", "resume", "enable", "enable", "disable"]))
+    return {"operator/mode": {"action": action}}
 
 
 def _speed(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"speed": float(draw.choice([0.01, 0.1, 0.5, 1.0, 1.0]))}
+    return {"operator/speed": {"factor": float(draw.choice([0.01, 0.1, 0.5, 1.0, 1.0]))}}
 
 
 def _gain(draw: Draw, cell: Cell) -> dict[str, Any]:
     """Up to three times the cell's own; what is beyond a bound is refused."""
     name = str(draw.choice(SOURCES))
     own = np.array(getattr(cell.config.sources, name).gain)
-    return {"gain": {"source": name, "gain": (own * draw.uniform(0.0, 3.0, 6)).tolist()}}
+    return {"operator/gain": {"source": name, "gain": (own * draw.uniform(0.0, 3.0, 6)).tolist()}}
 
 
 def _switch(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
     name = str(draw.choice(SOURCES))
-    return {"switch": {"source": name, "on": bool(draw.random() < 0.7)}}
+    return {"operator/switch": {"source": name, "on": bool(draw.random() < 0.7)}}
 
 
 def _frames(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
@@ -119,17 +123,17 @@ def _frames(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
     }
     if draw.random() < 0.5:
         found["relative_to"] = _frame(draw)
-    return {"frame": found}
+    return {"operator/frame": found}
 
 
 def _force(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
     wrench = [*draw.uniform(-40.0, 40.0, 3).tolist(), *draw.uniform(-4.0, 4.0, 3).tolist()]
-    return {"force": {"wrench": wrench, "expressed_in": _frame(draw)}}
+    return {"cmd/force": {"wrench": wrench, "expressed_in": _frame(draw)}}
 
 
 def _clutch(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
     scale = float(draw.uniform(0.0, 10.0))
-    return {"clutch": {"engaged": bool(draw.random() < 0.6), "translation": scale}}
+    return {"operator/clutch": {"engaged": bool(draw.random() < 0.6), "translation": scale}}
 
 
 def _objective(draw: Draw, cell: Cell) -> dict[str, Any]:
@@ -138,33 +142,37 @@ def _objective(draw: Draw, cell: Cell) -> dict[str, Any]:
     found: dict[str, Any] = {"objective": name, "gain": most * float(draw.random())}
     if name == "posture":
         found["posture"] = str(draw.choice(sorted(cell.config.mechanism.postures)))
-    return {"redundancy": found}
+    return {"operator/redundancy": found}
 
 
 def _path_control(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"path_control": str(draw.choice(["pause", "resume", "abort"]))}
+    return {"operator/path": {"action": str(draw.choice(["pause", "resume", "abort"]))}}
 
 
 def _cancel(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"cancel": True}
+    return {"cmd/cancel": {}}
 
 
 def _stick_off(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"joystick": {}, "jog": {}}
+    return {"silence": ["cmd/joystick", "cmd/jog"]}
 
 
 def _protective_stop(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"protective_stop": bool(draw.random() < 0.4)}
+    return {f"operator/protective_{'stop' if draw.random() < 0.4 else 'clear'}": {}}
+
+
+def _gripper(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
+    return {"operator/gripper": {"closed": str(draw.choice(["close", "open"])) == "close"}}
 
 
 def _payload(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
     """A declaration that may well be wrong."""
     mass = float(draw.uniform(0.0, 3.0))
-    return {"payload": {"mass": mass, "com": draw.uniform(-0.05, 0.05, 3).tolist()}}
+    return {"operator/payload": {"mass": mass, "com": draw.uniform(-0.05, 0.05, 3).tolist()}}
 
 
 def _avoidance(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"avoidance": bool(draw.random() < 0.7)}
+    return {"operator/avoidance": {"on": bool(draw.random() < 0.7)}}
 
 
 def _obstacle(draw: Draw, cell: Cell) -> dict[str, Any]:
@@ -200,21 +208,21 @@ def _place(draw: Draw) -> list[float]:
 def _posture(draw: Draw, cell: Cell) -> dict[str, Any]:
     joints = cell.robot.joints
     q = [float(draw.uniform(max(j.lower, -2.5), min(j.upper, 2.5))) for j in joints]
-    return {"posture": tuple(q)}
+    return {"cmd/posture": {"q": tuple(q)}}
 
 
 def _target(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
     pose = {"xyz": draw.uniform(-0.8, 0.8, 3).tolist(), "rpy": draw.uniform(-3, 3, 3).tolist()}
-    return {"position": {**pose, "relative_to": _frame(draw), "expressed_in": _frame(draw)}}
+    return {"cmd/position": {**pose, "relative_to": _frame(draw), "expressed_in": _frame(draw)}}
 
 
 def _store_view(draw: Draw, cell: Cell) -> dict[str, Any]:
     cameras = cell.config.cameras
-    return {"store_view": cameras[int(draw.integers(len(cameras)))].name}
+    return {"operator/store_view": {"camera": cameras[int(draw.integers(len(cameras)))].name}}
 
 
 def _watch(draw: Draw, cell: Cell) -> dict[str, Any]:  # noqa: ARG001
-    return {"switch": {"source": "vision", "on": True}}
+    return {"operator/switch": {"source": "vision", "on": True}}
 
 
 def _ground(draw: Draw, cell: Cell) -> dict[str, Any]:

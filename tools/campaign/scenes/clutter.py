@@ -22,7 +22,8 @@ from ....server.control.proximity.pairs import PairSearch
 from ....server.perception.obstacle_map import ObstacleMap
 from ....server.runtime.events import Events
 from ...oracle.arm import Arm
-from ...scripts.script import Script, Step
+from ...scripts.script import Script
+from ...scripts.step import Step
 from ..steps import step
 from .movers import Mover, mover
 
@@ -181,7 +182,7 @@ def _script(draw: Draw) -> Script:
     at_s = 0.05
     twist = _twist(draw)
     while at_s < HOSTILE_S:
-        steps.append(step(at_s=at_s, joystick={"twist": twist, "expressed_in": "world"}))
+        steps.append(step(at_s, {"cmd/joystick": {"twist": twist, "expressed_in": "world"}}))
         if style == 0:
             twist, at_s = _twist(draw), at_s + float(draw.uniform(0.8, 1.6))
         elif style == 1:
@@ -190,7 +191,7 @@ def _script(draw: Draw) -> Script:
                 twist = _twist(draw)
         else:
             twist, at_s = _twist(draw), at_s + float(draw.uniform(0.03, 0.2))
-    steps.append(step(at_s=HOSTILE_S, joystick={"twist": (0.0,) * 6}))
+    steps.append(step(HOSTILE_S, {"cmd/joystick": {"twist": (0.0,) * 6}}))
     return Script(duration_s=HOSTILE_S + WITHIN_S, step=tuple(steps))
 
 

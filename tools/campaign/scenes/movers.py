@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.obstacles import Obstacle
-from ...scripts.incidents import ObstacleStep
+from ...scripts.generators import MovingObstacle
 from ...simulation.simulation import Simulation
 
 Vector = NDArray[np.float64]
@@ -91,7 +91,9 @@ class Chase:
             elif act.does == "silent" and name in self._velocity:
                 if name not in self._silent:
                     self._silent.add(name)
-                    self._simulation.player.move(ObstacleStep(name=name, silent=True))
+                    self._simulation.player.move(
+                        MovingObstacle.model_validate({"name": name, "silent": True})
+                    )
             elif m.obstacle.max_acceleration is not None or self._due(name, at_s):
                 self._go(m.obstacle, self._wanted(m.obstacle, act))
 
@@ -133,5 +135,5 @@ class Chase:
         self._silent.discard(name)
         after = self._velocity[name] = before + change
         x, y, z = after.tolist() if after.any() else STANDS
-        step = ObstacleStep.model_validate({"name": name, "velocity": (x, y, z), **fresh})
+        step = MovingObstacle.model_validate({"name": name, "velocity": (x, y, z), **fresh})
         self._simulation.player.move(step)

@@ -143,6 +143,26 @@ class ProtocolClient:
         self.seq += 1
         return prove(secret, topic.full_key(self.cell), self.epoch, self.seq, payload)
 
+    def send(self, topic: t.Topic, on_reply: OnReply, **fields: Any) -> None:
+        """Send on any topic of an operator, as its row says: stream, command, request.
+
+        Raises `NoLease` without a lease, `ValueError` for fields that its message does not take.
+        """
+        own = {
+            t.LEASE: self.acquire,
+            t.RELEASE: self.release,
+            t.PROTECTIVE_STOP: self.protective_stop,
+            t.PROTECTIVE_CLEAR: self.clear_protective_stop,
+        }.get(topic)
+        if own is not None:
+            own(on_reply)
+        elif topic.flow.asks:
+            self.request(topic, on_reply, **fields)
+        elif topic.life is t.Life.STREAM:
+            self.stream(topic, **fields)
+        else:
+            self.command(topic, **fields)
+
     def acquire(self, on_reply: OnReply) -> None:
         """Ask for the lease; once granted, it is kept alive by `run`."""
         pair = KeyPair(self.new_key())

@@ -6,7 +6,7 @@ from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.motion import MasterPose
 from telerobot.server.control.spatial import rotation_exp, rotation_rpy
 from telerobot.tools.operator.client.motions import Motions
-from telerobot.tools.scripts.master import MovingMaster
+from telerobot.tools.scripts.master import MasterHandle
 
 ENVELOPE = {"seen_tick": 1}
 
@@ -51,7 +51,7 @@ def test_every_word_is_a_sound_message_on_its_topic():
 
 @pytest.mark.parametrize("twist", [(0.1, 0.2, -0.1, 0, 0, 0), (0, 0, 0.1, 0.5, -0.3, 1.0)])
 def test_a_masters_handle_moves_as_it_is_told(twist):
-    master = MovingMaster()
+    master = MasterHandle()
     master.move((1.0, 0, 0, 0, 0, 2.0), m.Frame.BASE, 5.0)
     master.move(twist, m.Frame.BASE, 5.5)
     pose = MasterPose(**ENVELOPE, **master.fields(7.5))

@@ -4,14 +4,14 @@ import pytest
 from telerobot.protocols.codec import decode_as
 from telerobot.protocols.messages.obstacles import ObstacleNews
 from telerobot.protocols.topics import OBSTACLE
-from telerobot.tools.scripts.incidents import TargetStep
-from telerobot.tools.scripts.moving_target import NEWS_EVERY_S, MovingTarget
+from telerobot.tools.scripts.generators import MovingTarget
+from telerobot.tools.scripts.targets import NEWS_EVERY_S, TargetMotion
 
-STEP = TargetStep(tag="duck", sight_line="view", start=(0, 0, 0), to=(0.3, 0.4, 0), speed=0.25)
+STEP = MovingTarget(tag="duck", sight_line="view", start=(0, 0, 0), to=(0.3, 0.4, 0), speed=0.25)
 
 
 def test_it_goes_straight_at_its_speed_and_stops_where_it_was_sent():
-    target = MovingTarget(STEP, 10.0)
+    target = TargetMotion(STEP, 10.0)
     place, arrived = target.place(11.0)
     assert place == pytest.approx((0.15, 0.2, 0.0))
     assert not arrived
@@ -19,7 +19,7 @@ def test_it_goes_straight_at_its_speed_and_stops_where_it_was_sent():
 
 
 def test_tag_and_news_agree_and_end_with_the_last_place():
-    target, sent, moved = MovingTarget(STEP, 0.0), [], []
+    target, sent, moved = TargetMotion(STEP, 0.0), [], []
 
     def put(topic, data, proof):
         assert proof == b"", "what a sensor tells needs no lease"

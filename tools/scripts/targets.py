@@ -1,4 +1,4 @@
-"""A camera's target that moves: the tag of the virtual world, and what the daemon is told of it."""
+"""Motions of a camera's target: the tag in the virtual world, and the daemon's news of it."""
 
 import math
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from ...protocols import topics as t
 from ...protocols.codec import encode
 from ...protocols.messages.obstacles import ObstacleNews
 from ...protocols.messages.rig import RigFault
-from .incidents import TargetStep
+from .generators import MovingTarget
 
 NEWS_EVERY_S = 0.05
 """The daemon hears of the target, and the world sees it move, so often [s]."""
@@ -15,10 +15,10 @@ NEWS_EVERY_S = 0.05
 Place = tuple[float, float, float]
 
 
-class MovingTarget:
+class TargetMotion:
     """Goes straight from one place to another, at one speed, from `start_s` on."""
 
-    def __init__(self, step: TargetStep, start_s: float) -> None:
+    def __init__(self, step: MovingTarget, start_s: float) -> None:
         self._step = step
         self._start_s = start_s
         self._due_s = start_s
