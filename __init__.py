@@ -5,14 +5,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .config.load import load_cell
-    from .tools.operator.client.operator import Operator, OperatorError
+    from .tools.operator.client.connection import OperatorError
+    from .tools.operator.client.operator import Operator
     from .tools.simulation.simulation import simulate
 
 __all__ = ["Operator", "OperatorError", "load_cell", "simulate"]
 
 _HOMES = {
     "Operator": ".tools.operator.client.operator",
-    "OperatorError": ".tools.operator.client.operator",
+    "OperatorError": ".tools.operator.client.connection",
     "load_cell": ".config.load",
     "simulate": ".tools.simulation.simulation",
 }

@@ -9,7 +9,7 @@ from typing import Final
 from ...config.load import Cell, load_cell
 from ...drivers.device import DeviceError
 from ..host.local_plant import ChildDied
-from ..operator.client.operator import OperatorError
+from ..operator.client.connection import OperatorError
 from . import latency, simulate, sync, tick
 from .figures import Figures, machine
 from .growth import growth

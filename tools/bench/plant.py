@@ -9,7 +9,8 @@ from pathlib import Path
 from ...config.load import Cell, load_cell
 from ...drivers.bus import CanMessage, open_bus
 from ..host.local_plant import LocalPlant
-from ..operator.client.operator import Operator, OperatorError
+from ..operator.client.connection import OperatorError
+from ..operator.client.operator import Operator
 
 START_S = 30.0
 """Rig and daemon are up within [s]."""

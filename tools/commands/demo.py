@@ -13,7 +13,8 @@ from ...protocols.messages import messages as m
 from ...protocols.topics import Role
 from ..host.address import duration, moved
 from ..host.local_plant import ChildDied, LocalPlant
-from ..operator.client.operator import Operator, OperatorError
+from ..operator.client.connection import OperatorError
+from ..operator.client.operator import Operator
 from ..operator.terminal.console import is_terminal
 from ..scripts.live_run import LiveRun
 from ..scripts.script import Script, load_script

@@ -9,7 +9,8 @@ from functools import partial
 
 from ...protocols.messages import messages as m
 from ..host.address import add_cell_arguments, cell_from
-from ..operator.client.operator import Operator, OperatorError, ignore
+from ..operator.client.connection import OperatorError, ignore
+from ..operator.client.operator import Operator
 from ..operator.terminal.console import Console, is_terminal
 from ..operator.terminal.keyboard import Decoder
 from ..operator.terminal.teleop import KeyboardTeleop, event_line

@@ -6,7 +6,8 @@ import sys
 
 from ...config.load import Cell
 from ..host.address import add_cell_arguments, cell_from
-from ..operator.client.operator import Operator, OperatorError
+from ..operator.client.connection import OperatorError
+from ..operator.client.operator import Operator
 from .attitudes import Stop, attitudes
 from .estimate import NotIdentified
 from .guide import Sample

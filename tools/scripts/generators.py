@@ -73,7 +73,7 @@ class MovingObstacle(Part):
         return {**own, "news": TopicMessage.of(t.OBSTACLE, told).make(0)}
 
 
-class Connection(Part):
+class LinkConditions(Part):
     """An operator's connection from now on."""
 
     cut: bool = False

@@ -9,7 +9,8 @@ import numpy as np
 from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...server.control.spatial import Pose, rotation_log
-from ..operator.client.operator import POLL_S, Operator, ignore
+from ..operator.client.connection import POLL_S, ignore
+from ..operator.client.operator import Operator
 from ..operator.client.session import NotCertified
 from ..operator.terminal.teleop import event_line
 from .player import Phase, Player

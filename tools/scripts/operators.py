@@ -10,7 +10,7 @@ from ...protocols.messages.reflection import Reflection
 from ..operator.client.protocol_client import Ask, ProtocolClient, Put
 from ..reflect.client import ReflectingClient
 from .delay_line import Conditions, DelayLine
-from .generators import Connection, Device, MovingMaster, Network
+from .generators import Device, LinkConditions, MovingMaster, Network
 from .handles import Handles
 from .master import MasterHandle
 
@@ -69,7 +69,7 @@ class Operators:
         for client in self:
             client.run(now_s)
 
-    def connect(self, name: str, to: Connection) -> None:
+    def connect(self, name: str, to: LinkConditions) -> None:
         """Change an operator's connection; what is under way arrives as before."""
         self._lines[name].set(Conditions(to.delay_s, to.jitter, to.loss, to.cut))
 

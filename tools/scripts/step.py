@@ -9,8 +9,8 @@ from ...config.errors import nearest
 from ...protocols import topics as t
 from ...protocols.messages import messages as m
 from .generators import (
-    Connection,
     Device,
+    LinkConditions,
     MovingMaster,
     MovingObstacle,
     MovingTarget,
@@ -52,7 +52,7 @@ class Step(Part):
     message: InstanceOf[TopicMessage] | None = None
     silence: tuple[StreamKey, ...] = ()
     """Streams that fall silent."""
-    link: Connection | None = None
+    link: LinkConditions | None = None
     master: MovingMaster | None = None
     device: Device | None = None
     target: MovingTarget | None = None

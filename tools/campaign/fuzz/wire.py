@@ -10,7 +10,8 @@ from pathlib import Path
 from ....config.load import load_cell
 from ....protocols.topics import Flow
 from ...host.local_plant import ChildDied, LocalPlant
-from ...operator.client.operator import Operator, OperatorError
+from ...operator.client.connection import OperatorError
+from ...operator.client.operator import Operator
 from ...operator.client.session import Session
 from .inputs.stranger import Stranger
 from .outcome import Outcome

@@ -1,0 +1,161 @@
+"""An operator's live connection to a daemon: session, telemetry, keepalive, streams, lease."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from ....config.load import Cell, load_cell
+from ....drivers.network.identity import identity_of
+from ....protocols import topics as t
+from ....protocols.codec import CodecError, decode_as, encode
+from ....protocols.messages import messages as m
+from ....protocols.messages.moving import RigMotion
+from ....protocols.messages.reflection import Reflection
+from ....protocols.messages.rig import RigFault
+from ....protocols.topics import Role
+from ...host.address import moved
+from .protocol_client import ProtocolClient
+from .round_trip import RoundTrip
+from .session import NotCertified, Session
+
+POLL_S = 0.002
+
+
+def ignore(_message: m.Message) -> None:
+    """Take in a message, and do nothing."""
+
+
+class OperatorError(Exception):
+    """The daemon refused, or did not answer: carries the reason by name."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}" if detail else reason)
+        self.reason = reason
+        self.detail = detail
+
+
+class Connection:
+    """A session that reads telemetry and sends what is due, inside `spin` and `turn`."""
+
+    def __init__(
+        self,
+        cell: str | Cell,
+        endpoint: str | None = None,
+        name: str = "operator",
+        identity: str | Path | None = None,
+    ) -> None:
+        loaded = cell if isinstance(cell, Cell) else load_cell(cell)
+        loaded = moved(loaded, endpoint=endpoint, identity=identity)
+        self.cell = loaded.config.name
+        self.endpoint = loaded.config.zenoh.dialled
+        shown = identity_of(loaded, Role.OPERATOR, name)
+        try:
+            self.session = Session(self.cell, self.endpoint, shown)
+        except ConnectionError as error:
+            raise OperatorError("no_daemon", str(error)) from None
+        # Of what is true only now, the newest that can be read; junk between does not push it out.
+        depths = {t.STATE: 64, t.REFLECTION: 64, t.EVENT: 256, t.DESCRIPTION: 8}
+        self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
+        self.client = ProtocolClient(name, self.cell, self._put, self.session.ask)
+        self.description: m.Description | None = None
+        """The daemon's description of its cell; comes within a second."""
+        self.round_trip = RoundTrip()
+        self.state_since_s: float | None = None
+        """Time of reading the newest state, on the monotonic clock [s]."""
+        self.on_state: Callable[[m.State], None] = ignore
+        """Called with every state that is read."""
+        self.on_event: Callable[[m.Event], None] = ignore
+        """Called with every event that is read."""
+        self.on_reflection: Callable[[Reflection], None] = ignore
+        """Called with every force for the handle that is read; none come of most cells."""
+        self.reflection = loaded.config.reflection
+        """Section `[reflection]` of the cell."""
+        self._lease_seen = False
+
+    @property
+    def state(self) -> m.State | None:
+        """The newest state that was read."""
+        return self.client.state
+
+    @property
+    def events(self) -> list[m.Event]:
+        """All events that were read."""
+        return self.client.events
+
+    @property
+    def holds_lease(self) -> bool:
+        """True from the grant of the lease until it is released or telemetry shows it lost."""
+        return self.client.secret is not None
+
+    def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
+        """Keep the session alive for a while, or until something holds; return whether it did."""
+        end = time.monotonic() + seconds
+        while True:
+            self.turn()
+            if until is not None and until():
+                return True
+            if time.monotonic() >= end:
+                return until is None
+            time.sleep(POLL_S)
+
+    def turn(self) -> None:
+        """Read what came in and send what is due, once; waits for nothing."""
+        for topic, inbox in self._inboxes.items():
+            payloads = list(inbox.take())
+            if topic.life is not t.Life.STREAM:
+                for payload in payloads:
+                    self._take(topic, payload)
+            elif payloads:
+                any(self._take(topic, payload) for payload in reversed(payloads))
+        self.session.poll()
+        self.client.run(time.monotonic())
+
+    def inject(self, fault: RigFault | RigMotion) -> None:
+        """Inject a fault into the virtual hardware, or move what stands there."""
+        topic = t.RIG_MOTION if isinstance(fault, RigMotion) else t.RIG_FAULT
+        try:
+            self.session.put(topic, encode(fault))
+        except NotCertified as error:
+            raise OperatorError("not_certified", str(error)) from None
+
+    def close(self) -> None:
+        """End the session."""
+        self.session.close()
+
+    def _take(self, topic: t.Topic, payload: bytes) -> bool:
+        """Take in what was told; return False for what cannot be read."""
+        try:
+            message = decode_as(topic.message, payload, topic.max_bytes)
+        except CodecError:
+            return False  # another version's telemetry; commands would be refused by name
+        if isinstance(message, m.State):
+            self._take_state(message, time.monotonic())
+        elif isinstance(message, Reflection):
+            self.on_reflection(message)
+        elif isinstance(message, m.Event):
+            self.client.on_event(message)
+            self.on_event(message)
+        elif isinstance(message, m.Description):
+            self.description = message
+        return True
+
+    def _take_state(self, state: m.State, now_s: float) -> None:
+        self.client.on_state(state)
+        self.state_since_s = now_s
+        if self.holds_lease:
+            self._watch_lease(state)
+            self.round_trip.echoed(state.last_seq, now_s)
+        self.on_state(state)
+
+    def _watch_lease(self, state: m.State) -> None:
+        """Let go of a lease that telemetry shows to be lost; states from before it don't count."""
+        client = self.client
+        if state.lease_epoch == client.epoch and state.lease_holder == client.name:
+            self._lease_seen = True
+        elif self._lease_seen or state.lease_epoch >= client.epoch:
+            self._lease_seen = False
+            client.drop_lease()
+
+    def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
+        self.round_trip.sent(topic.key, self.client.seq, time.monotonic())
+        self.session.put(topic, payload, proof)
