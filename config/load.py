@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 
 from .agree.agree import check_agreement
 from .errors import ConfigError, nearest
+from .joint_ranges import expand
 from .schema.cell import CellConfig
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
@@ -60,7 +61,7 @@ def load_cell(name_or_path: str | Path) -> Cell:
     Raises `ConfigError`.
     """
     path = _find("cells", name_or_path, Path(), "")
-    config = _validated(path, _whole(path))
+    config = expand(path, _validated(path, _whole(path)))
     mechanism = config.mechanism
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: mechanism.urdf: ")
     robot = read_robot(urdf, mechanism.tip_link, f"{path}: mechanism.tip_link")
@@ -92,6 +93,9 @@ def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
 
 def _on_top(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     both = dict(under)
+    for key, other in (("bus", "buses"), ("buses", "bus")):
+        if key in over:
+            both.pop(other, None)  # one takes the other's place, too
     for key, value in over.items():
         if isinstance(value, dict) and isinstance(both.get(key), dict):
             both[key] = _on_top(both[key], value)

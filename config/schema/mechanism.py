@@ -1,6 +1,6 @@
 """What a cell file may say of the arm: its chain, drives, sensor, payloads and gripper."""
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -9,6 +9,11 @@ from .section import Name, Pose, Section, Vector3, Vector6
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
 """Controlword, and the setpoint of each operation mode."""
+MOST_DRIVES: Final = 64
+"""Joints of a cell [1]."""
+JointName = Annotated[
+    str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}(\.\.[a-z][a-z0-9_]{0,31})?$", max_length=66)
+]
 TPDO_BYTES: Final = 8
 """Statusword, position and torque."""
 
@@ -16,7 +21,10 @@ TPDO_BYTES: Final = 8
 class Drive(CanOpenNode):
     """One CAN servo drive and the joint it moves; what differs from arm to arm stands here."""
 
-    joint: Name = Field(description="joint of the URDF that this drive moves")
+    joint: JointName = Field(
+        description="joint of the URDF that this drive moves; 'j1..j15': fifteen drives of "
+        "consecutive nodes"
+    )
     counts_per_radian: float = Field(
         gt=100, le=1e9, description="encoder counts per radian of the joint [1/rad]"
     )
@@ -69,8 +77,14 @@ class Drive(CanOpenNode):
         """Return its answer to SYNC and its setpoint."""
         return (Frames(TPDO_BYTES), Frames(RPDO_BYTES[operation_mode]))
 
+    def of_table(self, table: int, joint: str, node: int) -> Self:
+        """Return the drive of one of the joints that the table of that index means."""
+        drive = self.model_copy(update={"joint": joint, "node": node})
+        drive._table = table
+        return drive
+
     def key(self, index: int) -> str:
-        """Return where its table stands in the cell file, where it is the drive of that index."""
+        """Return where the table of the drive of that index stands in the cell file."""
         return f"mechanism.drives[{index if self._table is None else self._table}]"
 
 
@@ -176,7 +190,9 @@ class Mechanism(Section):
     T_wrist_mrf: Pose = Field(
         default_factory=Pose, description="moving reference frame in the Wrist frame"
     )
-    drives: tuple[Drive, ...] = Field(min_length=1, max_length=64, description="one per joint")
+    drives: tuple[Drive, ...] = Field(
+        min_length=1, max_length=MOST_DRIVES, description="one per joint"
+    )
     force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
     gripper: Gripper | None = Field(None, description="gripper at the tool, if any")
     payloads: dict[Name, Payload] = Field(

@@ -17,6 +17,7 @@ from typing import Self
 from ...config.load import Cell
 from .address import moved, options
 
+CLI = f"{__package__.removesuffix('.host')}.cli"
 POLL_S = 0.02
 TERMINATE_S = 8.0
 """A child that was asked to end is killed after [s]."""
@@ -125,7 +126,7 @@ class LocalPlant:
         self._errors.append((command, path))
         with path.open("wb") as errors:
             return subprocess.Popen(
-                [sys.executable, "-m", f"{__package__}.cli", command, *options(cell), *extra],
+                [sys.executable, "-m", CLI, command, *options(cell), *extra],
                 stdin=subprocess.DEVNULL,
                 stdout=errors,
                 stderr=errors,
