@@ -15,7 +15,7 @@ from telerobot.tools.simulation.simulation import Simulation, simulate
 
 from .conftest import STICK
 
-MOVING = {"at_s": 0.3, "joystick": STICK}
+MOVING = {"at_s": 0.3, "cmd/joystick": STICK}
 BUSES = (Bus(name="left", channel="239.0.0.1"), Bus(name="right", channel="239.0.0.2"))
 
 
@@ -44,7 +44,12 @@ def test_an_arm_on_two_buses_moves_as_on_one(play, pa10, split):
 @pytest.mark.parametrize("bus", ["left", "right"])
 def test_a_bus_that_is_unplugged_in_motion_stops_the_whole_arm(play, split, bus):
     joints = [d.joint for d in split.config.mechanism.drives if d.bus == bus]
-    run = play(MOVING, {"at_s": 1.2, "fault": {"unplug": bus}}, seconds=2.5, cell=split)
+    run = play(
+        MOVING,
+        {"at_s": 1.2, "rig/fault": {"kind": "unplug", "target": bus}},
+        seconds=2.5,
+        cell=split,
+    )
     (fault,) = run.events("fault")
     assert (fault.values["device"], fault.values["cause"]) == (f"bus {bus}", "bus_silent")
     words = f"none of its {len(joints)} drives answers, {joints[0]} to {joints[-1]}"
@@ -59,11 +64,11 @@ def test_a_bus_that_is_unplugged_in_motion_stops_the_whole_arm(play, split, bus)
 def test_an_arm_is_reset_and_enabled_once_its_bus_is_plugged_in_again(play, split):
     run = play(
         MOVING,
-        {"at_s": 1.0, "fault": {"unplug": "right"}},
-        {"at_s": 1.6, "mode": "reset"},
-        {"at_s": 5.0, "fault": {"unplug": "right", "on": False}},
-        {"at_s": 5.2, "mode": "reset"},
-        {"at_s": 7.0, "mode": "enable"},
+        {"at_s": 1.0, "rig/fault": {"kind": "unplug", "target": "right"}},
+        {"at_s": 1.6, "operator/mode": {"action": "reset"}},
+        {"at_s": 5.0, "rig/fault": {"kind": "unplug", "target": "right", "on": False}},
+        {"at_s": 5.2, "operator/mode": {"action": "reset"}},
+        {"at_s": 7.0, "operator/mode": {"action": "enable"}},
         seconds=8.0,
         cell=split,
     )
@@ -73,7 +78,9 @@ def test_an_arm_is_reset_and_enabled_once_its_bus_is_plugged_in_again(play, spli
 
 
 def test_a_bus_that_is_not_there_cannot_be_unplugged(play, split):
-    run = play({"at_s": 0.1, "fault": {"unplug": "middle"}}, seconds=0.5, cell=split)
+    run = play(
+        {"at_s": 0.1, "rig/fault": {"kind": "unplug", "target": "middle"}}, seconds=0.5, cell=split
+    )
     assert "no target 'middle'; there are left, right" in run.summary["failure"]
 
 
