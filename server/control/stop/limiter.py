@@ -6,11 +6,14 @@ If not, half the target is tried, a fifth, and among things a twentieth with a s
 joints' shares; then the stop verified one tick earlier goes on.
 So there is always a known way to rest.
 
+Joints that mean something only together, as of two arms on one payload, are a group: they stop in
+proportion, along a straight line.
+
 A judge may have more to say about a stop: by how much it falls short of what is to be kept. News
 from outside may make even the stored stop fall short; then the least bad one is taken.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -55,14 +58,21 @@ class Limiter:
     """Keeps joint rates inside acceleration, jerk and position bounds, all (n,)."""
 
     def __init__(
-        self, lower: Array, upper: Array, acceleration: Array, jerk: Array, period_s: float
+        self,
+        lower: Array,
+        upper: Array,
+        acceleration: Array,
+        jerk: Array,
+        period_s: float,
+        groups: Sequence[Sequence[int]] = (),
     ) -> None:
+        """Build it; joints of a group (indices) stop in proportion, others as soon as they can."""
         self._lower = lower
         self._upper = upper
         self._acceleration = HEADROOM * acceleration
         self._jerk = HEADROOM * jerk
         self._period_s = period_s
-        self._planner = VelocityPlanner(self._acceleration, self._jerk)
+        self._planner = VelocityPlanner(self._acceleration, self._jerk, groups)
         self._factor = 1.0
 
     def verified_stop(self, motion: Motion) -> Stop:

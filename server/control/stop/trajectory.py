@@ -4,6 +4,7 @@ Joint and Cartesian states are triples of arrays: position, velocity, accelerati
 are pure; the objects here only keep scratch memory.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -13,7 +14,14 @@ import ruckig
 from ..compiled import NUMBER, VECTOR, compiled
 from ..evolve import evolve
 from ..spatial import Array
-from .velocity_profile import reach, stepped, stop_at, stop_postures, stopping
+from .velocity_profile import (
+    reach,
+    stepped,
+    stop_at,
+    stop_postures,
+    stopping,
+    stopping_in_proportion,
+)
 
 
 class Motion(NamedTuple):
@@ -136,11 +144,27 @@ def _calculated(
 
 
 class VelocityPlanner:
-    """Velocity targets for n degrees of freedom under acceleration and jerk bounds (n,)."""
+    """Velocity targets for n degrees of freedom under acceleration and jerk bounds (n,).
 
-    def __init__(self, acceleration: Array, jerk: Array) -> None:
+    Freedoms of a group brake in proportion, so that the slowest decides: along a straight line, if
+    their accelerations are already in proportion to their velocities. Others brake on their own.
+    """
+
+    def __init__(
+        self, acceleration: Array, jerk: Array, groups: Sequence[Sequence[int]] = ()
+    ) -> None:
+        """Build it; `groups` holds the indices of freedoms that belong together.
+
+        Raises `ValueError` for a freedom in two groups, and for one that there is not.
+        """
         n = len(acceleration)
+        members = [i for group in groups for i in group]
+        if len(set(members)) < len(members):
+            raise ValueError(f"groups {groups}: a freedom is in two of them")
+        if any(not 0 <= i < n for i in members):
+            raise ValueError(f"groups {groups}: there are {n} freedoms")
         self._n = n
+        self._groups = [np.array(group) for group in groups]
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
         self._input.control_interface = ruckig.ControlInterface.Velocity
@@ -171,9 +195,14 @@ class VelocityPlanner:
         return moved, Stop.along(moved, _phases(self._straight(moved, np.zeros(self._n))))
 
     def stop(self, motion: Motion) -> Stop:
-        """Return the quickest stop of each degree of freedom on its own."""
+        """Return the quickest stop: of each group in proportion, of other freedoms on their own."""
+        acceleration, jerk = self._bounds
         try:
-            phases = stopping(motion.dq, motion.ddq, *self._bounds)
+            phases = stopping(motion.dq, motion.ddq, acceleration, jerk)
+            for g in self._groups:
+                phases[:, :, g] = stopping_in_proportion(
+                    motion.dq[g], motion.ddq[g], acceleration[g], jerk[g]
+                )
         except ValueError as error:
             raise TrajectoryError(f"stop from {motion}: {error}") from error
         return Stop.along(motion, phases)
