@@ -13,13 +13,16 @@ HIGHEST_NODE: Final = 126
 _RANGE: Final = re.compile(r"([a-z][a-z0-9_]*?)(\d+)\.\.([a-z][a-z0-9_]*?)(\d+)")
 
 
-def expand(path: Path, config: CellConfig) -> CellConfig:
-    """Return the configuration with one drive for each joint. Raises `ConfigError`."""
+def expand(path: Path, config: CellConfig, place: str) -> CellConfig:
+    """Return the configuration with one drive for each joint; the mechanism stands at `place`.
+
+    Raises `ConfigError`.
+    """
     drives: list[Drive] = []
     for i, drive in enumerate(config.mechanism.drives):
-        drives += _joints_of(f"{path}: mechanism.drives[{i}]", i, drive)
+        drives += _joints_of(f"{path}: {place}.drives[{i}]", i, drive)
     if len(drives) > MOST_DRIVES:
-        raise ConfigError(f"{path}: mechanism.drives: {len(drives)} joints, at most {MOST_DRIVES}")
+        raise ConfigError(f"{path}: {place}.drives: {len(drives)} joints, at most {MOST_DRIVES}")
     mechanism = config.mechanism.model_copy(update={"drives": tuple(drives)})
     return config.model_copy(update={"mechanism": mechanism})
 

@@ -5,7 +5,8 @@ and bound. What needs numbers to judge (bus load, stability) is `telerobot check
 """
 
 import json
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -15,6 +16,7 @@ from pydantic_core import ErrorDetails
 from .agree.agree import check_agreement
 from .errors import ConfigError, nearest
 from .joint_ranges import expand
+from .parts import on_top, parts_of
 from .schema.cell import CellConfig
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
@@ -36,12 +38,33 @@ _LONGEST_VALUE: Final = 60
 
 @dataclass(frozen=True)
 class Cell:
-    """One daemon's worth of robot: the file, what it says, and the arm that it means."""
+    """One daemon's worth of robot: the file, what it says, and the arm that it means.
+
+    A cell of several mechanisms is made of parts: each is the cell as it would be with that
+    mechanism alone. What they share, as the period, reads the same in all.
+    """
 
     path: Path
     config: CellConfig
-    """What the file says, with the drives in the order of the chain's joints."""
+    """What the file says, with the drives in the order of the chain's joints; of a cell of several
+    mechanisms what it says of the first."""
     robot: Robot
+    others: tuple["Cell", ...] = ()
+    """The other parts, in the order of the file."""
+
+    @property
+    def parts(self) -> tuple["Cell", ...]:
+        """The cell of each mechanism alone; the cell itself where there is one."""
+        return (replace(self, others=()), *self.others) if self.others else (self,)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all joints; with several mechanisms each is `MECHANISM.JOINT`."""
+        return tuple(
+            f"{part.config.mechanism.name}.{joint.name}" if self.others else joint.name
+            for part in self.parts
+            for joint in part.robot.joints
+        )
 
     @property
     def default_script(self) -> Path:
@@ -61,11 +84,30 @@ def load_cell(name_or_path: str | Path) -> Cell:
     Raises `ConfigError`.
     """
     path = _find("cells", name_or_path, Path(), "")
-    config = expand(path, _validated(path, _whole(path)))
+    document = _whole(path)
+    if "mechanisms" not in document:
+        return _part(path, document, "mechanism")
+    parts = [
+        _part(path, part, f"mechanisms[{i}]")
+        for i, part in enumerate(parts_of(path, document, _whole_cell))
+    ]
+    return replace(parts[0], others=tuple(parts[1:]))
+
+
+def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
+    """Return what another cell's file says."""
+    if not isinstance(name, str):
+        raise ConfigError(f"{where}value {name!r}: the name or path of a cell")
+    return _whole(_find("cells", name, base, where))
+
+
+def _part(path: Path, document: dict[str, Any], place: str) -> Cell:
+    """Return the cell of one mechanism, which stands at `place` in the file."""
+    config = expand(path, _validated(path, document, place), place)
     mechanism = config.mechanism
-    urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: mechanism.urdf: ")
-    robot = read_robot(urdf, mechanism.tip_link, f"{path}: mechanism.tip_link")
-    check_agreement(path, config, robot)
+    urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: {place}.urdf: ")
+    robot = read_robot(urdf, mechanism.tip_link, f"{path}: {place}.tip_link")
+    check_agreement(path, config, robot, place)
     _find("scripts", config.default_script, path.parent, f"{path}: default_script: ")
     order = {joint.name: i for i, joint in enumerate(robot.joints)}
     drives = tuple(sorted(mechanism.drives, key=lambda drive: order[drive.joint]))
@@ -88,20 +130,7 @@ def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
     other = _find("cells", name, path.parent, f"{path}: extends: ")
     if other.resolve() in (p.resolve() for p in (*below, path)):
         raise ConfigError(f"{path}: extends: value '{name}': extends itself")
-    return _on_top(_whole(other, (*below, path)), document)
-
-
-def _on_top(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    both = dict(under)
-    for key, other in (("bus", "buses"), ("buses", "bus")):
-        if key in over:
-            both.pop(other, None)  # one takes the other's place, too
-    for key, value in over.items():
-        if isinstance(value, dict) and isinstance(both.get(key), dict):
-            both[key] = _on_top(both[key], value)
-        else:
-            both[key] = value
-    return both
+    return on_top(_whole(other, (*below, path)), document)
 
 
 def script_path(name_or_path: str | Path, base: Path) -> Path:
@@ -130,7 +159,7 @@ def _find(kind: str, name_or_path: str | Path, base: Path, where: str) -> Path:
     return HERE / kind / f"{text}{suffix}"
 
 
-def _validated(path: Path, document: dict[str, Any]) -> CellConfig:
+def _validated(path: Path, document: dict[str, Any], place: str) -> CellConfig:
     try:
         # Through JSON, because only there strict means: no text for a number, a list for a tuple.
         return CellConfig.model_validate_json(json.dumps(document, default=str), strict=True)
@@ -138,7 +167,8 @@ def _validated(path: Path, document: dict[str, Any]) -> CellConfig:
         # A misspelt required key shows twice, as missing and as unknown: the second helps more.
         found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise ConfigError(f"{path}: {_explain(found[0])}{more}") from None
+        words = re.sub(r"^mechanism\b", place, _explain(found[0]))
+        raise ConfigError(f"{path}: {words}{more}") from None
 
 
 def _explain(error: ErrorDetails) -> str:

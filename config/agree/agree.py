@@ -1,5 +1,6 @@
 """What must agree between a cell's sections, and between the cell and its robot."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -20,11 +21,14 @@ REQUIRED_POSTURES: Final = ("start", "ready")
 INT32_MAX: Final = 2**31 - 1
 
 
-def check_agreement(path: Path, config: CellConfig, robot: Robot) -> None:
-    """Raise `ConfigError`, of the first disagreement found, naming the file and the key."""
+def check_agreement(path: Path, config: CellConfig, robot: Robot, place: str) -> None:
+    """Raise `ConfigError`, of the first disagreement found, naming the file and the key.
+
+    The mechanism stands at `place` in the file.
+    """
     first = next(_disagreements(config, robot), None)
     if first is not None:
-        raise ConfigError(f"{path}: {first}")
+        raise ConfigError(f"{path}: {re.sub(r'^mechanism(?=[.])', place, first)}")
 
 
 def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
