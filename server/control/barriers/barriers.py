@@ -141,10 +141,10 @@ class Allow:
             # Rates that all bounds of joints allow are inside the leash, and slower ones too.
             held = leash is not None and bool(leash.left_by(dq))
             found = nearest(dq, k.J, low, high, V, self._length, rows)
-            dq, share = found.dq, share * found.share
+            dq, share = found.dq, share * float(found.share[0])
             if found.fallback:
                 limits += (found.fallback,)
-            pace = share if held else pace * found.pace
+            pace = share if held else pace * float(found.pace[0])
         held_up = self.room.resisted(dq, motion.dq, state.way, error, state.resistance)
         # An arm that may not move gives way at most, and is not held up.
         if held_up.share < 1.0 and state.may_move:

@@ -26,7 +26,8 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
+from ..scene import Index
 from ..spatial import Array
 from .least_distance import KEPT, settled, shortfall
 
@@ -68,11 +69,11 @@ class Nearest(NamedTuple):
     """Joint rates inside all bounds."""
 
     dq: Array
-    share: float
-    """Size of the tool motion that is left, on the path or sliding, as a share of the asked one,
-    0 to 1."""
-    pace: float
-    """Share of its asked speed at which the path itself may go on: that of the motion whose
+    share: Array
+    """Size of each tool's motion that is left, on the path or sliding, as a share of the asked one
+    (t,), 0 to 1."""
+    pace: Array
+    """Share of its asked speed at which each path itself may go on (t,): that of the motion whose
     projection this is, `SLIDE` at least."""
     fallback: Fallback = ""
     """What was done where the solver failed."""
@@ -90,17 +91,22 @@ def nearest(
     velocity: Array,
     characteristic_length: float,
     rows: tuple[Array, Array] | None = None,
+    tool: Index | None = None,
 ) -> Nearest:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
-    J (6, n) is the task's Jacobian and `velocity` (n,) the joint speed bounds; `rows` are A (m, n)
-    and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. There always are
-    such rates; raises `BarrierError` where an argument is not finite.
+    `tool` (n,) tells which of t tools each joint moves, all the same one if None; the columns of
+    J (6, n) are that tool's Jacobian. `velocity` (n,) are the joint speed bounds; `rows` are
+    A (m, n) and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. There
+    always are such rates; raises `BarrierError` where an argument is not finite.
     """
     n = len(dq)
+    tool = np.zeros(n, dtype=np.int64) if tool is None else tool
     slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
     length = ATTITUDE * characteristic_length
-    H, f, A, upper, lower, sense = _programme(dq, J, low, high, velocity, slopes, least, length)
+    H, f, A, upper, lower, sense = _programme(
+        dq, J, tool, low, high, velocity, slopes, least, length
+    )
     found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     wrong = shortfall(slopes, least, found[:n])
     fallback: Fallback = ""
@@ -113,12 +119,13 @@ def nearest(
                 sense[len(f) : len(f) + len(least)] = _SOFT
                 found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
             if flag not in _SOLVED or not np.isfinite(found).all():
-                found, fallback = np.append(np.clip(0.0, low, high), SLIDE), "barriers_stand"
+                found[:n], found[n:] = np.clip(0.0, low, high), SLIDE
+                fallback = "barriers_stand"
             elif not led_back:
                 found[:n], share = settled(found[:n], slopes, least, low, high, H[:n, :n])
                 if share < _SLOWED:
                     fallback = "barriers_slow"
-    return Nearest(*_granted(found, dq, J, low, high, length), fallback)
+    return Nearest(*_granted(found, dq, J, tool, low, high, length), fallback)
 
 
 def _check_finite(**arguments: Array) -> None:
@@ -127,65 +134,70 @@ def _check_finite(**arguments: Array) -> None:
             raise BarrierError(f"{name} is not finite: {values}")
 
 
-@compiled(VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER)
+@compiled(VECTOR, MATRIX, INDEX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER)
 def _programme(
-    dq: Array, J: Array, low: Array, high: Array, velocity: Array, slopes: Array, least: Array,
-    length: float,
+    dq: Array, J: Array, tool: Index, low: Array, high: Array, velocity: Array, slopes: Array,
+    least: Array, length: float,
 ) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:  # fmt: skip
     """Return H, f, A and the bounds above and below of the unknowns, then of the rows of A.
 
     And DAQP's sense of each bound: barriers are soft where a joint is to be led back.
 
-    ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖², in the unknowns (dq', s), and one more for each gap that
-    is to be widened: what it falls short by. `length` weighs rotations [m/rad].
+    ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖² of every tool, in the unknowns (dq', s), with one s for
+    each tool, and one more for each gap that is to be widened: what it falls short by. `length`
+    weighs rotations [m/rad].
     """
-    n, m = len(dq), len(least)
+    n, m, tools = len(dq), len(least), tool.max() + 1
     widened, wide = np.empty(m, dtype=np.int64), 0
     for i in range(m):
         if least[i] > 0.0:
             widened[wide] = i
             wide += 1
-    size, count = n + 1 + wide, m + wide
+    slack = n + tools
+    size, count = slack + wide, m + wide
     H, f, A = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
-    x = np.zeros(6)
+    x = np.zeros((tools, 6))
     for r in range(6):
         for j in range(n):
-            x[r] += J[r, j] * dq[j]
-    slow, asked = 1e-9, 0.0
+            x[tool[j], r] += J[r, j] * dq[j]
+    slow, asked = np.full(tools, 1e-9), np.zeros(tools)
     for j in range(n):
-        own = SELF_MOTION / velocity[j] ** 2
+        own, t = SELF_MOTION / velocity[j] ** 2, tool[j]
         H[j, j] = own
         cross = own * dq[j]
-        slow += own * dq[j] ** 2
-        asked += own * dq[j] ** 2
+        slow[t] += own * dq[j] ** 2
+        asked[t] += own * dq[j] ** 2
         for r in range(6):
             weighed = LEAVE_PATH * J[r, j] * (1.0 if r < 3 else length**2)
-            cross += weighed * x[r]
+            cross += weighed * x[t, r]
             for k in range(n):
-                H[j, k] += weighed * J[r, k]
-        H[j, n] = H[n, j] = -cross
-    for r in range(6):
-        x2 = x[r] ** 2 * (1.0 if r < 3 else length**2)
-        slow += SLOW_DOWN * x2
-        asked += LEAVE_PATH * x2
-    H[n, n] = asked + slow
-    f[n] = -slow
+                if tool[k] == t:
+                    H[j, k] += weighed * J[r, k]
+        H[j, n + t] = H[n + t, j] = -cross
+    for t in range(tools):
+        for r in range(6):
+            x2 = x[t, r] ** 2 * (1.0 if r < 3 else length**2)
+            slow[t] += SLOW_DOWN * x2
+            asked[t] += LEAVE_PATH * x2
+        H[n + t, n + t] = asked[t] + slow[t]
+        f[n + t] = -slow[t]
     upper, lower = np.empty(size + count), np.zeros(size + count)
     for i in range(size + count):
         upper[i] = UNBOUNDED
     for j in range(n):
         lower[j], upper[j] = low[j], high[j]
-    lower[n], upper[n] = SLIDE, 1.0
+    for t in range(tools):
+        lower[n + t], upper[n + t] = SLIDE, 1.0
     for i in range(m):
         lower[size + i] = min(least[i], 0.0)
         for j in range(n):
             A[i, j] = slopes[i, j]
     for i in range(wide):
         gap = widened[i]
-        H[n + 1 + i, n + 1 + i] = WIDEN
+        H[slack + i, slack + i] = WIDEN
         for j in range(n):
             A[m + i, j] = slopes[gap, j]
-        A[m + i, n + 1 + i] = 1.0
+        A[m + i, slack + i] = 1.0
         lower[size + m + i] = least[gap]
     sense, led_back = np.zeros(size + count, dtype=np.int32), False
     for j in range(n):
@@ -196,26 +208,31 @@ def _programme(
     return H, f, A, upper, lower, sense
 
 
-@compiled(MATRIX, VECTOR, NUMBER)
-def _weighed(J: Array, dq: Array, length: float) -> float:
-    """Return the size of a tool motion, rotations weighed by `length` [m/rad]."""
+@compiled(MATRIX, INDEX, VECTOR, COUNT, NUMBER)
+def _weighed(J: Array, tool: Index, dq: Array, t: int, length: float) -> float:
+    """Return the size of one tool's motion, rotations weighed by `length` [m/rad]."""
     size2 = 0.0
     for r in range(6):
         rate = 0.0
         for j in range(len(dq)):
-            rate += J[r, j] * dq[j]
+            if tool[j] == t:
+                rate += J[r, j] * dq[j]
         size2 += rate**2 * (1.0 if r < 3 else length**2)
     return math.sqrt(size2)
 
 
-@compiled(VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, NUMBER)
+@compiled(VECTOR, VECTOR, MATRIX, INDEX, VECTOR, VECTOR, NUMBER)
 def _granted(
-    solution: Array, dq: Array, J: Array, low: Array, high: Array, length: float
-) -> tuple[Array, float, float]:
+    solution: Array, dq: Array, J: Array, tool: Index, low: Array, high: Array, length: float
+) -> tuple[Array, Array, Array]:
     """Return what `Nearest` holds, by the unknowns that solve the programme."""
-    n = len(dq)
-    found, pace = np.empty(n), solution[n]
+    n, tools = len(dq), tool.max() + 1
+    found, share, pace = np.empty(n), np.empty(tools), np.empty(tools)
     for j in range(n):
         found[j] = min(max(solution[j], low[j]), high[j])
-    asked, left = _weighed(J, dq, length), _weighed(J, found, length)
-    return found, pace if asked < UNASKED else min(pace, left / asked), pace
+    for t in range(tools):
+        pace[t] = share[t] = solution[n + t]
+        asked, left = _weighed(J, tool, dq, t, length), _weighed(J, tool, found, t, length)
+        if asked >= UNASKED:
+            share[t] = min(pace[t], left / asked)
+    return found, share, pace

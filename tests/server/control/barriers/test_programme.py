@@ -141,28 +141,52 @@ def test_a_gap_is_widened_as_told_where_that_closes_no_other(pa10, rng):
         assert abs(slopes[0] @ found.dq) < 1e-6
 
 
-def test_the_programme_has_the_costs_that_are_stated(rng):
-    n = 7
+@pytest.mark.parametrize("tool", [[0] * 7, [0, 0, 0, 1, 1, 1, 1], [1, 0, 2, 1, 0, 2, 2]])
+def test_the_programme_has_the_costs_that_are_stated(rng, tool):
+    n, length, tool = 7, 0.4, np.array(tool)
+    tools = tool.max() + 1
     dq, J, V = rng.normal(size=n), rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n)
     low, high, slopes = -V, V, rng.normal(size=(3, n))
-    least, length = np.array([-0.2, 0.01, -0.1]), 0.4
-    posed = (J, low, high, V, slopes, least, length)
-    H, f, A, upper, lower, sense = nearest_module._programme(dq, *posed)
+    least = np.array([-0.2, 0.01, -0.1])
+    posed = (dq, J, tool, low, high, V, slopes, least, length)
+    H, f, A, upper, lower, sense = nearest_module._programme(*posed)
     weight = np.diag([1.0] * 3 + [length] * 3)
     for _ in range(10):
         z = rng.normal(size=len(f))
-        rates, s, short = z[:n], z[n], z[n + 1 :]
-        aside = weight @ J @ (rates - s * dq)
-        own = nearest_module.SELF_MOTION * np.sum(((rates - s * dq) / V) ** 2)
-        slow = nearest_module.SLOW_DOWN * np.sum((weight @ J @ dq) ** 2) + 1e-9
-        slow += nearest_module.SELF_MOTION * np.sum((dq / V) ** 2)
-        cost = nearest_module.LEAVE_PATH * aside @ aside + own
-        cost += slow * ((1.0 - s) ** 2 - 1.0) + nearest_module.WIDEN * short @ short
+        rates, shares, short = z[:n], z[n : n + tools], z[n + tools :]
+        cost = nearest_module.WIDEN * short @ short
+        for t, s in enumerate(shares):
+            of_tool = tool == t
+            asked, found, own_J = dq[of_tool], rates[of_tool], J[:, of_tool]
+            aside = weight @ own_J @ (found - s * asked)
+            cost += nearest_module.LEAVE_PATH * aside @ aside
+            cost += nearest_module.SELF_MOTION * np.sum(((found - s * asked) / V[of_tool]) ** 2)
+            slow = nearest_module.SLOW_DOWN * np.sum((weight @ own_J @ asked) ** 2) + 1e-9
+            slow += nearest_module.SELF_MOTION * np.sum((asked / V[of_tool]) ** 2)
+            cost += slow * ((1.0 - s) ** 2 - 1.0)
         assert 0.5 * z @ H @ z + f @ z == pytest.approx(0.5 * cost, rel=1e-9)
         np.testing.assert_allclose(A @ z, [*(slopes @ rates), slopes[1] @ rates + short[0]])
-    np.testing.assert_array_equal(lower, [*low, nearest_module.SLIDE, 0.0, -0.2, 0.0, -0.1, 0.01])
-    np.testing.assert_array_equal(upper[: n + 1], [*high, 1.0])
+    shares = [nearest_module.SLIDE] * tools
+    np.testing.assert_array_equal(lower, [*low, *shares, 0.0, -0.2, 0.0, -0.1, 0.01])
+    np.testing.assert_array_equal(upper[: n + tools], [*high, *([1.0] * tools)])
     assert not sense.any()
+
+
+def test_tools_that_nothing_couples_go_as_each_would_alone(rng):
+    """And one that a barrier slows does not slow the other."""
+    tool = np.repeat([0, 1], 7)
+    for _ in range(20):
+        dq, J, V = rng.normal(size=14), rng.normal(size=(6, 14)), rng.uniform(0.5, 2.0, 14)
+        slope = np.concatenate([rng.normal(size=7), np.zeros(7)])[None]
+        rows = (slope, np.array([0.5 * min(float(slope[0] @ dq), 0.0) - 1e-3]))
+        both = nearest(dq, J, -3 * V, 3 * V, V, L, rows, tool)
+        for t in range(2):
+            of = slice(7 * t, 7 * t + 7)
+            own = (rows[0][:, of], rows[1])
+            alone = nearest(dq[of], J[:, of], -3 * V[of], 3 * V[of], V[of], L, own)
+            np.testing.assert_allclose(both.dq[of], alone.dq, atol=1e-5)
+            assert both.share[t] == pytest.approx(alone.share[0], abs=1e-5)
+            assert both.pace[t] == pytest.approx(alone.pace[0], abs=1e-5)
 
 
 @pytest.mark.parametrize("side", ["low", "high"])
@@ -175,6 +199,8 @@ def test_barriers_are_soft_only_where_a_joint_is_led_back(rng, side):
     else:
         high[2] = -0.01
     least = np.array([-0.2, 0.01, -0.1])
-    *_, sense = nearest_module._programme(dq, J, low, high, V, slopes, least, 0.4)
+    *_, sense = nearest_module._programme(
+        dq, J, np.zeros(n, dtype=np.int64), low, high, V, slopes, least, 0.4
+    )
     # The rates, the share and what widening falls short by; three barriers, and the widening.
     np.testing.assert_array_equal(sense, [0] * (n + 2) + [8] * 3 + [0])
