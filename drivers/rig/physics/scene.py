@@ -56,27 +56,28 @@ def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
 
 def build_spec(cell: Cell) -> mujoco.MjSpec:
     """Return what `build_model` compiles, for whoever adds to it. Raises `ValueError`."""
-    mechanism, rig = cell.config.mechanism, cell.config.rig
+    rig = cell.config.rig
     if rig is None:
         raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
-    spec = mujoco.MjSpec.from_file(str(cell.robot.urdf))
+    spec = _arm_of(cell) if not cell.others else mujoco.MjSpec()
+    for part, prefix in zip(cell.parts, prefixes(cell), strict=True) if cell.others else ():
+        spec.attach(_arm_of(part), prefix=prefix, frame=spec.worldbody.add_frame())
     spec.option.timestep = rig.physics_step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10
-    _furnish_arm(spec, mechanism, rig)
-    root = spec.worldbody.first_body()
-    root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
     if cell.config.frames.base is not None:
-        _put_on_platform(spec, root, rig.frames.platform_mass)
+        _put_on_platform(spec, spec.worldbody.first_body(), rig.frames.platform_mass)
     surfaces = [] if rig.wall is None else [_add_wall(spec, rig.wall)]
     for box in rig.boxes:
         body = spec.worldbody.add_body(
             name=box.name, pos=box.xyz, quat=quaternion(Pose(rpy=box.rpy))
         )
         surfaces.append(_add_fixed_box(body, f"{box.name}_box", box.half_size))
-    for surface in surfaces if rig.tool_radius > 0 else ():
-        slides_on(spec, TOOL_BALL, surface)
+    for part, prefix in zip(cell.parts, prefixes(cell), strict=True):
+        if part.config.rig is not None and part.config.rig.tool_radius > 0:
+            for surface in surfaces:
+                slides_on(spec, prefix + TOOL_BALL, surface)
     for hole in rig.holes:
         add_hole(spec, hole)
     for obstacle in cell.config.obstacles:
@@ -86,6 +87,25 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     if cell.config.cameras:
         add_probe(spec)
     return spec
+
+
+def prefixes(cell: Cell) -> tuple[str, ...]:
+    """Return what the names of each mechanism begin with in the model: nothing for the only one."""
+    if not cell.others:
+        return ("",)
+    return tuple(f"{part.config.mechanism.name}." for part in cell.parts)
+
+
+def _arm_of(part: Cell) -> mujoco.MjSpec:
+    """Return one arm with its drives, sensor and tool, its root where its Base is in World."""
+    mechanism, rig = part.config.mechanism, part.config.rig
+    if rig is None:
+        raise ValueError(f"cell {part.config.name} has no [rig]: nothing to simulate")
+    arm = mujoco.MjSpec.from_file(str(part.robot.urdf))
+    _furnish_arm(arm, mechanism, rig)
+    root = arm.worldbody.first_body()
+    root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
+    return arm
 
 
 def _put_on_platform(spec: mujoco.MjSpec, root: mujoco.MjsBody, mass: float) -> None:

@@ -1,8 +1,8 @@
-"""The physics: one arm from its URDF, a tool ball, a sprung wall, fixed boxes, in MuJoCo.
+"""The physics: arms from their URDFs, tool balls, a sprung wall, fixed boxes, in MuJoCo.
 
 The same URDF gives Pinocchio the same mass matrix and gravity; what the rig adds (rotor inertia,
 friction, payload) comes from the cell's `[rig]`. Quantities are SI, in World unless said
-otherwise; joint vectors are (n,) in the order of the cell's drives.
+otherwise; joint vectors are (n,) in the order of the cell's drives, arm after arm.
 """
 
 import math
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model
+from ....config.schema.rig.rig import RigGripper
+from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 from .solids import place
 
 Vector = NDArray[np.float64]
@@ -32,41 +33,71 @@ class Nearest(NamedTuple):
     """Name of the other body."""
 
 
+class _Arm(NamedTuple):
+    """Where one arm is in the model: ids of its bodies and site, and where its sensor writes."""
+
+    root: int
+    tip: int
+    mrf: int
+    force: int
+    torque: int
+    held: RigGripper
+    prefix: str
+
+
 class World:
-    """The model and its state. Joints start braked at the posture `start`, at rest."""
+    """The model and its state. Joints start braked at the posture `start`, at rest.
+
+    Where something is asked of an arm, `arm` is its place among the cell's mechanisms.
+    """
 
     def __init__(self, cell: Cell) -> None:
         if cell.config.rig is None:
             raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
-        mechanism = cell.config.mechanism
         self.model, self._fixed = build_model(cell)
         self.data = mujoco.MjData(self.model)
         self.dt = float(self.model.opt.timestep)
-        joints = [self.model.joint(d.joint) for d in mechanism.drives]
+        joints = [self.model.joint(name) for name in cell.joints]
         self.n = len(joints)
-        self._platform = cell.config.frames.base is not None
-        self._first = len(PLATFORM) if self._platform else 0
+        self._first = len(PLATFORM) if cell.config.frames.base is not None else 0
         if [j.dofadr[0] for j in joints] != list(range(self._first, self._first + self.n)):
             raise ValueError("the cell's drives must stand in the order of the chain's joints")
         self._bodies = [int(j.bodyid[0]) for j in joints]
-        self._root = int(self.model.body_rootid[self._bodies[0]])
-        self._tip = int(self.model.body(mechanism.tip_link).id)
-        self._mrf = int(self.model.site("mrf").id)
-        self._held = cell.config.rig.gripper
+        self._arms = tuple(
+            self._arm(part, prefix) for part, prefix in zip(cell.parts, prefixes(cell), strict=True)
+        )
+        self._lock_ids = [int(self.model.equality(f"{name}_lock").id) for name in cell.joints]
         self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
         arm = slice(self._first, self._first + self.n)
         self._friction = self.model.dof_frictionloss[arm].copy()
         self.ahead_s = 0.0
         """How far the bus' time is ahead of the state [s]: a SYNC comes between two steps."""
         self._pushes: dict[int, Vector] = {}
-        self._swell: tuple[float, float] | None = None
-        """When the push on the tool began, and how long it takes [s]."""
+        self._swells: dict[int, tuple[float, float]] = {}
+        """When the push on a tool began, and how long it takes [s], by the tip's body."""
         self.q: Vector = self.data.qpos[arm]
         self.dq: Vector = self.data.qvel[arm]
-        self.q[:] = mechanism.postures["start"]
+        self.q[:] = [q for part in cell.parts for q in part.config.mechanism.postures["start"]]
         for joint in range(self.n):
             self.set_brake(joint, closed=True)
         mujoco.mj_forward(self.model, self.data)
+
+    def _arm(self, part: Cell, prefix: str) -> _Arm:
+        model, mechanism = self.model, part.config.mechanism
+        tip = int(model.body(prefix + mechanism.tip_link).id)
+        if part.config.rig is None:
+            raise ValueError(f"cell {part.config.name} has no [rig]: nothing to simulate")
+        kinds = (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE)
+        force, torque = (int(model.sensor(prefix + k.name.lower()).adr[0]) for k in kinds)
+        return _Arm(
+            int(model.body_rootid[tip]),
+            tip,
+            int(model.site(f"{prefix}mrf").id),
+            force,
+            torque,
+            part.config.rig.gripper,
+            prefix,
+        )
 
     @property
     def time_s(self) -> float:
@@ -98,31 +129,37 @@ class World:
         """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
         self.model.dof_frictionloss[self._first + joint] = self._friction[joint] + torque
 
-    def grasp(self, closed: bool) -> None:
-        """Take hold of the cell's object, where it is, or let go of it."""
-        held, mass = self.model.body(HELD), self._held.mass if closed else 0.0
+    def grasp(self, closed: bool, arm: int = 0) -> None:
+        """Take hold of an arm's object, where it is, or let go of it."""
+        what, prefix = self._arms[arm].held, self._arms[arm].prefix
+        held, mass = self.model.body(prefix + HELD), what.mass if closed else 0.0
         held.mass[:], held.inertia[:] = mass, POINT_INERTIA * mass
-        held.ipos[:] = self._held.com
+        held.ipos[:] = what.com
 
     def push_joint(self, joint: int, force: Vector | None) -> None:
         """Push a joint's link at its centre of mass with a World force (3,) [N]; None: let go."""
         self._push(self._bodies[joint], force)
 
-    def push_tool(self, force: Vector | None, duration_s: float | None = None) -> None:
-        """Push the tool at the MRF with a World force (3,) [N]; None: let go.
+    def push_tool(
+        self, force: Vector | None, duration_s: float | None = None, arm: int = 0
+    ) -> None:
+        """Push a tool at the MRF with a World force (3,) [N]; None: let go.
 
         With a duration T the push comes and goes as `force · sin²(π t / T)`, as a hand's does.
         """
-        self._push(self._tip, force)
-        self._swell = None if force is None or duration_s is None else (self.time_s, duration_s)
+        tip = self._arms[arm].tip
+        self._push(tip, force)
+        self._swells.pop(tip, None)
+        if force is not None and duration_s is not None:
+            self._swells[tip] = self.time_s, duration_s
 
     def _set_lock(self, joint: int, which: int, on: bool) -> None:
         was = bool(self._locks[joint].any())
         self._locks[joint, which] = on
         now = bool(self._locks[joint].any())
         if now and not was:
-            self.model.eq_data[joint, 0] = self.q[joint]
-        self.data.eq_active[joint] = now
+            self.model.eq_data[self._lock_ids[joint], 0] = self.q[joint]
+        self.data.eq_active[self._lock_ids[joint]] = now
 
     def _push(self, body: int, force: Vector | None) -> None:
         if force is None:
@@ -131,57 +168,65 @@ class World:
         else:
             self._pushes[body] = np.asarray(force, dtype=float)
 
-    def _swollen(self) -> float:
-        """Return how much of the push on the tool there is now, 0 to 1."""
-        if self._swell is None:
+    def _swollen(self, tip: int) -> float:
+        """Return how much of the push on a tool there is now, 0 to 1."""
+        if tip not in self._swells:
             return 1.0
-        since_s, duration_s = self._swell
+        since_s, duration_s = self._swells[tip]
         elapsed_s = self.time_s - since_s
         return math.sin(math.pi * elapsed_s / duration_s) ** 2 if elapsed_s < duration_s else 0.0
 
     def _apply_push(self, body: int, force: Vector) -> None:
-        if body == self._tip:
-            force = self._swollen() * force
+        mrf = next((arm.mrf for arm in self._arms if arm.tip == body), None)
+        if mrf is not None:
+            force = self._swollen(body) * force
         self.data.xfrc_applied[body, :3] = force
-        if body == self._tip:
-            arm = self.data.site_xpos[self._mrf] - self.data.xipos[body]
-            self.data.xfrc_applied[body, 3:] = np.cross(arm, force)
+        if mrf is not None:
+            lever = self.data.site_xpos[mrf] - self.data.xipos[body]
+            self.data.xfrc_applied[body, 3:] = np.cross(lever, force)
 
     def place_platform(self, place: Vector) -> None:
         """Bring what the arm stands on to a displacement (6,) from its place at start [m, rad].
 
         Translation in World, then turns about its own x, y, z.
         """
-        self.model.eq_data[self.n : self.n + len(PLATFORM), 0] = place
+        for name, value in zip(PLATFORM, place.tolist(), strict=True):
+            self.model.eq_data[self.model.equality(name).id, 0] = value
 
     # --- what can be measured -----------------------------------------------------------------
 
-    def sensor_wrench(self) -> Vector:
-        """Return the load on the force/torque sensor (6,) [N, N·m], in the Sensor frame.
+    def sensor_wrench(self, arm: int = 0) -> Vector:
+        """Return the load on a force/torque sensor (6,) [N, N·m], in the Sensor frame.
 
         Everything outboard of the sensor pulls and pushes on it: at rest in free space it reads
         the weight of the payload. MuJoCo reports what the inboard side exerts on the outboard
         one, the opposite.
         """
-        load: Vector = -self.data.sensordata[:6]
-        return load
+        data, (force, torque) = self.data.sensordata, self._arms[arm][3:5]
+        if torque == force + 3:
+            load: Vector = -data[force : force + 6]
+            return load
+        return -np.concatenate([data[force : force + 3], data[torque : torque + 3]])
 
-    def mrf_pose(self) -> tuple[Vector, Vector]:
-        """Return the MRF's origin (3,) [m] and rotation matrix (3, 3) in World."""
+    def mrf_pose(self, arm: int = 0) -> tuple[Vector, Vector]:
+        """Return an MRF's origin (3,) [m] and rotation matrix (3, 3) in World."""
         mujoco.mj_kinematics(self.model, self.data)
-        position = self.data.site_xpos[self._mrf].copy()
-        return position, self.data.site_xmat[self._mrf].reshape(3, 3).copy()
+        mrf = self._arms[arm].mrf
+        return self.data.site_xpos[mrf].copy(), self.data.site_xmat[mrf].reshape(3, 3).copy()
 
     def base_pose(self) -> tuple[Vector, Vector]:
         """Return Base's origin (3,) [m] and rotation matrix (3, 3) in World."""
         mujoco.mj_kinematics(self.model, self.data)
-        return self.data.xpos[self._root].copy(), self.data.xmat[self._root].reshape(3, 3).copy()
+        return (
+            self.data.xpos[self._arms[0].root].copy(),
+            self.data.xmat[self._arms[0].root].reshape(3, 3).copy(),
+        )
 
     def base_twist(self) -> Vector:
         """Return Base's twist (6,) `[v; ω]` at its origin, in World axes."""
         found = np.zeros(6)
         body = mujoco.mjtObj.mjOBJ_XBODY
-        mujoco.mj_objectVelocity(self.model, self.data, body, self._root, found, 0)
+        mujoco.mj_objectVelocity(self.model, self.data, body, self._arms[0].root, found, 0)
         return np.concatenate([found[3:], found[:3]])
 
     def contact_force(self) -> Vector:
@@ -206,6 +251,21 @@ class World:
                 mujoco.mj_contactForce(self.model, self.data, i, wrench)
                 most = max(most, float(np.linalg.norm(wrench[:3])))
         return most
+
+    def between_arms(self, within: float = 1.0) -> float | None:
+        """Return the least distance between two arms of the cell [m], at most `within`.
+
+        Negative inside one another; None for one arm.
+        """
+        if len(self._arms) < 2:
+            return None
+        mujoco.mj_kinematics(self.model, self.data)
+        xpos, reach, least = self.data.geom_xpos, self.model.geom_rbound, within
+        for a, b in self._arm_pairs.tolist():
+            if np.linalg.norm(xpos[a] - xpos[b]) - reach[a] - reach[b] < least:
+                distance = mujoco.mj_geomDistance(self.model, self.data, a, b, least, None)
+                least = min(least, float(distance))
+        return least
 
     def clearance(self) -> float | None:
         """Return the least distance of arm or tool from wall, boxes and obstacles [m].
@@ -270,4 +330,22 @@ class World:
         weld = self.model.body_weldid[self.model.geom_bodyid]
         arm = [g for g in range(self.model.ngeom) if g not in self._fixed and weld[g] != 0]
         pairs = [(a, f) for a in arm for f in sorted(self._fixed)]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
+    def _arm_pairs(self) -> NDArray[np.int64]:
+        """Pairs (p, 2) of geoms that belong to different arms."""
+        root = self.model.body_rootid[self.model.geom_bodyid]
+        touches = self.model.geom_conaffinity
+        arms = [
+            [g for g in range(self.model.ngeom) if root[g] == arm.root and touches[g]]
+            for arm in self._arms
+        ]
+        pairs = [
+            (a, b)
+            for i, first in enumerate(arms)
+            for second in arms[i + 1 :]
+            for a in first
+            for b in second
+        ]
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
