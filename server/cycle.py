@@ -70,10 +70,11 @@ class Cycle:
         self._services = services
         inbox = Inbox(link, admission, clock.now, timing.period_s)
         self._dispatcher = Dispatcher(inbox, admission, services, commands, events)
-        self._perception = Perception(cell, control, commands, events)
+        (arm,) = control.arms
+        self._perception = Perception(cell, arm, commands, events)
         self._supervisor = Supervisor(
             plant,
-            FaultDetector(control.p.joints, cell.config.mechanism.drives),
+            FaultDetector(arm.p.joints, cell.config.mechanism.drives),
             DrivePower(cell.robot.joints, plant, events),
             services,
             admission,
@@ -217,9 +218,9 @@ class Cycle:
 
     def _compute_and_write(self, now_s: float, reading: PlantReading, q: Array) -> None:
         if self._memory is None:
-            self._memory = self._control.seed(q)
+            (self._memory,) = self._control.seed(q)
         commands, perception, moved = self._commands, self._perception, self._commands.frames.moved
-        T_world_mrf = self._control.pose_mrf(
+        T_world_mrf = self._control.arms[0].pose_mrf(
             self._memory,
             commands.frames.T_wrist_mrf,
             moved.base.T if perception.moving_frames.watching else None,
@@ -227,7 +228,7 @@ class Cycle:
         asked = commands.in_force(now_s, T_world_mrf)
         inputs = tick_inputs(self.mode, self.tick, now_s, reading, q, asked, perception, moved)
         start = time.perf_counter()
-        self._memory, output = self._control.tick(self._memory, inputs)
+        (self._memory,), (output,) = self._control.tick((self._memory,), (inputs,))
         self.compute_s = time.perf_counter() - start
         self.output = output
         if output.stop_worsened:

@@ -14,8 +14,8 @@ from ..drivers.kinds import make_drivers
 from ..drivers.network.identity import Identity, identity_of
 from ..protocols.agreement import random_key
 from ..protocols.topics import Role
+from .control.arm.arm import Arm
 from .control.barriers.collision import Guard
-from .control.mechanism.kinematics import Mechanism
 from .control.parameters import Parameters
 from .control.tick import Control
 from .cycle import Cycle
@@ -43,8 +43,8 @@ def build(
 ) -> Cycle:
     """Return the cycle of a cell over its buses and an operators' link; no device is open yet."""
     plant = Plant(buses, make_drivers(cell, buses))
-    parameters = Parameters.from_cell(cell)
-    control = Control(parameters, Mechanism.from_cell(cell), guard_of(cell, parameters))
+    arms = [Arm.of(part) for part in cell.parts]
+    control = Control(arms, guard_of(cell, arms[0].p))
     return Cycle(cell, control, plant, link, clock, new_key, gain_check(cell))
 
 

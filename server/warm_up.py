@@ -31,16 +31,16 @@ def warm_up(cell: Cell, control: Control) -> None:
     moved = commands.frames.moved if cell.config.frames.moving else None
     stick = StickCommand(np.full(6, 0.01), np.eye(3))
     for intent in Intent:
-        memory = control.seed(q)
+        (memory,) = control.seed(q)
         for i in range(TICKS):
-            T = control.pose_mrf(memory, settings.T_wrist_mrf)
+            T = control.arms[0].pose_mrf(memory, settings.T_wrist_mrf)
             goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((Segment(np.zeros(6), 1.0),), 3))
             goal = goals[i * len(goals) // TICKS]
             view = ViewGoal(settings.T_wrist_mrf, T)
             inputs = Inputs(
                 0.0, intent, q, settings, stick=stick, goal=goal, view=view, moved=moved
             )
-            memory, _ = control.tick(memory, inputs)
+            (memory,), _ = control.tick((memory,), (inputs,))
     decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
     command = JoystickTwist(seen_tick=0, twist=(0.0,) * 6)
     decode_as(t.JOYSTICK.message, encode(command), t.JOYSTICK.max_bytes)

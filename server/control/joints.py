@@ -1,6 +1,10 @@
 """The joints of one cell: their names and the bounds of what they may be commanded."""
 
+from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
+
+import numpy as np
 
 from .spatial import Array
 
@@ -22,6 +26,14 @@ class Joints(NamedTuple):
     """How far the command may be ahead of a joint [rad]."""
     following_window: Array
     """How far a drive lets its joint fall behind before it faults [rad]."""
+
+    @staticmethod
+    def of_all(each: "Sequence[Joints]") -> "Joints":
+        """Return the joints of several mechanisms, one after the other."""
+        if len(each) == 1:
+            return each[0]
+        names, *bounds = zip(*each, strict=True)
+        return Joints(tuple(chain.from_iterable(names)), *map(np.concatenate, bounds))
 
     @property
     def n(self) -> int:

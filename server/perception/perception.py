@@ -2,8 +2,8 @@
 
 from ...config.load import Cell
 from ..commands.commands import Commands
+from ..control.arm.arm import Arm
 from ..control.state import Memory, Output
-from ..control.tick import Control
 from ..mode import Mode
 from ..plant import PlantReading
 from ..runtime.events import Events
@@ -18,17 +18,17 @@ from .unexplained_load import LoadMonitor
 class Perception:
     """All monitors of one cell."""
 
-    def __init__(self, cell: Cell, control: Control, commands: Commands, events: Events) -> None:
+    def __init__(self, cell: Cell, arm: Arm, commands: Commands, events: Events) -> None:
         config, period_s = cell.config, cell.config.timing.period_s
         sensor, damping = config.mechanism.force_torque, config.sources.following.damping
         essential = sensor is not None and sensor.essential
-        self._control, self._commands = control, commands
+        self._arm, self._commands = arm, commands
         self.sensor = ForceTorqueMonitor(events, essential, period_s)
         self.load = LoadMonitor(sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
         self.obstacles = ObstacleMap.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
-        self.collisions = CollisionMonitor(config.touch, control.p, control.mechanism, events)
+        self.collisions = CollisionMonitor(config.touch, arm.p, arm.mechanism, events)
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
@@ -45,9 +45,7 @@ class Perception:
             weight, twists = None, {}
             if output is not None:
                 twists = output.twists
-                weight = self._control.weight(
-                    output.T_world_mrf_measured, commands.control_settings()
-                )
+                weight = self._arm.weight(output.T_world_mrf_measured, commands.control_settings())
             self.sensor.update(reading, weight, twists)
             self.load.update(output, mode, now_s, self.sensor.unloaded, self.collisions.carried)
         moved = commands.frames.moved

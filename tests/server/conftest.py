@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell, shipped
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Array, Pose
@@ -49,7 +50,7 @@ class Run:
 
     def __post_init__(self) -> None:
         self.settings = self.arm.settings
-        self.memory = self.arm.control.seed(self.q)
+        (self.memory,) = self.arm.control.seed(self.q)
         self.sent = [self.q] * 3
 
     def tick(self, **inputs: object) -> Output:
@@ -60,7 +61,9 @@ class Run:
             "q_measured": self.memory.sent[1],
             "settings": self.settings,
         }
-        self.memory, output = self.arm.control.tick(self.memory, Inputs(**{**given, **inputs}))
+        (self.memory,), (output,) = self.arm.control.tick(
+            (self.memory,), (Inputs(**{**given, **inputs}),)
+        )
         self.outputs.append(output)
         self.sent.append(output.q)
         return output
@@ -77,7 +80,7 @@ class Run:
     @property
     def pose(self) -> Pose:
         """Where the command has the MRF."""
-        return self.arm.control.pose_mrf(self.memory, self.settings.T_wrist_mrf)
+        return self.arm.control.arms[0].pose_mrf(self.memory, self.settings.T_wrist_mrf)
 
     def observe(self) -> None:
         """Judge the whole run from the postures sent alone, as an observer on the bus would."""
@@ -106,7 +109,7 @@ def _arm(name: str) -> Arm:
         T_world_crf=Pose.identity(),
         wrench_bias=np.zeros(6),
     )
-    return Arm(cell, p, mechanism, Control(p, mechanism), settings)
+    return Arm(cell, p, mechanism, Control([ArmControl(p, mechanism)]), settings)
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ import time
 import numpy as np
 
 from ...config.load import Cell
+from ...server.control.arm.arm import Arm
 from ...server.control.evolve import evolve
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.mechanism.null_space.redundancy import Pulls
@@ -96,11 +97,11 @@ class _Phase:
 def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phase:
     mechanism = Mechanism.from_cell(cell)
     p = Parameters.from_cell(cell)
-    control = Control(p, mechanism, guard_of(cell, p))
+    control = Control([Arm(p, mechanism)], guard_of(cell, p))
     world = ObstacleMap.from_cell(cell, Events())
     draw = np.random.default_rng(1)
     q = np.array(cell.config.mechanism.postures["ready"])
-    memory = control.seed(q)
+    (memory,) = control.seed(q)
     posture = np.array(cell.config.mechanism.postures["ready"])
     settings = evolve(settings_of(cell), pulls=Pulls(EVERY_OBJECTIVE, posture))
     # Goals lie about where the arm starts, so that it is led back however the stick pulls it.
@@ -128,7 +129,7 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
                 scene=world.scene(i) if world.known else None,
             )
             start = time.perf_counter()
-            memory, output = control.tick(memory, inputs)
+            (memory,), (output,) = control.tick((memory,), (inputs,))
             seconds.append(time.perf_counter() - start)
             if paused and i % ARITHMETIC_EVERY == 0:
                 start = time.perf_counter()

@@ -5,6 +5,8 @@ keep every barrier: self-motion is spent first, then speed along the path, and o
 along which the tool would stop: it slides on along the barrier.
 """
 
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,28 +19,42 @@ from ..scene import Scene
 from ..spatial import Array, Pose
 from ..stop.trajectory import Motion
 from .clearance import Levels, Shown
-from .collision import Guard, Situation, Watch
-from .joint_limits import JointRoom
+from .collision import Guard, Situation, Tool, Watch
+from .joint_limits import JointRoom, Room
 from .programme import nearest
 from .resisted import Resistance
+from .velocity_damper import Rows
 
 
-class State(NamedTuple):
-    """What barriers have to know of one tick."""
+class Arm(NamedTuple):
+    """What barriers have to know of one mechanism in one tick."""
 
+    dq: Array
+    """Joint rates that are asked for (n,) [rad/s]."""
+    kinematics: Kinematics
+    """Of the commanded posture."""
     motion: Motion
     """The commanded joints."""
     error: Array
     """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
     way: Array
     """Way of the command (n,) [rad] in the tick whose effect is measured now."""
-    levels: Levels
-    """Best gap so far of pairs that are below their bounds."""
     resistance: Resistance | None
     """What holds the arm up; None before the first tick."""
     may_move: bool
-    speed_factor: float
     T_wrist_mrf: Pose
+    by_joint: bool = False
+    """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
+    ordered: bool = True
+    """Somebody tells the arm to move."""
+
+
+class Surroundings(NamedTuple):
+    """What all mechanisms of a cell have in common in one tick."""
+
+    levels: Levels
+    """Best gap so far of pairs that are below their bounds."""
+    speed_factor: float
     keep_clear: bool = False
     """Clearances are kept."""
     scene: Scene | None = None
@@ -46,10 +62,19 @@ class State(NamedTuple):
     """A Base that moves."""
     placed: Placed | None = None
     """Where links are, where that is known already."""
-    by_joint: bool = False
-    """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
-    ordered: bool = True
-    """Somebody tells the arm to move."""
+
+
+class _Bounded(NamedTuple):
+    """Joint rates of one mechanism inside its speed bounds."""
+
+    dq: Array
+    share: float
+    low: Array
+    high: Array
+    beyond: bool
+    """True where they are not inside the other bounds of the joints."""
+    leash: Room | None
+    limits: tuple[str, ...]
 
 
 class Allowed(NamedTuple):
@@ -65,10 +90,15 @@ class Allowed(NamedTuple):
     waits for one that the leash holds."""
     resistance: Resistance
     """What the next tick has to know of what holds the arm up."""
+
+
+class Clear(NamedTuple):
+    """What keeps a cell clear in one tick; nothing where clearances are not kept."""
+
     watch: Watch | None = None
-    """What is around the arm; None where clearances are not kept."""
+    """What is around the mechanisms."""
     shown: Shown | None = None
-    """The pairs that are near; None where clearances are not kept."""
+    """The pairs that are near."""
 
     @property
     def levels(self) -> Levels:
@@ -80,81 +110,163 @@ class Allow:
     """The barriers of one cell, composed."""
 
     def __init__(
-        self, joints: Joints, period_s: float, length: float, guard: Guard | None = None
+        self,
+        joints: Sequence[Joints],
+        period_s: float,
+        length: float,
+        guard: Guard | None = None,
     ) -> None:
-        """Build it; rotations weigh `length` [m/rad], `guard` keeps clearances."""
-        self._joints, self._length = joints, length
-        self.guard = guard
-        self.room = JointRoom(
-            joints.lower,
-            joints.upper,
-            joints.acceleration,
-            joints.jerk,
-            joints.velocity,
-            joints.leash,
-            period_s,
-            joints.following_window,
-        )
+        """Build it for the joints of each mechanism; rotations weigh `length` [m/rad].
 
-    def nearest(self, dq: Array, k: Kinematics, state: State) -> Allowed:
-        """Return the rates nearest to dq (n,) [rad/s] that all bounds allow.
-
-        `k` are the kinematics of the commanded posture.
+        `guard` keeps clearances.
         """
-        motion, error = state.motion, state.error
-        q, V = motion.q, state.speed_factor * self._joints.velocity
-        dq, share, low, high, beyond = self.room.within(dq, V, q, error)
-        limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
-        leash = self.room.leash(error) if beyond else None
-        if leash is not None:
-            limits += self._reasons(self.room.limits(q).left_by(dq), "joint_limit")
-            limits += self._reasons(leash.left_by(dq), "leash")
-        if state.by_joint and beyond:
-            dq, beyond = np.clip(dq, low, high), False
-        watch = None
-        if self.guard is not None and state.keep_clear:
-            at = Situation(
-                q,
-                motion.dq,
-                error,
-                k.T_world_mrf.p,
-                k.J,
-                state.T_wrist_mrf,
-                state.scene,
-                state.speed_factor,
-                state.base,
-                state.placed,
+        self._names = tuple(arm.names for arm in joints)
+        self._velocity = joined([arm.velocity for arm in joints])
+        self._length = length
+        self.guard = guard
+        self.rooms = tuple(
+            JointRoom(
+                arm.lower,
+                arm.upper,
+                arm.acceleration,
+                arm.jerk,
+                arm.velocity,
+                arm.leash,
+                period_s,
+                arm.following_window,
             )
-            watch = self.guard.watch(at, dq, state.levels, state.ordered)
-            slow = self.guard.tool_share(watch)
-            if slow < 1.0:
-                dq, share, limits = slow * dq, slow * share, (*limits, "near_speed")
-        rows, broken = None, None
-        if watch is not None and self.guard is not None:
+            for arm in joints
+        )
+        self.parts = parts_of([arm.n for arm in joints])
+        """Where each mechanism's joints are among all."""
+        self._tool = np.repeat(np.arange(len(joints)), [arm.n for arm in joints])
+
+    def nearest(
+        self, arms: Sequence[Arm], around: Surroundings
+    ) -> tuple[tuple[Allowed, ...], Clear]:
+        """Return the rates nearest to those of each mechanism that all bounds allow."""
+        factor, guard = around.speed_factor, self.guard
+        bounded = [self._bounded(i, arm, factor) for i, arm in enumerate(arms)]
+        shares = [b.share for b in bounded]
+        limits = [b.limits for b in bounded]
+        dq = joined([b.dq for b in bounded])
+        watch, rows, broken = None, None, None
+        beyond = any(b.beyond for b in bounded)
+        if guard is not None and around.keep_clear:
+            watch = guard.watch(_situation(arms, around, self.parts), dq, around.levels)
+            for i, slow in enumerate(guard.tool_shares(watch)):
+                if slow < 1.0:
+                    dq = _slowed(dq, self.parts[i], slow)
+                    shares[i], limits[i] = slow * shares[i], (*limits[i], "near_speed")
             rows = watch.rows
             broken, any_broken = rows.broken(dq)
             if any_broken:
-                limits += self.guard.named(watch, broken)
+                named = guard.named(watch, broken)
+                limits = [
+                    limit + named if rows.concern(broken, part) else limit
+                    for limit, part in zip(limits, self.parts, strict=True)
+                ]
                 beyond = True
-        pace = share
+        paces = list(shares)
         if beyond:
-            # Rates that all bounds of joints allow are inside the leash, and slower ones too.
-            held = leash is not None and bool(leash.left_by(dq))
-            found = nearest(dq, k.J, low, high, V, self._length, rows)
-            dq, share = found.dq, share * float(found.share[0])
-            if found.fallback:
-                limits += (found.fallback,)
-            pace = share if held else pace * float(found.pace[0])
-        held_up = self.room.resisted(dq, motion.dq, state.way, error, state.resistance)
-        # An arm that may not move gives way at most, and is not held up.
-        if held_up.share < 1.0 and state.may_move:
-            left = held_up.share
-            dq, share, pace = left * dq, left * share, left * pace
-            limits += (f"leash:{self._joints.names[held_up.joint]}",)
-        if watch is None or broken is None or self.guard is None:
-            return Allowed(dq, share, limits, pace, held_up.memory)
-        shown = self.guard.shown(watch, broken)
-        return Allowed(dq, share, limits, pace, held_up.memory, watch, shown)
+            J = joined([arm.kinematics.J for arm in arms], axis=1)
+            low, high = joined([b.low for b in bounded]), joined([b.high for b in bounded])
+            V = factor * self._velocity
+            found = nearest(dq, J, low, high, V, self._length, rows, self._tool)
+            for i, b in enumerate(bounded):
+                # Rates that all bounds of joints allow are inside the leash, and slower ones too.
+                held = b.leash is not None and bool(b.leash.left_by(dq[self.parts[i]]))
+                shares[i] *= float(found.share[i])
+                paces[i] = shares[i] if held else paces[i] * float(found.pace[i])
+                if found.fallback:
+                    limits[i] += (found.fallback,)
+            dq = found.dq
+        allowed = self._held_up(arms, dq, shares, paces, limits, rows)
+        if guard is None or watch is None or broken is None:
+            return allowed, Clear()
+        return allowed, Clear(watch, guard.shown(watch, broken))
 
-    def _reasons(self, which: list[int], name: str) -> tuple[str, ...]:
-        return tuple(f"{name}:{self._joints.names[i]}" for i in which)
+    def _bounded(self, i: int, arm: Arm, factor: float) -> _Bounded:
+        """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
+        room, q = self.rooms[i], arm.motion.q
+        V = factor * self._velocity[self.parts[i]]
+        dq, share, low, high, beyond = room.within(arm.dq, V, q, arm.error)
+        limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
+        leash = room.leash(arm.error) if beyond else None
+        if leash is not None:
+            limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
+            limits += self._reasons(i, leash.left_by(dq), "leash")
+        if arm.by_joint and beyond:
+            dq, beyond = np.clip(dq, low, high), False
+        return _Bounded(dq, share, low, high, beyond, leash, limits)
+
+    def _held_up(
+        self,
+        arms: Sequence[Arm],
+        dq: Array,
+        shares: list[float],
+        paces: list[float],
+        limits: list[tuple[str, ...]],
+        rows: Rows | None,
+    ) -> tuple[Allowed, ...]:
+        """Return the rates of mechanisms that nothing holds up: else they slow as a whole."""
+        found = [
+            room.resisted(dq[part], arm.motion.dq, arm.way, arm.error, arm.resistance)
+            for room, arm, part in zip(self.rooms, arms, self.parts, strict=True)
+        ]
+        # An arm that may not move gives way at most, and is not held up.
+        left = [f.share if arm.may_move else 1.0 for f, arm in zip(found, arms, strict=True)]
+        for i, f in enumerate(found):
+            if left[i] < 1.0:
+                limits[i] += (f"leash:{self._names[i][f.joint]}",)
+        if len(arms) > 1 and rows is not None and min(left) < 1.0:
+            # A barrier between two may be kept by one that makes way for the other.
+            left = [min(left)] * len(arms)
+        return tuple(
+            Allowed(
+                dq[part] if left[i] == 1.0 else left[i] * dq[part],
+                left[i] * shares[i],
+                limits[i],
+                left[i] * paces[i],
+                found[i].memory,
+            )
+            for i, part in enumerate(self.parts)
+        )
+
+    def _reasons(self, i: int, which: list[int], name: str) -> tuple[str, ...]:
+        return tuple(f"{name}:{self._names[i][j]}" for j in which)
+
+
+def parts_of(counts: Sequence[int]) -> tuple[slice, ...]:
+    """Return where each of several is among all, one after the other."""
+    ends = list(accumulate(counts, initial=0))
+    return tuple(slice(a, b) for a, b in pairwise(ends))
+
+
+def joined(arrays: Sequence[Array], axis: int = 0) -> Array:
+    """Return arrays as one; the only one as it is."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)
+
+
+def _situation(arms: Sequence[Arm], around: Surroundings, parts: Sequence[slice]) -> Situation:
+    """Return what the guard has to know."""
+    return Situation(
+        joined([arm.motion.q for arm in arms]),
+        joined([arm.motion.dq for arm in arms]),
+        joined([arm.error for arm in arms]),
+        tuple(
+            Tool(arm.kinematics.T_world_mrf.p, arm.kinematics.J, arm.T_wrist_mrf, part, arm.ordered)
+            for arm, part in zip(arms, parts, strict=True)
+        ),
+        around.scene,
+        around.speed_factor,
+        around.base,
+        around.placed,
+    )
+
+
+def _slowed(dq: Array, part: slice, share: float) -> Array:
+    """Return rates dq (n,), those of one mechanism slowed to a share."""
+    slowed = dq.copy()
+    slowed[part] *= share
+    return slowed

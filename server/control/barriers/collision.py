@@ -24,18 +24,28 @@ ORDERED = 1e-4
 """A tool that is to go at more than this was told to [m/s, rad/s]."""
 
 
+class Tool(NamedTuple):
+    """The tool of one mechanism."""
+
+    p: Array
+    """Where its MRF is in World (3,) [m]."""
+    J: Array
+    """Its Jacobian in its own k joints (6, k)."""
+    T_wrist_mrf: Pose
+    joints: slice
+    """Where these joints are among all."""
+    ordered: bool = True
+    """Somebody wants it to move, and no sensor's noise."""
+
+
 class Situation(NamedTuple):
-    """What one tick has to know of the arm."""
+    """What one tick has to know of the n joints of a cell."""
 
     q: Array
     dq: Array
     error: Array
     """What the joints are behind the command (n,) [rad]."""
-    p: Array
-    """Where the MRF is in World (3,) [m]."""
-    J: Array
-    """Its Jacobian (6, n)."""
-    T_wrist_mrf: Pose
+    tools: tuple[Tool, ...]
     scene: Scene | None
     factor: float
     """The reduced-speed setting."""
@@ -51,8 +61,8 @@ class Watch(NamedTuple):
     sight: Sight
     rows: Rows
     """Barriers: first those of the gaps that are near, then those of the workspace."""
-    speed: float
-    """At which the tool is asked to go [m/s]."""
+    speeds: tuple[float, ...]
+    """At which each tool is asked to go [m/s]."""
 
     @property
     def levels(self) -> Levels:
@@ -73,35 +83,41 @@ class Guard:
         self.walls = Walls(cell, self.capsules)
         self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
-        self._tool = self.capsules.body == self.capsules.forest.n
+        self._tools = (self.capsules.body == self.capsules.forest.n,)
 
-    def watch(self, at: Situation, asked: Array, levels: Levels, ordered: bool = True) -> Watch:
-        """Return what is around the arm, if joints are to go at `asked` (n,) [rad/s].
-
-        `ordered` tells whether somebody wants that, and no sensor's noise.
-        """
-        clearance, J = self.clearance, at.J
-        speed, rate, fastest = _asked(J, asked, at.dq)
+    def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
+        """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
+        clearance = self.clearance
+        each = [_asked(t.J, asked[t.joints], at.dq[t.joints]) for t in at.tools]
+        speeds, rates, ways = zip(*each, strict=True)
+        fastest = ways[0] if len(ways) == 1 else np.concatenate(ways)
         sight = clearance.look(
             at.q, fastest, at.error, at.scene, at.factor, levels, at.base, at.placed
         )
-        tool, closing = self.walls.around(J, at.p), sight.near.speed
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
-        widen = ordered and rate > ORDERED
-        rows = clearance.braking.rows(sight.near.rows, sight.room, closing, tool, at.factor, widen)
-        return Watch(at, sight, rows, speed)
+        widen = any(t.ordered and rate > ORDERED for t, rate in zip(at.tools, rates, strict=True))
+        gaps, room, closing = sight.near.rows, sight.room, sight.near.speed
+        rows = []
+        for tool in at.tools:
+            walled = self.walls.around(_whole(tool, len(at.q)), tool.p)
+            rows.append(clearance.braking.rows(gaps, room, closing, walled, at.factor, widen))
+            gaps, room, closing = gaps[:0], room[:0], closing[:0]
+        return Watch(at, sight, Rows.of_all(rows), speeds)
 
-    def tool_share(self, watch: Watch) -> float:
-        """Return the share (0 to 1) of the asked tool motion that is slow enough beside things."""
+    def tool_shares(self, watch: Watch) -> list[float]:
+        """Return what share (0 to 1) of each tool's motion is slow enough beside things."""
         if self._near_speed is None:
-            return 1.0
-        near = watch.sight.near
-        gap = _least_beside(near.gap, near.obstacle, near.first, self._tool)
-        if gap == math.inf:
-            return 1.0
-        far = (gap - self._clearance) / (self._near_distance - self._clearance)
-        bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
-        return min(1.0, watch.at.factor * bound / max(watch.speed, 1e-12))
+            return [1.0] * len(watch.speeds)
+        near, shares = watch.sight.near, []
+        for tool, speed in zip(self._tools, watch.speeds, strict=True):
+            gap = _least_beside(near.gap, near.obstacle, near.first, tool)
+            if gap == math.inf:
+                shares.append(1.0)
+                continue
+            far = (gap - self._clearance) / (self._near_distance - self._clearance)
+            bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
+            shares.append(min(1.0, watch.at.factor * bound / max(speed, 1e-12)))
+        return shares
 
     def named(self, watch: Watch, broken: Flags) -> tuple[str, ...]:
         """Return the names of barriers that are flagged, the nearest first."""
@@ -123,13 +139,23 @@ class Guard:
         way = np.maximum(high - at.q, at.q - low)
         short = self.clearance.shortfall(watch.sight, duration_s, way, postures)
         if self.walls.given:
-            if self.walls.far(at.p, at.T_wrist_mrf, way):
-                return short
-            times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
-            base = None if at.base is None else at.base.T
-            out = self.walls.shortfall(at.p, at.T_wrist_mrf, postures(times), base)
-            short = max(short, out)
+            for tool in at.tools:
+                if self.walls.far(tool.p, tool.T_wrist_mrf, way):
+                    continue
+                times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
+                base = None if at.base is None else at.base.T
+                out = self.walls.shortfall(tool.p, tool.T_wrist_mrf, postures(times), base)
+                short = max(short, out)
         return short
+
+
+def _whole(tool: Tool, n: int) -> Array:
+    """Return a tool's Jacobian in all joints (6, n)."""
+    if tool.J.shape[1] == n:
+        return tool.J
+    J = np.zeros((6, n))
+    J[:, tool.joints] = tool.J
+    return J
 
 
 @compiled(MATRIX, VECTOR, VECTOR)

@@ -6,6 +6,7 @@ lag the time that jerk and period take before braking acts.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,15 @@ class Rows(NamedTuple):
     """(m, n)."""
     low: Array
     """(m,)."""
+
+    @staticmethod
+    def of_all(each: "Sequence[Rows]") -> "Rows":
+        """Return several as one."""
+        return each[0] if len(each) == 1 else Rows(*map(np.concatenate, zip(*each, strict=True)))
+
+    def concern(self, which: Flags, part: slice) -> bool:
+        """Return whether any of those that are flagged (m,) has a slope in some joints."""
+        return bool(self.A[which, part].any())
 
     def broken(self, dq: Array) -> tuple[Flags, bool]:
         """Return which of them (m,) the rates dq (n,) [rad/s] break, and whether any."""

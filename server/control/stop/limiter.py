@@ -46,6 +46,10 @@ class Limited(NamedTuple):
     worsened: bool = False
     """True when news made even the stop of the tick before fall short of what is to be kept."""
 
+    def of(self, part: slice) -> "Limited":
+        """Return that of some joints."""
+        return self._replace(motion=self.motion.of(part), stop=self.stop.of(part))
+
 
 Judge = Callable[[Stop], float]
 """By how much a stop falls short of what is to be kept [m]; 0 for one that keeps everything."""

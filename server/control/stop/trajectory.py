@@ -36,6 +36,15 @@ class Motion(NamedTuple):
         """Return rest at q (n,)."""
         return Motion(q.copy(), np.zeros_like(q), np.zeros_like(q))
 
+    @staticmethod
+    def of_all(each: "Sequence[Motion]") -> "Motion":
+        """Return several as one, their freedoms one after the other."""
+        return each[0] if len(each) == 1 else Motion(*map(np.concatenate, zip(*each, strict=True)))
+
+    def of(self, part: slice) -> "Motion":
+        """Return that of some freedoms."""
+        return Motion(self.q[part], self.dq[part], self.ddq[part])
+
     def stands(self, below: float = 0.0) -> bool:
         """Return whether no speed and no acceleration is as large as `below`, or any at all."""
         return _stands(self.dq, self.ddq, below)
@@ -105,6 +114,39 @@ class Stop(_UnderWay):
         """Return the stop from `start` that goes through phases (2, k, n)."""
         low, high, duration_s = reach(*start, phases)
         return Stop(start, phases, low, high, duration_s=duration_s)
+
+    @staticmethod
+    def at_rest(q: Array) -> "Stop":
+        """Return the stop of what stands at q (n,)."""
+        return Stop.along(Motion.at_rest(q), np.zeros((2, 1, len(q))))
+
+    @staticmethod
+    def of_all(each: "Sequence[Stop]") -> "Stop":
+        """Return stops that began at one time as one, their freedoms one after the other."""
+        if len(each) == 1:
+            return each[0]
+        most = max(stop.phases.shape[1] for stop in each)
+        phases = [
+            np.pad(stop.phases, ((0, 0), (0, most - stop.phases.shape[1]), (0, 0))) for stop in each
+        ]
+        return Stop(
+            Motion.of_all([stop.start for stop in each]),
+            np.concatenate(phases, axis=2),
+            np.concatenate([stop.low for stop in each]),
+            np.concatenate([stop.high for stop in each]),
+            duration_s=max(stop.duration_s for stop in each),
+            elapsed_s=each[0].elapsed_s,
+        )
+
+    def of(self, part: slice) -> "Stop":
+        """Return that of some freedoms."""
+        return evolve(
+            self,
+            start=self.start.of(part),
+            phases=np.ascontiguousarray(self.phases[:, :, part]),
+            low=self.low[part],
+            high=self.high[part],
+        )
 
     def at(self, ahead_s: float = 0.0) -> Motion:
         """Return the motion `ahead_s` after now."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.config.schema.obstacles import AllowedContact, Avoidance, Obstacle, Workspace
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.barriers.collision import Guard
 from telerobot.server.control.frame_tree import Body, Moved
 from telerobot.server.control.scene import Scene
@@ -37,7 +38,7 @@ class Kept:
         cell = Cell(arm.cell.path, config, arm.cell.robot)
         self.guard = Guard(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
         self.world = ObstacleMap.from_cell(cell, Events())
-        control = Control(arm.p, arm.mechanism, self.guard)
+        control = Control([ArmControl(arm.p, arm.mechanism)], self.guard)
         arm = replace(arm, control=control, settings=replace(arm.settings, avoid=True))
         self.run = Run(arm, arm.posture("ready") if q is None else q)
         self.least: list[float] = []

@@ -23,10 +23,10 @@ class Wall:
         """Return the sensor's reading (6,): the contact, the payload's weight and the bias."""
         self.forces.append(self.stiffness * max(0.0, self.run.pose.p[0] - self.x))
         control, settings = self.run.arm.control, self.run.settings
-        M = settings.T_wrist_mrf.inverse() @ control.stages.wrist.contact.T_wrist_sensor
+        M = settings.T_wrist_mrf.inverse() @ control.arms[0].stages.wrist.contact.T_wrist_sensor
         at_mrf = pin.Force(self.run.pose.R.T @ [self.forces[0], 0, 0], np.zeros(3))
         at_sensor = pin.SE3(M.R, M.p).actInv(at_mrf).vector
-        weight = control.weight(self.run.pose, settings)
+        weight = control.arms[0].weight(self.run.pose, settings)
         return at_sensor + weight + settings.wrench_bias
 
     def press(self, seconds, **inputs):
@@ -109,7 +109,7 @@ def test_in_hold_a_gentle_touch_moves_nothing(run):
 def test_in_hold_a_force_without_end_gets_no_further_than_the_leash(run):
     """As from a sensor that drifted: FMA alone would walk away."""
     at = run.arm.mechanism.pose_wrist(run.q).p
-    wrench = run.arm.control.weight(run.pose, run.settings)
+    wrench = run.arm.control.arms[0].weight(run.pose, run.settings)
     wrench[2] += 80.0
     run.go(6.0, intent=Intent.HOLD, wrench_sensor=wrench)
     moved = np.linalg.norm(run.arm.mechanism.pose_wrist(run.memory.motion.q).p - at)

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 from telerobot.config.load import load_cell
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Pose
@@ -40,12 +41,12 @@ def led_past_the_pole(case):
         T_world_crf=Pose.identity(),
         wrench_bias=np.zeros(6),
     )
-    arm = Arm(cell, p, mechanism, Control(p, mechanism), settings)
+    arm = Arm(cell, p, mechanism, Control([ArmControl(p, mechanism)]), settings)
     scene, run = ObstacleMap.from_cell(cell, Events()).scene(0), Run(arm, arm.posture("start"))
     for i in range(round(7.0 / p.period_s)):
         t = i * p.period_s
         hand = np.array([0.0, 4.0, 0.0]) * math.sin(math.pi * t / 6.0) ** 2 * (t < 6.0)
-        wrench = arm.control.weight(run.pose, settings)
+        wrench = arm.control.arms[0].weight(run.pose, settings)
         wrench[:3] -= run.pose.R.T @ hand
         run.tick(scene=scene, wrench_sensor=wrench)
     run.observe()

@@ -60,7 +60,7 @@ def played(arm, start, stick, which, at=(), frame="mrf", other=SHIFTED):
         gains["position"] = GAINS["position"]
     run.set(gains=gains)
     run.begin = run.pose
-    run.weight = arm.control.weight(run.pose, run.settings)
+    run.weight = arm.control.arms[0].weight(run.pose, run.settings)
     mrf, poses, redefined = run.settings.T_wrist_mrf, [], 0
     for tick in range(TICKS):
         if tick in at:
@@ -113,7 +113,7 @@ def test_a_new_crf_leaves_the_tools_motion_as_it_is(pa10, start, stick, which):
 def test_at_rest_a_new_mrf_moves_nothing_with_every_source_on(arm, start, stick, at):
     run = start(arm)
     run.set(gains=GAINS)
-    weight = arm.control.weight(run.pose, run.settings)
+    weight = arm.control.arms[0].weight(run.pose, run.settings)
     before, redefined = arm.mechanism.pose_wrist(run.memory.motion.q), 0
     lens = run.pose @ run.settings.T_wrist_mrf.inverse() @ LENS
     given = {
@@ -180,7 +180,7 @@ def test_accommodation_about_a_new_point_begins_without_a_jump_and_a_balanced_lo
 ):
     run = start(arm)
     run.set(gains={**OFF, "force": np.array([7e-4, 5e-4, 1e-3, 0.03, 0.02, 0.01])})
-    weight = arm.control.weight(run.pose, run.settings)
+    weight = arm.control.arms[0].weight(run.pose, run.settings)
     pressed = weight + np.array([20.0, -12.0, 8.0, 0.4, 0.2, -0.3])
     for _ in range(50):
         output = run.tick(wrench_sensor=pressed)

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Inputs, Intent
 from telerobot.server.control.task.asked import ViewGoal
@@ -97,13 +98,13 @@ def test_the_same_inputs_give_the_same_bits_whatever_was_computed_in_between(run
     kept = pickle.dumps((run.memory.motion, run.memory.sent, run.memory.wrist))
     memory, control = run.memory, run.arm.control
     given = Inputs(0.0, Intent.MOVE, memory.sent[1], run.settings, **inputs)
-    first_memory, first = control.tick(memory, given)
+    (first_memory,), (first,) = control.tick((memory,), (given,))
     other = control.seed(run.arm.random_posture(rng))
     for factor in (0.3, 1.0):
         settings = replace(run.settings, speed_factor=factor)
-        other, _ = control.tick(other, replace(given, settings=settings))
-    again_memory, again = control.tick(memory, given)
-    _, fresh = Control(run.arm.p, run.arm.mechanism).tick(memory, given)
+        other, _ = control.tick(other, (replace(given, settings=settings),))
+    (again_memory,), (again,) = control.tick((memory,), (given,))
+    _, (fresh,) = Control([ArmControl(run.arm.p, run.arm.mechanism)]).tick((memory,), (given,))
     assert bits(first) == bits(again) == bits(fresh)
     assert first_memory.motion.ddq.tobytes() == again_memory.motion.ddq.tobytes()
     # Nor was anything that went in written to.
@@ -280,7 +281,9 @@ def test_a_jog_moves_its_joint_alone(arm, start):
 def test_a_joint_at_full_speed_is_not_said_to_be_at_its_leash(arm, start, rng):
     """The joint speed is the only bound here, and rounding of it is no other."""
     limits = arm.p.limits.model_copy(update={"speed": 100.0, "angular_speed": 100.0})
-    run = start(replace(arm, control=Control(replace(arm.p, limits=limits), arm.mechanism)))
+    run = start(
+        replace(arm, control=Control([ArmControl(replace(arm.p, limits=limits), arm.mechanism)]))
+    )
     for _ in range(200):
         output = run.tick(jog=rng.uniform(-3, 3, run.arm.p.n) * run.arm.p.joints.velocity)
         assert [name for name in output.limits if name.startswith("leash")] == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.config.schema.obstacles import Avoidance, Obstacle
-from telerobot.server.control.barriers.collision import ORDERED, Guard, Situation
+from telerobot.server.control.barriers.collision import ORDERED, Guard, Situation, Tool
 from telerobot.server.control.evolve import evolve
 from telerobot.server.control.spatial import Pose
 from telerobot.server.perception.obstacle_map import ObstacleMap
@@ -26,7 +26,8 @@ def watched(pa10):
 
     def watch(asked, dq, clearance=0.02):
         around = evolve(scene, clearance=np.full(2, clearance))
-        at = Situation(q, dq, np.zeros(7), k.T_world_mrf.p, k.J, Pose.identity(), around, 1.0)
+        tool = Tool(k.T_world_mrf.p, k.J, Pose.identity(), slice(0, 7))
+        at = Situation(q, dq, np.zeros(7), (tool,), around, 1.0)
         return guard, guard.watch(at, asked, {})
 
     return k.J, watch
@@ -43,7 +44,7 @@ def test_beside_things_the_tool_is_as_slow_as_it_is_told(watched, rng):
         far = (near.gap[tool].min() - 0.02) / (limits.near_distance - 0.02)
         bound = 0.05 + np.clip(far, 0.0, 1.0) * (guard._speed - 0.05)
         expected = min(1.0, bound / np.linalg.norm(J[:3] @ asked))
-        assert guard.tool_share(seen) == pytest.approx(expected, abs=1e-12)
+        assert guard.tool_shares(seen) == pytest.approx([expected], abs=1e-12)
 
 
 def test_as_far_is_looked_as_the_faster_of_both_rates_leads(watched, rng):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from telerobot.config.schema.sources.schedule import Schedule
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Intent
 from telerobot.server.control.task.gains import GAIN_TIME_S, Gains, Quantities
@@ -29,7 +30,7 @@ def scheduled(pa10, start):
 
     def begin(*schedules):
         p = replace(pa10.p, schedules=schedules)
-        return start(replace(pa10, p=p, control=Control(p, pa10.mechanism)))
+        return start(replace(pa10, p=p, control=Control([ArmControl(p, pa10.mechanism)])))
 
     return begin
 
@@ -112,7 +113,7 @@ def test_a_schedule_by_force_softens_the_stick_in_contact(scheduled, stick):
     run = scheduled(schedule(at=(0.0, 20.0), factor=(1.0, 0.25)))
     run.set(gains=run.arm.gains(force=0.0))
     given = {"stick": stick(0, 0, 0.02, 0, 0, 0)}
-    weight = run.arm.control.weight(run.pose, run.settings)
+    weight = run.arm.control.arms[0].weight(run.pose, run.settings)
     free = run.go(1.5, **given, wrench_sensor=weight)
     assert free.gains["joystick"] == pytest.approx(np.ones(6), abs=1e-2)
     pressing = weight + np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])

@@ -6,8 +6,7 @@ import numpy as np
 
 from .....config.load import Cell
 from .....protocols.messages.obstacles import ObstacleNews
-from .....server.control.mechanism.kinematics import Mechanism
-from .....server.control.parameters import Parameters
+from .....server.control.arm.arm import Arm
 from .....server.control.spatial import Array, Pose
 from .....server.control.state import Inputs, Intent
 from .....server.control.task.paths.goals import PathGoal
@@ -36,10 +35,9 @@ class Telerobot:
         )
         cell = replace(cell, config=config)
         self._period_s = config.timing.period_s
-        self._control = Control(
-            p := Parameters.from_cell(cell), Mechanism.from_cell(cell), guard_of(cell, p)
-        )
-        self._memory = self._control.seed(np.array(scene.start))
+        arm = Arm.of(cell)
+        self._control = Control([arm], guard_of(cell, arm.p))
+        (self._memory,) = self._control.seed(np.array(scene.start))
         self._world = ObstacleMap.from_cell(cell, Events())
         self._moving = tuple(thing for thing in scene.things if thing.moves)
         for thing in scene.things:
@@ -64,7 +62,7 @@ class Telerobot:
             goal=self._goal,
             scene=self._world.scene(tick) if self._world.known else None,
         )
-        memory, output = self._control.tick(self._memory, inputs)
+        (memory,), (output,) = self._control.tick((self._memory,), (inputs,))
         if output.refusal is not None:
             raise NoCommand(output.refusal)
         self._memory = memory

@@ -7,6 +7,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.null_space.potential import PotentialField, VirtualLink
 from telerobot.config.schema.obstacles import Obstacle
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.null_space.potential_field import Field
 from telerobot.server.control.mechanism.null_space.potentials.geometry import ahead, shape
@@ -47,7 +48,7 @@ def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
         wrench_bias=np.zeros(6),
     )
     scene = ObstacleMap.from_cell(cell, Events()).scene(0)
-    return Arm(cell, p, mechanism, Control(p, mechanism), settings), scene
+    return Arm(cell, p, mechanism, Control([ArmControl(p, mechanism)]), settings), scene
 
 
 def field_of(p):

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.schema.null_space.redundancy import OBJECTIVES
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.null_space.manipulability import slope
 from telerobot.server.control.mechanism.null_space.redundancy import Pulls, Redundancy
 from telerobot.server.control.parameters import Parameters
@@ -53,7 +54,7 @@ def test_manipulability_rises_until_its_slope_in_the_null_space_is_flat(swung):
     swung.set(pulls=pulls(swung, manipulability=10.0))
 
     def w():
-        k = control.mechanism.kinematics(swung.sent[-1], swung.settings.T_wrist_mrf)
+        k = control.arms[0].mechanism.kinematics(swung.sent[-1], swung.settings.T_wrist_mrf)
         return slope(k.J)[0]
 
     found = [w()]
@@ -161,7 +162,7 @@ def test_a_cell_says_what_the_null_space_is_for(pa10, start):
     found = redundancy_of(p, pa10.mechanism).pulls
     assert found.gains == OFF | {"posture": 2.0}
     np.testing.assert_array_equal(found.posture, pa10.posture("park"))
-    assert Control(p, pa10.mechanism).seed(pa10.posture("ready")).pulls is not None
+    assert Control([ArmControl(p, pa10.mechanism)]).seed(pa10.posture("ready"))[0].pulls is not None
 
 
 def test_six_joints_have_nothing_spare(ur5e, start):

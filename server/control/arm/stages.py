@@ -1,33 +1,29 @@
-"""The stages of one cell's tick, each built from the sections and arrays that it needs."""
+"""The stages of one arm's tick, each built from the sections and arrays that it needs."""
 
 import numpy as np
 
-from .actuation.actuation import Actuation, BySpeed, ByTorque, by_position
-from .actuation.torque import TorqueLaw
-from .barriers.barriers import Allow
-from .barriers.collision import Guard
-from .hold.retreat import Retreat
-from .mechanism.contact_wrench import ContactWrench
-from .mechanism.dynamics import Dynamics
-from .mechanism.joint_motion import JointMotion
-from .mechanism.joint_rates import Resolver
-from .mechanism.kinematics import Mechanism
-from .mechanism.null_space.potential_field import Field
-from .mechanism.null_space.redundancy import Redundancy
-from .mechanism.wrist import Wrist
-from .parameters import Parameters
-from .rigid_body import wrench_to
-from .spatial import Array, Pose
-from .stop.gate import Gate
-from .stop.limiter import Limiter
-from .task.task import Task
+from ..actuation.actuation import Actuation, BySpeed, ByTorque, by_position
+from ..actuation.torque import TorqueLaw
+from ..barriers.joint_limits import JointRoom
+from ..hold.retreat import Retreat
+from ..mechanism.contact_wrench import ContactWrench
+from ..mechanism.dynamics import Dynamics
+from ..mechanism.joint_motion import JointMotion
+from ..mechanism.joint_rates import Resolver
+from ..mechanism.kinematics import Mechanism
+from ..mechanism.null_space.potential_field import Field
+from ..mechanism.null_space.redundancy import Redundancy
+from ..mechanism.wrist import Wrist
+from ..parameters import Parameters
+from ..rigid_body import wrench_to
+from ..spatial import Array, Pose
+from ..task.task import Task
 
 
 class Stages:
-    """What a tick goes through. Holds constants and scratch memory only."""
+    """What one arm goes through in a tick. Holds constants and scratch memory only."""
 
-    def __init__(self, p: Parameters, mechanism: Mechanism, guard: Guard | None) -> None:
-        """Build it; `guard` keeps clearances, None in a cell that has none to keep."""
+    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
         T, joints = p.period_s, p.joints
         self.task = Task(p.sources, p.schedules, p.shaping)
         contact = ContactWrench(
@@ -44,23 +40,19 @@ class Stages:
         self.resolver = Resolver(
             joints, p.resolve, p.T_wrist_tool, mechanism.rank, self.redundancy, field, p.priority
         )
-        self.allow = Allow(joints, T, p.resolve.characteristic_length, guard)
-        self.joint_motion = JointMotion(joints.velocity, self.allow.room.approach)
-        self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
-        self.limiter = Limiter(joints.lower, joints.upper, joints.acceleration, joints.jerk, T)
-        self.actuate = actuation(p, mechanism)
-        self.gate = Gate(
-            joints.names,
+        room = JointRoom(
             joints.lower,
             joints.upper,
-            joints.velocity,
             joints.acceleration,
             joints.jerk,
+            joints.velocity,
+            joints.leash,
             T,
+            joints.following_window,
         )
-        # Where links are is found once for all that the cell describes by the same ones.
-        same = guard is not None and guard.capsules is p.capsules
-        self.capsules = p.capsules if same else None
+        self.joint_motion = JointMotion(joints.velocity, room.approach)
+        self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
+        self.actuate = actuation(p, mechanism)
 
 
 def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:

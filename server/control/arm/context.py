@@ -3,13 +3,13 @@
 import math
 from functools import partial
 
-from .mechanism.kinematics import Kinematics
-from .mechanism.wrist import Sample, Wrist
-from .spatial import Array, Pose, sizes
-from .state import Inputs, Intent, Memory
-from .task.asked import Asked
-from .task.gains import Quantities
-from .task.source import Context
+from ..mechanism.kinematics import Kinematics
+from ..mechanism.wrist import Sample, Wrist
+from ..spatial import Array, Pose, sizes
+from ..state import Inputs, Intent, Memory
+from ..task.asked import Asked
+from ..task.gains import Quantities
+from ..task.source import Context
 
 
 def sample_of(inputs: Inputs) -> Sample:

@@ -1,0 +1,1 @@
+"""One arm: a mechanism with its task, and what one tick makes of both."""

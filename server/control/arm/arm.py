@@ -1,0 +1,185 @@
+"""One mechanism with its task: what it is asked for in a tick, and what became of that.
+
+The task's sources are summed to one twist of the MRF; the mechanism resolves it into joint rates,
+and moves its spare joints beside. What of these rates is granted is decided for all joints of the
+cell together (`tick.py`).
+"""
+
+from typing import Any, Self
+
+from ....config.load import Cell
+from ..actuation.actuation import Now
+from ..barriers.barriers import Allowed, Clear
+from ..barriers.barriers import Arm as Bounds
+from ..evolve import evolve
+from ..mechanism.joint_motion import at_posture
+from ..mechanism.kinematics import Kinematics, Mechanism
+from ..mechanism.null_space.potential_field import further, on_path
+from ..parameters import Parameters
+from ..spatial import Array, Pose, sizes
+from ..state import Inputs, Intent, Memory, Output, Settings
+from ..stop.limiter import Limited
+from ..task.source import Granted
+from .asking import Asked, Asking, Seen
+from .context import path_of_mrf
+from .stages import Stages
+
+SLID = 0.99
+"""A tool that does less than this part of what its path does has been turned off it [1]."""
+
+LATELY = 0.9
+"""Share that is left after a tick of the greatest acceleration that the tool was told [1]."""
+
+STANDING = 1e-9
+"""Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
+
+
+class Arm:
+    """The control computation of one mechanism and its task."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+        self.p = p
+        self.mechanism = mechanism
+        self.stages = Stages(p, mechanism)
+        self.asking = Asking(p, mechanism, self.stages)
+
+    @classmethod
+    def of(cls, cell: Cell) -> Self:
+        """Build that of a cell's only mechanism. Raises `ConfigError`."""
+        return cls(Parameters.from_cell(cell), Mechanism.from_cell(cell))
+
+    def seed(self, q: Array) -> Memory:
+        """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
+        return self.asking.seed(q)
+
+    def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
+        """Return where the command has the MRF, in World."""
+        return self.mechanism.pose_wrist(memory.motion.q, T_world_base) @ T_wrist_mrf
+
+    def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
+        """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
+        mrf, payload, bias = settings.T_wrist_mrf, settings.payload, settings.wrench_bias
+        return self.stages.wrist.weight(T_world_mrf, mrf, payload, bias)
+
+    def before_barriers(
+        self, memory: Memory, inputs: Inputs, seen: Seen, asked: Asked, beside: bool
+    ) -> Bounds:
+        """Return what the barriers have to know; `beside` tells whether clearances are kept."""
+        return Bounds(
+            dq=asked.dq,
+            kinematics=seen.kinematics,
+            motion=memory.motion,
+            error=seen.error,
+            way=memory.sent[1] - memory.sent[2],
+            resistance=memory.resistance,
+            # An arm that may not move gives way at most, and is not held up.
+            may_move=memory.moving_since_s is not None,
+            T_wrist_mrf=inputs.settings.T_wrist_mrf,
+            by_joint=asked.by_joint,
+            ordered=not beside or self.asking.ordered(asked.twists, inputs),
+        )
+
+    def finish(
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        seen: Seen,
+        asked: Asked,
+        allowed: Allowed,
+        clear: Clear,
+        limited: Limited,
+    ) -> tuple[Memory, Output]:
+        """Return the next memory and what to send, once it is decided how the joints move."""
+        actuated = self.stages.actuate(
+            memory.torque,
+            Now(
+                inputs.q_measured,
+                seen.error,
+                memory.motion,
+                limited.motion,
+                seen.kinematics,
+                None if seen.hand is None else -seen.hand,
+                inputs.settings.T_wrist_mrf,
+                inputs.time_s,
+                inputs.intent is Intent.SEED,
+                memory.wrist.load,
+            ),
+        )
+        scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
+        memory = evolve(
+            memory,
+            levels=clear.levels,
+            torque=actuated.state,
+            resistance=allowed.resistance,
+            **self._moved_on(memory, limited, asked, scale, pace, seen.kinematics),
+        )
+        return memory, Output(
+            q=limited.motion.q,
+            dq=limited.motion.dq,
+            command=actuated.command,
+            refusal=actuated.refusal,
+            at_rest=limited.motion.stands(STANDING),
+            following_error=seen.error,
+            T_world_mrf=seen.kinematics.T_world_mrf,
+            T_world_mrf_measured=seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
+            T_wrist_mrf=inputs.settings.T_wrist_mrf,
+            wrench_mrf=seen.wrench,
+            twists=asked.twists,
+            twist=asked.twist,
+            scale=scale,
+            limits=asked.limits
+            + allowed.limits
+            + (("verified_stop",) if limited.stopped else ())
+            + actuated.limits,
+            stop_worsened=limited.worsened,
+            shown=clear.shown,
+            near=memory.near,
+            sigma_min=asked.sigma_min,
+            gains=memory.task.gains,
+            pulls=memory.pulls,
+            self_motion=asked.self_motion,
+            at_goal=self._at_goal(memory, inputs),
+            bleeding=memory.task.force.bleeding,
+            path=memory.task.position.progress,
+            T_world_path=path_of_mrf(inputs, memory.task.position.T_world_path),
+            field=asked.field,
+            off_path=memory.task.off_path,
+        )
+
+    def _moved_on(
+        self,
+        memory: Memory,
+        limited: Limited,
+        asked: Asked,
+        scale: float,
+        pace: float,
+        k: Kinematics,
+    ) -> dict[str, Any]:
+        """Return what the step changes; the tool did `scale` of what was asked, a path `pace`."""
+        granted = 0.0 if limited.stopped else scale
+        return {
+            "motion": limited.motion,
+            "stop": limited.stop,
+            "quickness": max(sizes(k.J @ limited.motion.ddq)[0], LATELY * memory.quickness),
+            "sent": (limited.motion.q, memory.sent[0], memory.sent[1]),
+            "task": evolve(
+                self.stages.task.advanced(
+                    memory.task,
+                    Granted(
+                        granted,
+                        0.0 if limited.stopped else pace,
+                        scale < SLID * pace,
+                        asked.twist,
+                        k.T_world_mrf,
+                    ),
+                ),
+                off_path=further(memory.task.off_path, asked.give_way, granted * self.p.period_s),
+            ),
+        }
+
+    def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
+        if inputs.intent is not Intent.MOVE:
+            return False
+        if inputs.posture is not None:
+            return at_posture(memory.motion.q, inputs.posture)
+        return memory.task.position.at_goal and on_path(memory.task.off_path)

@@ -1,0 +1,227 @@
+"""What one arm is asked for in a tick: the sum of its task's sources, as joint rates."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..evolve import evolve
+from ..mechanism.joint_rates import Around, Wish
+from ..mechanism.kinematics import Kinematics, Mechanism
+from ..mechanism.null_space.potential_field import Felt
+from ..mechanism.null_space.redundancy import SelfMotion
+from ..parameters import Parameters
+from ..proximity.capsules import Capsules, Placed
+from ..spatial import Array, Pose, sizes
+from ..state import Inputs, Intent, Memory
+from ..stop.trajectory import Motion, Stop
+from .context import context_of, quantities, sample_of
+from .stages import Stages
+
+
+class Asked(NamedTuple):
+    """Joint rates asked for, the twists behind them, and what they were computed from."""
+
+    dq: Array
+    twists: dict[str, Array]
+    twist: Array
+    scale: float
+    limits: tuple[str, ...]
+    sigma_min: float
+    self_motion: SelfMotion
+    field: Felt | None = None
+    give_way: Array | None = None
+    """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
+    by_joint: bool = False
+    """The joints are commanded themselves: jogged, or led to a posture."""
+
+
+class Seen(NamedTuple):
+    """Where the arm is, and what it exerts."""
+
+    kinematics: Kinematics
+    """Of the commanded posture."""
+    placed: Placed | None
+    """Its links, where they are known already."""
+    T_world_wrist_measured: Pose
+    error: Array
+    """How far the command was ahead of the joints (n,) [rad]."""
+    wrench: Array | None
+    """What the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
+    hand: Array | None
+    """The same of the mean readings."""
+
+
+class Asking:
+    """Sums the sources of one task and resolves the sum for its mechanism."""
+
+    def __init__(self, p: Parameters, mechanism: Mechanism, stages: Stages) -> None:
+        self.p, self.mechanism, self.stages = p, mechanism, stages
+        self.shared: Capsules | None = None
+        """The arm's capsules, where barriers look at the same ones: they are placed once."""
+
+    def seed(self, q: Array) -> Memory:
+        """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
+        return Memory(
+            motion=Motion.at_rest(q),
+            stop=Stop.at_rest(q),
+            sent=(q, q, q),
+            pulls=self.stages.redundancy.pulls,
+            task=self.stages.task.idle,
+            retreat=None if self.stages.retreat is None else self.stages.retreat.start,
+        )
+
+    def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Seen, Asked]:
+        """Return what the task asks of the joints, and what that was computed from."""
+        moved = inputs.moved
+        T_world_wrist_measured = self.mechanism.pose_wrist(
+            inputs.q_measured, None if moved is None else moved.T_world_base_measured
+        )
+        memory = self._measure(memory, inputs, T_world_wrist_measured)
+        if inputs.intent is Intent.SEED:
+            q = inputs.q_measured
+            if inputs.energised is not None:
+                q = np.where(inputs.energised, memory.motion.q, q)
+            memory = evolve(self.seed(q), torque=memory.torque, wrist=memory.wrist)
+        base, mrf = None if moved is None else moved.base.T, inputs.settings.T_wrist_mrf
+        kinematics = self.mechanism.kinematics(memory.motion.q, mrf, base)
+        memory = self._tune(memory, inputs, kinematics)
+        placed = None
+        if self.shared is not None and inputs.settings.avoid:
+            placed = self.shared.place(memory.motion.q[None], base)
+        wrench = self.stages.wrist.wrench_mrf(memory.wrist, mrf)
+        hand = self.stages.wrist.hand_mrf(memory.wrist, mrf)
+        memory, asked = self._ask(memory, inputs, kinematics, placed, wrench, hand)
+        memory, dq = self._give_way(memory, inputs, kinematics, asked.dq)
+        error = memory.sent[1] - inputs.q_measured
+        seen = Seen(kinematics, placed, T_world_wrist_measured, error, wrench, hand)
+        return memory, seen, asked._replace(dq=dq)
+
+    def _measure(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> Memory:
+        """Return the memory with the newest wrench in it; the Wrist was measured at a pose."""
+        wrist, settings = self.stages.wrist, inputs.settings
+        measured = wrist.measure(
+            memory.wrist,
+            sample_of(inputs),
+            wrist.load(settings.payload, settings.wrench_bias),
+            T_world_wrist,
+            inputs.time_s,
+            inputs.moved,
+            memory.quickness,
+            at_once=inputs.intent is Intent.SEED,
+        )
+        return evolve(memory, wrist=measured)
+
+    # --- gains -------------------------------------------------------------------------------
+
+    def _tune(self, memory: Memory, inputs: Inputs, k: Kinematics) -> Memory:
+        """Return the memory with the gains in effect: scheduled, and ramped while moving."""
+        settings, moving = inputs.settings, inputs.intent is Intent.MOVE
+        pulls = settings.pulls or self.stages.redundancy.pulls
+        since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
+        task = self.stages.task.tuned(
+            memory.task,
+            settings.gains,
+            lambda: quantities(memory, inputs, k, inputs.time_s - since_s),
+            moving,
+            settings.at_once,
+        )
+        if moving and memory.task.gains:
+            pulls = self.stages.redundancy.ramped(memory.pulls, pulls, self.stages.task.part)
+        return evolve(memory, task=task, pulls=pulls, moving_since_s=since_s if moving else None)
+
+    # --- what is asked for -------------------------------------------------------------------
+
+    def _ask(
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        k: Kinematics,
+        placed: Placed | None,
+        wrench: Array | None,
+        hand: Array | None,
+    ) -> tuple[Memory, Asked]:
+        """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
+        base = None if inputs.moved is None else inputs.moved.base.T
+        if self.p.priority is not None:
+            near = self.p.priority.look(memory.motion.q, inputs.scene, memory.near, base)
+            memory = evolve(memory, near=near)
+        context = context_of(
+            memory, inputs, k, self.stages.wrist, self.p.T_wrist_tool.p, wrench, hand
+        )
+        task, twists = self.stages.task.twists(memory.task, context)
+        memory = evolve(memory, task=task)
+        twist = np.zeros(6)
+        for part in twists.values():
+            twist = twist + part
+        joint_rates = None
+        if inputs.intent is Intent.MOVE:
+            joint_rates = self.stages.joint_motion.rates(
+                memory.motion.q, inputs.jog, inputs.posture, inputs.settings.speed_factor
+            )
+        if joint_rates is not None:
+            twists = {name: np.zeros(6) for name in twists}
+            twist = k.J @ joint_rates
+        s_tool = self._tool_share(twist, inputs.settings.speed_factor)
+        limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
+        self_motion = self.stages.redundancy.none()
+        if joint_rates is not None:
+            dq = s_tool * joint_rates
+            return memory, Asked(
+                dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True
+            )
+        wish = Wish(
+            s_tool * twist,
+            inputs.settings.T_wrist_mrf,
+            memory.pulls,
+            inputs.settings.speed_factor,
+            inputs.intent is Intent.MOVE and not inputs.at_posture,
+            memory.task.off_path,
+            inputs.goal is not None,
+        )
+        around = Around(inputs.scene, memory.near, base, placed)
+        found = self.stages.resolver.rates(memory.motion.q, k, wish, around)
+        if found.singular:
+            limits += ("singularity",)
+        return memory, Asked(
+            found.dq,
+            twists,
+            twist,
+            s_tool,
+            limits,
+            found.sigma_min,
+            found.self_motion,
+            found.field,
+            found.give_way,
+        )
+
+    def _give_way(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, dq: Array
+    ) -> tuple[Memory, Array]:
+        """Add what gives way after a touch to joint rates dq (n,)."""
+        if self.stages.retreat is None or memory.retreat is None:
+            return memory, dq
+        held = inputs.intent is Intent.HOLD
+        state, dq = self.stages.retreat.step(
+            memory.retreat, memory.motion.q, dq, k.J, inputs.pushed, inputs.time_s, held
+        )
+        return memory if state is memory.retreat else evolve(memory, retreat=state), dq
+
+    def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:
+        """Return whether anything but accommodation tells the arm to move.
+
+        News of obstacles needs no lease: an arm that nobody tells to move shall not be led away by
+        it.
+        """
+        asked = inputs.jog is not None or inputs.posture is not None
+        return asked or bool(inputs.wrench_desired.any()) or self.stages.task.orders(twists)
+
+    def _tool_share(self, twist: Array, factor: float) -> float:
+        """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
+        v, w = sizes(twist)
+        limits = self.p.limits
+        return min(
+            1.0,
+            factor * limits.speed / max(v, 1e-12),
+            factor * limits.angular_speed / max(w, 1e-12),
+        )
