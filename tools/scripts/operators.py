@@ -9,10 +9,10 @@ from ...protocols.messages import messages as m
 from ...protocols.messages.reflection import Reflection
 from ..operator.client.protocol_client import Ask, ProtocolClient, Put
 from ..reflect.client import ReflectingClient
-from .delay_line import Conditions, DelayLine
-from .generators import Device, LinkConditions, MovingMaster, Network
-from .handles import Handles
-from .master import MasterHandle
+from .generators.delay_line import Conditions, DelayLine
+from .generators.handles import Handles
+from .generators.master import MasterHandle
+from .generators.tables import Device, LinkConditions, MovingMaster, Network
 
 
 class Operators:

@@ -15,13 +15,13 @@ from ...protocols.messages.obstacles import ObstacleNews
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigFault
 from ..operator.client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
-from .generators import MovingObstacle, Raw
+from .generators.obstacles import ObstacleMotions
+from .generators.tables import MovingObstacle, Raw
+from .generators.targets import TargetMotion
 from .message import SPOKEN, TopicMessage
-from .obstacles import ObstacleMotions
 from .operators import Operators
 from .script import Script
 from .step import Step
-from .targets import TargetMotion
 
 Inject = Callable[[RigFault | RigMotion], None]
 """Gives the virtual hardware a message: a fault, or a motion of what stands there."""

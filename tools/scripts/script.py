@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from ...config.load import ConfigError, read_toml, script_path
-from .generators import Network, Part
+from .generators.tables import Network, Part
 from .step import Step
 
 SAME_S = 1e-9

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, InstanceOf, model_validator
 from ...config.errors import nearest
 from ...protocols import topics as t
 from ...protocols.messages import messages as m
-from .generators import (
+from .generators.tables import (
     Device,
     LinkConditions,
     MovingMaster,

@@ -5,17 +5,12 @@ codec, lease and mailboxes as a real one; only the network and the wall clock ar
 """
 
 import hashlib
-import math
 import struct
 import sys
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Protocol
-
-import numpy as np
 
 from ...config.load import Cell, ConfigError, load_cell
 from ...drivers.bus import CanMessage, Hub, InProcessBus
@@ -28,7 +23,6 @@ from ...protocols.codec import decode_as, encode
 from ...protocols.messages import messages as m
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigTruth
-from ...server.control.spatial import Pose, rotation_log
 from ...server.daemon import build
 from ...server.operators.memory_link import MemoryLink
 from ...server.runtime.clock import VirtualClock
@@ -37,14 +31,10 @@ from ..scripts.player import Phase, Player
 from ..scripts.script import Script, load_script
 from .frame_sensors import SimulatedFrameSensors
 from .observer import Observer
+from .result import Result, contact_force, event_rows, least_clearance, least_sight, tick_times
 from .seeded_keys import seeded_keys
+from .tool_judge import ToolJudge
 from .view_judge import ViewJudge
-
-JUDGED_S = 0.5
-"""The tool's error is the largest over this long before the end [s]."""
-
-CONTACT_S = 1.0
-"""The contact force is the mean over this long before the end [s]."""
 
 PUMP_STEPS = 500
 """A device that is silent for this many physics steps does not answer [1]."""
@@ -53,23 +43,8 @@ ENABLE_WITHIN_S = 10.0
 """A script whose arm is not enabled by then has failed [s]."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """What a simulation showed; the fields of its JSON, and the state of every tick."""
-
-    summary: dict[str, object]
-    states: tuple[m.State, ...]
-    truths: tuple[RigTruth, ...]
-    """The physics' truth after every tick."""
-
-    @property
-    def ok(self) -> bool:
-        """True when the script could be played and no limit was violated."""
-        return self.summary["failure"] is None and self.summary["limit_violations"] == 0
-
-
 class Cameras(Protocol):
-    """What the cell's cameras see."""
+    """Cameras of a simulated cell."""
 
     def run(self, now_s: float, tick: int) -> None:
         """Hand over what has arrived by `now_s`, and take the pictures due at SYNC `tick`."""
@@ -118,8 +93,7 @@ class Simulation:
         )
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)
-        mrf = cell.config.mechanism.T_wrist_mrf
-        self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
+        self._tool = ToolJudge(cell)
         self.blind: str | None = None
         """Why the cell's cameras give no pictures here, None where they do or there are none."""
         self._cameras = self._open_cameras() if cameras is None else cameras(self)
@@ -134,9 +108,6 @@ class Simulation:
         self.on_physics: Callable[[Simulation], None] | None = None
         """Called after every physics step, for one that must not miss a spike."""
         self._hash = hashlib.sha256()
-        self._errors: deque[tuple[float, float] | None] = deque(
-            maxlen=round(JUDGED_S / cell.config.timing.period_s)
-        )
         self._compute: list[float] = []
         for i, fieldbus in enumerate(fieldbuses):
             fieldbus.taps.append(partial(self._on_sent, i))
@@ -252,29 +223,12 @@ class Simulation:
         truth = self.rig.truth()
         self.truths.append(truth)
         self._write("truth", truth)
-        placed = self.cycle.placed_target
-        if placed is None:
-            self._errors.append(None)
-            return
-        ground, target = placed
-        if ground in truth.frames:  # judged by where the ground truly is
-            pose = truth.frames[ground]
-            target = Pose.from_xyz_rpy(pose[:3], pose[3:]) @ target
-        true = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
-        true = true @ self._T_mrf_wrist @ self.cycle.T_wrist_mrf
-        turn = rotation_log(target.R.T @ true.R)
-        self._errors.append((float(np.linalg.norm(true.p - target.p)), float(np.linalg.norm(turn))))
+        self._tool.judge(truth, self.cycle.placed_target, self.cycle.T_wrist_mrf)
 
     def _result(self) -> Result:
         period = self.cell.config.timing.period_s
-        ticks_of_contact = round(CONTACT_S / period)
-        contact = [truth.contact_force for truth in self.truths[-ticks_of_contact:]]
-        clear = [truth.clearance_m for truth in self.truths if truth.clearance_m is not None]
-        sight = [d for truth in self.truths for of in truth.sight.values() for d in of.values()]
         view = self.view.error(self.truths[-1]) if self.truths else None
-        judged = [e for e in self._errors if e is not None]
-        settled = len(judged) == self._errors.maxlen
-        micros = np.array(self._compute) * 1e6 if self._compute else np.zeros(1)
+        tool = self._tool.error
         failure = self.player.failure or (
             None if self.player.phase in (Phase.OVER, Phase.PLAYING) else "the arm was not enabled"
         )
@@ -284,39 +238,25 @@ class Simulation:
             "ticks": self.cycle.tick,
             "duration_s": round(self.clock.time_s + period, 9),
             "mode": str(self.cycle.mode),
-            "events": [
-                {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}
-                | ({"values": e.values} if e.values else {})
-                for e in self.events
-            ],
+            "events": event_rows(self.events),
             "refused": self.player.refused,
             "limit_violations": len(self.observer.violations),
             "violations": [v.__dict__ for v in self.observer.violations[:20]],
             "limited_ticks": sum(bool(s.limits) for s in self.states),
-            "min_clearance_m": min(clear) if clear else None,
-            "min_sight_m": min(sight) if sight else None,
+            "min_clearance_m": least_clearance(self.truths),
+            "min_sight_m": least_sight(self.truths),
             "max_speed_ratio": self.observer.max_speed_ratio,
             "max_acceleration_ratio": self.observer.max_acceleration_ratio,
-            "tool_error_m": max(e[0] for e in judged) if settled else None,
-            "tool_error_rad": max(e[1] for e in judged) if settled else None,
+            "tool_error_m": None if tool is None else tool[0],
+            "tool_error_rad": None if tool is None else tool[1],
             "view_error_m": None if view is None else view[0],
             "view_error_rad": None if view is None else view[1],
-            "contact_force_n": _mean_norm(contact),
+            "contact_force_n": contact_force(self.truths, period),
             "q_final": list(self.truths[-1].q) if self.truths else [],
-            "tick_us": {
-                "p50": round(float(np.percentile(micros, 50)), 1),
-                "p99": round(float(np.percentile(micros, 99)), 1),
-                "max": round(float(micros.max()), 1),
-            },
+            "tick_us": tick_times(self._compute),
             "command_hash": self._hash.hexdigest(),
         }
         return Result(summary, tuple(self.states), tuple(self.truths))
-
-
-def _mean_norm(forces: list[tuple[float, float, float]]) -> float:
-    if not forces:
-        return 0.0
-    return math.fsum(math.sqrt(x * x + y * y + z * z) for x, y, z in forces) / len(forces)
 
 
 def simulate(

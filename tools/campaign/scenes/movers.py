@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.obstacles import Obstacle
-from ...scripts.generators import MovingObstacle
+from ...scripts.generators.tables import MovingObstacle
 from ...simulation.simulation import Simulation
 
 Vector = NDArray[np.float64]

@@ -6,7 +6,7 @@ from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.motion import MasterPose
 from telerobot.server.control.spatial import rotation_exp, rotation_rpy
 from telerobot.tools.operator.client.motions import Motions
-from telerobot.tools.scripts.master import MasterHandle
+from telerobot.tools.scripts.generators.master import MasterHandle
 
 ENVELOPE = {"seen_tick": 1}
 

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable
 
-from ...protocols import topics as t
-from ...protocols.codec import encode
-from ...protocols.messages.obstacles import ObstacleNews
-from ...protocols.messages.rig import RigFault
-from .generators import MovingTarget
+from ....protocols import topics as t
+from ....protocols.codec import encode
+from ....protocols.messages.obstacles import ObstacleNews
+from ....protocols.messages.rig import RigFault
+from .tables import MovingTarget
 
 NEWS_EVERY_S = 0.05
 """The daemon hears of the target, and the world sees it move, so often [s]."""

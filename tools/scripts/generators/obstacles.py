@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...protocols.messages.obstacles import ObstacleNews
-from ...protocols.messages.rig import RigFault
-from .generators import MovingObstacle
+from ....protocols.messages.obstacles import ObstacleNews
+from ....protocols.messages.rig import RigFault
+from .tables import MovingObstacle
 
 NEWS_EVERY_S = 0.05
 """Time between two news of an obstacle that moves [s]."""

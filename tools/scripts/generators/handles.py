@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from ...config.schema.reflection import Reflection as Config
-from ...protocols import topics as t
-from ...protocols.messages import messages as m
-from ..operator.client.protocol_client import ProtocolClient
-from ..reflect.client import ReflectingClient
-from .generators import Device
+from ....config.schema.reflection import Reflection as Config
+from ....protocols import topics as t
+from ....protocols.messages import messages as m
+from ...operator.client.protocol_client import ProtocolClient
+from ...reflect.client import ReflectingClient
+from .tables import Device
 
 
 class Handles:

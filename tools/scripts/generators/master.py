@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...protocols.messages.messages import Frame
+from ....protocols.messages.messages import Frame
 
 Array = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from ...protocols import topics as t
-from ...protocols.messages import messages as m
-from ...protocols.messages.obstacles import ObstacleNews
-from .message import TopicMessage
+from ....protocols import topics as t
+from ....protocols.messages import messages as m
+from ....protocols.messages.obstacles import ObstacleNews
+from ..message import TopicMessage
 
 KEYS = tuple(topic.key for topic in t.TOPICS)
 

@@ -1,0 +1,65 @@
+"""Result of a simulation, and the figures of its JSON."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...protocols.messages import messages as m
+from ...protocols.messages.rig import RigTruth
+
+CONTACT_S = 1.0
+"""The contact force is the mean over this long before the end [s]."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of a simulation: the fields of its JSON, and the state of every tick."""
+
+    summary: dict[str, object]
+    states: tuple[m.State, ...]
+    truths: tuple[RigTruth, ...]
+    """The physics' truth after every tick."""
+
+    @property
+    def ok(self) -> bool:
+        """True when the script could be played and no limit was violated."""
+        return self.summary["failure"] is None and self.summary["limit_violations"] == 0
+
+
+def event_rows(events: Sequence[m.Event]) -> list[dict[str, object]]:
+    """Return events as rows of JSON, `values` only where there are any."""
+    return [
+        {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}
+        | ({"values": e.values} if e.values else {})
+        for e in events
+    ]
+
+
+def least_clearance(truths: Sequence[RigTruth]) -> float | None:
+    """Return the least distance between the arm and fixed things [m]; None without any."""
+    return min((t.clearance_m for t in truths if t.clearance_m is not None), default=None)
+
+
+def least_sight(truths: Sequence[RigTruth]) -> float | None:
+    """Return the least distance between a link and a line of sight [m]; None without any."""
+    return min((d for t in truths for of in t.sight.values() for d in of.values()), default=None)
+
+
+def contact_force(truths: Sequence[RigTruth], period_s: float) -> float:
+    """Return the mean contact force of the last `CONTACT_S` [N]."""
+    forces = [truth.contact_force for truth in truths[-round(CONTACT_S / period_s) :]]
+    if not forces:
+        return 0.0
+    return math.fsum(math.sqrt(x * x + y * y + z * z) for x, y, z in forces) / len(forces)
+
+
+def tick_times(compute_s: Sequence[float]) -> dict[str, float]:
+    """Return quantiles of the tick's computing time [µs]."""
+    micros = np.array(compute_s) * 1e6 if compute_s else np.zeros(1)
+    return {
+        "p50": round(float(np.percentile(micros, 50)), 1),
+        "p99": round(float(np.percentile(micros, 99)), 1),
+        "max": round(float(micros.max()), 1),
+    }
