@@ -84,6 +84,11 @@ class Scene:
         return rounds.start, rounds.end, boxes.R, boxes.centre, boxes.half
 
     @property
+    def solids(self) -> tuple[tuple[Array, Array, Array, Array, Array], Array, Flags]:
+        """Shapes for kernels: `segments`, the radii of rounds, and which of them are lines."""
+        return self.segments, self.rounds.radius, self.rounds.line
+
+    @property
     def moves(self) -> bool:
         """True if anything may move."""
         return bool(np.count_nonzero(self.speed))

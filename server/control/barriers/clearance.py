@@ -162,9 +162,7 @@ class Clearance:
         if not sight.still:
             end_s = duration_s + (1.0 + LATENCY) * self._period_s
             most = most + self._nearer(near, sight.scene, sight.base, [end_s])[0]
-        leaves, pairs, closer = doubtful(
-            sight.lever, way, sight.around, near.first, near.second, near.gap, most
-        )
+        leaves, pairs, closer = doubtful(sight.lever, way, sight.around, near[:2], near.gap, most)
         if leaves:
             sight = self._farther(sight, travel(sight.lever, way))
             return self.shortfall(sight, duration_s, way, postures)

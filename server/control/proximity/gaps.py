@@ -7,8 +7,7 @@ import numpy as np
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled
 from ..scene import Index
 from ..spatial import Array
-from .records import BODIES, MOTION, NEAREST, PAIRS, PLACED, Bodies, Motion, Pairs, Placed
-from .records import Nearest as Near
+from .records import BODIES, MOTION, NEAREST, PAIRS, PLACED, Bodies, Motion, Near, Pairs, Placed
 
 
 class Nearest(NamedTuple):

@@ -16,7 +16,7 @@ from ..compiled import (
 )
 from ..scene import Flags, Index
 from ..spatial import Array
-from .records import PLACED, Placed
+from .records import PAIRS, PLACED, Pairs, Placed
 
 CURVED: Final = 1e-9
 """Below this sum of ways a lever does not grow [1]."""
@@ -107,17 +107,17 @@ def carried(
     return nearer, fastest
 
 
-@compiled(MATRIX, VECTOR, VECTOR, INDEX, INDEX, VECTOR, VECTOR)
+@compiled(MATRIX, VECTOR, VECTOR, PAIRS, VECTOR, VECTOR)
 def doubtful(
-    lever: Array, way: Array, room: Array, first: Index, second: Index, gap: Array, most: Array
+    lever: Array, way: Array, room: Array, pairs: Pairs, gap: Array, least: Array
 ) -> tuple[bool, Index, Array]:
-    """Return the pairs that may come below `most` (k,) [m], and how much closer each may come [m].
+    """Return which pairs may come below `least` (k,) [m], and how much closer each may come [m].
 
     `way` (n,) is how far joints move at most, `lever` (c, n) the capsules'. The first result is
     whether any capsule leaves its `room` (c,) [m]: then other pairs matter, too.
     """
-    gone = travel(lever, way)
-    pairs, closer = np.empty(len(gap), dtype=np.int64), np.empty(len(gap))
+    (first, second), gone = pairs, travel(lever, way)
+    which, closer = np.empty(len(gap), dtype=np.int64), np.empty(len(gap))
     found, leaves = 0, False
     for c in range(len(gone)):
         leaves = leaves or gone[c] > room[c]
@@ -125,7 +125,7 @@ def doubtful(
         together = gone[first[i]]
         if second[i] < len(gone):
             together += gone[second[i]]
-        if gap[i] - together < most[i]:
-            pairs[found], closer[found] = i, together
+        if gap[i] - together < least[i]:
+            which[found], closer[found] = i, together
             found += 1
-    return leaves, pairs[:found].copy(), closer[:found].copy()
+    return leaves, which[:found].copy(), closer[:found].copy()

@@ -30,7 +30,7 @@ Obstacles = tuple[Array, Array, Array, Array, Array]
 OBSTACLES: Final = record(MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
 """`Scene.segments`: ends (m, 3) of rounds; attitudes (b, 3, 3), centres and half sides (b, 3)."""
 
-Nearest = tuple[Array, Array, Array]
+Near = tuple[Array, Array, Array]
 NEAREST: Final = record(VECTOR, MATRIX, MATRIX)
 """`gaps.Nearest`."""
 

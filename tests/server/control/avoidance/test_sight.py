@@ -89,7 +89,7 @@ def test_pairs_that_may_come_below_a_bound_are_doubtful(rng):
     closer = both[first] + both[second]
     expected = np.flatnonzero(gap - closer < most)
     for room, leaves in ((gone + 1e-9, False), (np.r_[gone[:-1], 0.0], True)):
-        left, pairs, told = doubtful(lever, way, room, first, second, gap, most)
+        left, pairs, told = doubtful(lever, way, room, (first, second), gap, most)
         assert left == leaves
         assert 0 < len(expected) < k
         np.testing.assert_array_equal(pairs, expected)

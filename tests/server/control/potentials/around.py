@@ -32,7 +32,6 @@ def acting(scene, p1, p2, least, smooth=True):
 
     The link is borne by six joints: the unit twists at World's origin.
     """
-    r, b = scene.rounds, scene.boxes
-    around = (r.start, r.end, r.radius, r.line, b.R, b.centre, b.half, 1.0, 1.0, least, smooth)
+    around = (scene.solids, 1.0, 1.0, least, smooth)
     torque, potential = push(np.eye(6), np.array([[p1, p2]]), np.array([6]), *around)
     return torque[:3], torque[3:], potential

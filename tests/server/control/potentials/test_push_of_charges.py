@@ -170,8 +170,7 @@ def test_the_torques_are_those_of_all_pairs_about_the_worlds_origin():
     force = k * each.force.sum(axis=1)
     moment = k * each.moment.sum(axis=1) + np.cross(p1.T, force)
     wrench, moves = np.hstack([force, moment]), np.arange(6) < body[:, None]
-    r, b = scene.rounds, scene.boxes
-    around = (r.start, r.end, r.radius, r.line, b.R, b.centre, b.half, k, 0.0, least, True)
+    around = (scene.solids, k, 0.0, least, True)
     torque, potential = push(np.eye(6), np.stack([p1.T, p2.T], axis=1), body, *around)
     np.testing.assert_allclose(torque, (wrench * moves).sum(axis=0), rtol=1e-12)
     assert potential == pytest.approx(k * each.potential.sum(), rel=1e-12)

@@ -30,7 +30,19 @@ from typing import Final
 
 import numpy as np
 
-from ....compiled import ARRAY3, COUNT, FLAG, FLAGS, INDEX, MATRIX, NUMBER, VECTOR, XYZ, compiled
+from ....compiled import (
+    ARRAY3,
+    COUNT,
+    FLAG,
+    FLAGS,
+    INDEX,
+    MATRIX,
+    NUMBER,
+    VECTOR,
+    XYZ,
+    compiled,
+    record,
+)
 from ....scene import Flags
 from ....spatial import Array
 from .geometry import Index, Xyz
@@ -214,20 +226,14 @@ def by_box(p: Xyz, u: Xyz, length: float, centre: Xyz, R: Array, half: Xyz, leas
 
 @compiled(
     *(MATRIX, ARRAY3, INDEX),
-    *(MATRIX, MATRIX, VECTOR, FLAGS, ARRAY3, MATRIX, MATRIX),
+    record(record(MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX), VECTOR, FLAGS),
     *(NUMBER, NUMBER, NUMBER, FLAG),
 )
 def push(
     screws: Array,
     ends: Array,
     body: Index,
-    start: Array,
-    end: Array,
-    radius: Array,
-    line: Flags,
-    R: Array,
-    centre: Array,
-    half: Array,
+    obstacles: tuple[tuple[Array, Array, Array, Array, Array], Array, Flags],
     k: float,
     k_line: float,
     least: float,
@@ -236,10 +242,11 @@ def push(
     """Return the joint torques (n,) [N·m] and the potential [J] of all links (eqs. 15, 16).
 
     Joints are `screws` (6, n) about World's origin, links `ends` (m, 2, 3), with `body` (m,) joints
-    inboard of each; then the scene's rounds and boxes. Points and solids have the strength k
+    inboard of each, obstacles `Scene.solids`. Points and solids have the strength k
     [N·m], lines `k_line` per metre [N]; `least` [m] bounds distances from below. Sight lines
     without radius are charged all along where `smooth`, else at their point closest to each link.
     """
+    (start, end, R, centre, half), radius, line = obstacles
     n = screws.shape[1]
     wrench, total = np.zeros((n + 1, 6)), 0.0
     for i in range(len(ends)):

@@ -83,18 +83,11 @@ class Potential:
             parts["manipulability"] = -k.manipulability * w
         parts["obstacles"] = 0.0
         if scene is not None:
-            rounds, boxes = scene.rounds, scene.boxes
             pushed, parts["obstacles"] = push(
                 here.screws,
                 here.ends,
                 self._body,
-                rounds.start,
-                rounds.end,
-                rounds.radius,
-                rounds.line,
-                boxes.R,
-                boxes.centre,
-                boxes.half,
+                scene.solids,
                 k.obstacles,
                 k.lines,
                 self._least,
