@@ -1,4 +1,4 @@
-"""Clearances: their barriers, and what a stop would leave of them.
+"""Clearances: their barriers, and their shortfall along a stop.
 
 A promise is kept by the arm itself, not by the command that it follows: what the joints lag behind
 the command, times how much that matters for the gap, is taken off every gap (the tracking tube).
@@ -22,11 +22,11 @@ from .clearance_bounds import HORIZON_S, held, kept, wanted
 from .velocity_damper import Braking
 
 SAMPLE_S = 0.025
-"""A stop is looked at this often at least [s] …"""
+"""Greatest time between two postures that are checked along a stop [s] …"""
 SAMPLE_M = 0.03
-"""… and after so much motion of any link [m]."""
+"""… and greatest motion of any link between them [m]."""
 SAMPLES = 16
-"""Most looks at one stop [1]."""
+"""Greatest number of postures that are checked along a stop [1]."""
 BETWEEN = 0.4
 """Part of the margin that stops keep: for what a curved path dips between two looks, beside the
 chord's, and for what loaded joints give way by, which no encoder sees [1]."""
@@ -35,13 +35,13 @@ SLACK = 1e-4
 CREEP = 2e-5
 """The same of a gap to something that comes nearer, in one period [m]."""
 COMES = 1e-3
-"""What comes no quicker than this stands [m/s]."""
+"""Slower obstacles count as static [m/s]."""
 BESIDE = 0.03
-"""Things are looked at this much farther off than where they matter [m]."""
+"""Extra search radius around capsules [m]."""
 LATENCY = 3.0
 """Periods until the arm is where the command is now [1]."""
 SHOWN = 4
-"""So many of the nearest pairs are told [1]."""
+"""Number of nearest pairs in telemetry [1]."""
 
 _LOOKS = np.arange(SAMPLES + 1.0)
 _STILL = np.zeros((0, 0))
@@ -69,7 +69,7 @@ class Gap(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What clearances are at one posture."""
+    """Clearances at one posture: near pairs, and the bounds of their gaps."""
 
     scene: Scene | None
     base: Base
@@ -83,16 +83,16 @@ class Sight(NamedTuple):
     room: Array
     """How far each gap may close (k,) [m]; negative beyond its barrier."""
     tube: Array
-    """What tracking may take off each gap (k,) [m]."""
+    """Loss of each gap (k,) by tracking errors [m]."""
     needed: Array
-    """What each gap (k,) must keep along a stop [m]."""
+    """Minimum of each gap (k,) along a stop [m]."""
     floor: Array
-    """What each gap (k,) must keep where it is below its bound already [m]."""
+    """Minimum of each gap (k,) that is below its bound already [m]."""
     levels: Levels
 
 
 class Shown(NamedTuple):
-    """The pairs of one tick, for whoever looks on: the command does not wait for their names."""
+    """Nearest pairs of one tick, for telemetry: their names are looked up on request."""
 
     sight: Sight
     links: tuple[str, ...]
@@ -129,7 +129,7 @@ class Clearance:
         self, q: Array, fastest: Array, error: Array, scene: Scene | None, factor: float,
         levels: Levels, base: Base = None, placed: Placed | None = None,
     ) -> Sight:  # fmt: skip
-        """Return what is near at q (n,) [rad] for joints that go at most `fastest` (n,) [rad/s].
+        """Return near pairs and bounds at q (n,) [rad], for joint speeds `fastest` (n,) [rad/s].
 
         `error` (n,) [rad] is what the joints are behind the command; `factor` the reduced-speed
         setting; `levels` those of the sight before; `base` where a Base that moves is; `placed`

@@ -1,4 +1,4 @@
-"""What gaps must keep: bounds of barriers and of stops, by what may take something off them."""
+"""Minimum distances: promises plus tracking errors, margins and motion of obstacles."""
 
 from typing import Final
 
@@ -9,7 +9,7 @@ from ..scene import Index
 from ..spatial import Array
 
 HORIZON_S: Final = 0.4
-"""What moves is looked at when it can be near within this time [s]."""
+"""Moving obstacles count if they can be near within this time [s]."""
 ROUNDEST: Final = 0.02
 """Paths of links around things are no more curved than a circle with this radius [m]."""
 
@@ -18,9 +18,9 @@ ROUNDEST: Final = 0.02
 def held(
     tube: Array, gap: Array, promise: Array, speed: Array, between: float
 ) -> tuple[Array, Array, Index]:
-    """Return what gaps (k,) need, their floors as if none were held, and which are.
+    """Return minimum gaps (k,) [m], floors as if none were held, and which are.
 
-    Held are those that are below what they need, or may be soon, since something moves.
+    A gap is held if it is below its minimum, or may be soon since an obstacle moves.
     """
     needed, floor = np.empty(len(gap)), np.full(len(gap), np.inf)
     which, count = np.empty(len(gap), dtype=np.int64), 0
@@ -59,11 +59,11 @@ def wanted(
     count: int, pairs: Index, closer: Array, needed: Array, promise: Array, radii: Array,
     floor: Array, nearer: Array,
 ) -> Array:  # fmt: skip
-    """Return what the segments of `pairs` (p,) are to keep (count + 1, p) [m] at looks at a stop.
+    """Return minimum distances (count + 1, p) [m] between segments of `pairs` (p,) along a stop.
 
-    What they need and what their paths, no straighter than their radii, may dip by between two
-    looks, each coming `closer` (p,) in all; and what else they may be `nearer` (count + 1, k) by,
-    or (0, 0). But no more than their floors.
+    The minimum gap, plus the sagitta of a path that comes `closer` (p,) in `count` steps and is no
+    more curved than its radii, plus the approach of obstacles `nearer` (count + 1, k), or (0, 0);
+    at most the floor.
     """
     found = np.empty((count + 1, len(pairs)))
     for i in range(len(pairs)):

@@ -1,4 +1,4 @@
-"""Everything that keeps the arm clear, looked at once per tick: links, obstacles, the workspace.
+"""Collision barriers of one tick: links against obstacles and each other, and the workspace.
 
 One look serves both the barriers of the tick and the judgement of the stops that it considers.
 """
@@ -18,7 +18,7 @@ from .velocity_damper import Rows
 from .workspace import Walls
 
 NAMED = 3
-"""So many of the barriers that act are named [1]."""
+"""Number of acting barriers that are named [1]."""
 
 ORDERED = 1e-4
 """A tool that is to go at more than this was told to [m/s, rad/s]."""
@@ -44,7 +44,7 @@ class Situation(NamedTuple):
     q: Array
     dq: Array
     error: Array
-    """What the joints are behind the command (n,) [rad]."""
+    """Tracking errors of the joints (n,) [rad]."""
     tools: tuple[Tool, ...]
     scene: Scene | None
     factor: float
@@ -55,7 +55,7 @@ class Situation(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """What is around the arm in one tick."""
+    """Near pairs and barriers of one tick."""
 
     at: Situation
     sight: Sight
@@ -66,7 +66,7 @@ class Watch(NamedTuple):
 
     @property
     def levels(self) -> Levels:
-        """What to hand to the next tick."""
+        """Best gaps so far, for the next tick."""
         return self.sight.levels
 
 
@@ -128,7 +128,7 @@ class Guard:
         return names
 
     def shown(self, watch: Watch, active: Flags) -> Shown:
-        """Return the pairs for whoever looks on; `active` flags the barriers that act."""
+        """Return the pairs for telemetry; `active` flags the barriers that act."""
         return Shown(watch.sight, self.capsules.links, active[: watch.sight.near.size])
 
     def shortfall(

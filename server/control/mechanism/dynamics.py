@@ -50,7 +50,7 @@ class Dynamics:
         T_wrist_sensor = T_wrist_sensor or Pose.identity()
         self._T_wrist_sensor = T_wrist_sensor
         self.carried = (0.0, np.zeros(3))
-        """What it was told to carry [kg], and where (3,) in the Wrist [m]."""
+        """Mass of the payload [kg], and its centre (3,) in the Wrist [m]."""
         self._T_joint_sensor = T_joint_wrist @ T_wrist_sensor
         self._to_sensor = pin.SE3(T_wrist_sensor.R, T_wrist_sensor.p).inverse().action
         tool = _tool(self._model, self._tip)

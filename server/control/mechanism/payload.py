@@ -1,4 +1,4 @@
-"""What hangs on the force/torque sensor."""
+"""Payload on the force/torque sensor."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from ..spatial import Array
 
 @dataclass(frozen=True)
 class Payload:
-    """What hangs outboard of the sensor."""
+    """Load outboard of the sensor."""
 
     mass: float
     """Mass [kg]."""

@@ -1,1 +1,1 @@
-"""Distances: capsules around the links, pairs of what is near, and how near they may come."""
+"""Distances: capsules around the links, near pairs, and bounds on how close they may come."""

@@ -1,6 +1,6 @@
-"""Distances of points from what is solid in a scene: all pairs in one pass.
+"""Distances of points from the solid obstacles of a scene: all pairs in one pass.
 
-Sight lines are not solid. What may move counts as far out as it may be now.
+Sight lines are not solid. Obstacles that move count as far out as they may be now.
 """
 
 import math
@@ -19,7 +19,7 @@ TOUCHING: Final = 1e-9
 
 
 class Apart(NamedTuple):
-    """How far s points are from k obstacles."""
+    """Distances of s points from k obstacles."""
 
     distance: Array
     """To the surfaces (s, k) [m]; below zero inside."""
@@ -28,7 +28,7 @@ class Apart(NamedTuple):
 
 
 def apart(points: Array, scene: Scene) -> Apart:
-    """Return how far points (s, 3) [m] in World are from each solid obstacle."""
+    """Return distances of points (s, 3) [m] in World from each solid obstacle."""
     # Where nothing moves, no speed is the reach.
     reach = scene.reach(0.0) if scene.moves else scene.speed
     return Apart(*_apart(points, scene.segments, scene.rounds.radius, scene.rounds.line, reach))

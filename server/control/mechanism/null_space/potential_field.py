@@ -34,7 +34,7 @@ _NO_LINKS = np.zeros((0, 2, 3))
 
 
 class Felt(NamedTuple):
-    """The field at one posture, for whoever looks on."""
+    """The field at one posture, for telemetry."""
 
     parts: dict[str, float]
     """Each potential [J]."""

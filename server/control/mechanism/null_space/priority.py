@@ -24,7 +24,7 @@ RELEASE_S = 0.2
 
 
 class Near(NamedTuple):
-    """What is near the virtual spheres, and what comes of it."""
+    """Distances of the virtual spheres from obstacles, and the priority that follows."""
 
     names: tuple[str, ...]
     distances: Distances

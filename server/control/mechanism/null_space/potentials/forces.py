@@ -1,4 +1,4 @@
-"""What obstacles do to the links: forces and moments, joint torques, the potential of it all.
+"""Forces and moments of obstacles on the links, their joint torques, and their potential.
 
 A link is a segment that is charged along its length: Scott & Carignan, "A Line-Based Obstacle
 Avoidance Technique for Dexterous Manipulator Operations", eqs. 11–16. It meets
@@ -48,14 +48,14 @@ from ....spatial import Array
 from .geometry import Index, Xyz
 
 Effect = tuple[Xyz, Xyz, float]
-"""What one obstacle of strength 1 does to a link along u: the force, the t of which u × t is the
+"""Effect of one obstacle of strength 1 on a link along u: the force, the t of which u × t is the
 moment about the link's first end, and the potential."""
 
 _AT, _WEIGHT = np.polynomial.legendre.leggauss(5)
 _RULE: Final = tuple(zip((0.5 * (_AT + 1.0)).tolist(), (0.5 * _WEIGHT).tolist(), strict=True))
 """Where along a link its points are, 0 to 1, and the part of it that each stands for."""
 _NONE: Final = 1e-300
-"""Keeps what has no length or no distance from dividing by zero."""
+"""Avoids division by zero."""
 _THIN: Final = 1e-12
 """The same of a segment's squared length [m²], and of a distance with a direction [m]."""
 _PARALLEL: Final = 1e-12
