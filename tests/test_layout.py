@@ -1,4 +1,5 @@
 import tomllib
+from collections import Counter
 from importlib import resources
 from pathlib import Path
 
@@ -27,3 +28,33 @@ def test_constraints_name_versions_only_and_cover_what_we_need():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     needed = (*project["dependencies"], *project["optional-dependencies"]["dev"])
     assert {n.split(">=")[0].lower() for n in needed} <= {name.lower() for name in pinned}
+
+
+MOST_FILES, MOST_LINES = 12, 300
+"""A room holds a dozen files, `__init__.py` among them; a file has 300 lines."""
+
+CROWDED = {"server", "server/commands", "server/operators"}
+"""Rooms with one file too many."""
+
+LONG = {
+    "drivers/rig/nodes/servo_node.py",
+    "drivers/rig/physics/world.py",
+    "drivers/servo.py",
+    "protocols/canopen/cia402.py",
+}
+"""Files that are still to be split."""
+
+
+def modules(*folders):
+    return [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+
+
+def test_no_room_of_the_server_or_the_tools_holds_more_than_a_dozen_files():
+    rooms = Counter(str(path.parent.relative_to(ROOT)) for path in modules("server", "tools"))
+    assert {room for room, files in rooms.items() if files > MOST_FILES} <= CROWDED
+
+
+def test_no_file_is_longer_than_300_lines():
+    lines = {path: len(path.read_text().splitlines()) for path in modules(*FOLDERS)}
+    long = {str(path.relative_to(ROOT)) for path, count in lines.items() if count > MOST_LINES}
+    assert long <= LONG
