@@ -151,6 +151,7 @@ TARE = _request("tare", requests.TareRequest)
 PAYLOAD = _request("payload", requests.PayloadRequest)
 ACKNOWLEDGE_LOAD = _request("acknowledge_load", requests.AcknowledgeLoad)
 GRIPPER = _request("gripper", requests.GripperRequest)
+MARK = _request("mark", requests.MarkRequest)
 REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
 CLUTCH = _request("clutch", motion.ClutchRequest)
@@ -174,7 +175,7 @@ TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
     SIGHTING, OBSTACLE, FRAME_NEWS,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
-    PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, STORE_VIEW,
+    PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, MARK, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,
     STATE, REFLECTION, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_MOTION, RIG_TRUTH,

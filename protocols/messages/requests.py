@@ -117,6 +117,12 @@ class AcknowledgeLoad(Command):
     """Lets force control and following act on a load that was said to be unexplained."""
 
 
+class MarkRequest(Command):
+    """Marks a moment of a run: an event with a few words, for whoever reads the recording."""
+
+    text: str = Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
+
+
 class Reply(Message):
     """The answer to every request: accepted, or refused with the reason by name."""
 

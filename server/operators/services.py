@@ -144,6 +144,8 @@ class Services:
                 self._tare(context)
             case requests.AcknowledgeLoad():
                 self._commands.settings.hear_of_load("acknowledged")
+            case requests.MarkRequest():
+                self._events.info("marked", message.text)
             case StoreView():
                 stored = context.vision.store(message.camera)
                 self._events.info("view_stored", message.camera or "", **stored)

@@ -115,6 +115,7 @@ def test_a_script_that_is_not_there_is_named():
         ("cmd/jog", {"rates": []}, "rates: Tuple should have at least 1 item"),
         ("cmd/cancel", {"seen_tick": 3}, "seen_tick: is filled in by its sender"),
         ("operator/protective_stop", {"seal": "00"}, "seal: is filled in by its sender"),
+        ("operator/mark", {"text": "clear\x1b[2J"}, "text: String should match pattern"),
         ("rig/fault", {"kind": "jump", "target": "j1"}, "kind: Input should be 'silence', "),
         ("rig/motion", {"target": "platform", "period_s": 0}, "period_s: Input should be greater"),
     ],
