@@ -8,7 +8,7 @@ from enum import StrEnum
 
 
 class Mode(StrEnum):
-    """What the daemon is doing with the arm."""
+    """Mode of the daemon."""
 
     BOOT = "boot"
     """Devices are being configured; drives are off."""
@@ -29,8 +29,8 @@ class Mode(StrEnum):
         return self in (Mode.ENABLED, Mode.STOPPING, Mode.HOLD)
 
 
-class Wish(StrEnum):
-    """What an operator has asked for and still waits for."""
+class PendingAction(StrEnum):
+    """An action that an operator has asked for and that is under way."""
 
     NONE = "none"
     ENABLE = "enable"
@@ -40,9 +40,9 @@ class Wish(StrEnum):
 
 @dataclass(frozen=True)
 class ModeInputs:
-    """Everything a mode change depends on, at one tick."""
+    """Inputs of a mode change, at one tick."""
 
-    wish: Wish = Wish.NONE
+    action: PendingAction = PendingAction.NONE
     hold: bool = False
     """An operator asks for HOLD now."""
     resume: bool = False
@@ -61,7 +61,7 @@ class ModeInputs:
 def next_mode(mode: Mode, s: ModeInputs) -> Mode:
     """Return the mode after one tick in situation `s`."""
     if mode is Mode.FAULT:
-        reset = s.wish is Wish.RESET and s.open and s.healthy and s.drives_off
+        reset = s.action is PendingAction.RESET and s.open and s.healthy and s.drives_off
         return Mode.READY if reset else Mode.FAULT
     if not s.healthy:
         return Mode.FAULT
@@ -69,14 +69,14 @@ def next_mode(mode: Mode, s: ModeInputs) -> Mode:
         case Mode.BOOT:
             return Mode.READY if s.open else Mode.BOOT
         case Mode.READY:
-            go = s.wish is Wish.ENABLE and s.drives_enabled and s.may_move
+            go = s.action is PendingAction.ENABLE and s.drives_enabled and s.may_move
             return Mode.ENABLED if go else Mode.READY
         case Mode.ENABLED:
-            stay = s.may_move and not s.hold and s.wish is not Wish.DISABLE
+            stay = s.may_move and not s.hold and s.action is not PendingAction.DISABLE
             return Mode.ENABLED if stay else Mode.STOPPING
         case Mode.STOPPING:
             return Mode.HOLD if s.at_rest else Mode.STOPPING
         case Mode.HOLD:
-            if s.wish is Wish.DISABLE:
+            if s.action is PendingAction.DISABLE:
                 return Mode.READY
             return Mode.ENABLED if s.resume and s.may_move and not s.hold else Mode.HOLD

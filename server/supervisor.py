@@ -7,7 +7,7 @@ from ..drivers.device import DeviceError, Trouble
 from .commands.commands import Commands
 from .control.state import Output
 from .faults import FaultDetector
-from .mode import Mode, ModeInputs, Wish, next_mode
+from .mode import Mode, ModeInputs, PendingAction, next_mode
 from .operators.admission import Admission, Instant
 from .operators.request_context import RequestContext
 from .operators.services import Services
@@ -85,21 +85,21 @@ class Supervisor:
         if trouble is not None and self.mode is not Mode.FAULT:
             self.quick_stop(trouble, "fault")
         modes, before, now = self._modes, self.mode, context.now
-        reopen = before is Mode.FAULT and modes.wish is Wish.RESET and not self._reopened
+        reopen = before is Mode.FAULT and modes.action is PendingAction.RESET and not self._reopened
         if reopen:
             trouble = self._reopen(now)
         void = reopen and self._reopened
-        self._reopened = self._reopened and modes.wish is Wish.RESET
+        self._reopened = self._reopened and modes.action is PendingAction.RESET
         wrong = self._plant.buses.trouble
         if self._reopened and wrong is not None:
-            modes.finish_wish(now, Refused(Why.STILL_WRONG, wrong.detail))
+            modes.finish(now, Refused(Why.STILL_WRONG, wrong.detail))
         blocked = self._blocked(now, reason_to_stop)
         if blocked not in (None, OVERRUNS) and before is Mode.READY:
             modes.end_enable(now, blocked)
         self.mode = next_mode(
             before,
             ModeInputs(
-                wish=Wish.DISABLE if self.retiring else modes.wish,
+                action=PendingAction.DISABLE if self.retiring else modes.action,
                 hold=modes.hold,
                 resume=modes.resume,
                 open=reading.q is not None and not reopen,  # what was read before is void then
@@ -134,7 +134,7 @@ class Supervisor:
         try:
             self._plant.open()
         except DeviceError as error:
-            self._modes.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
+            self._modes.finish(now, Refused(Why.STILL_WRONG, str(error)))
             return self._trouble
         finally:
             self._keep_lease(now)
@@ -145,9 +145,9 @@ class Supervisor:
 
     def _switch_power(self, reading: PlantReading, now: Instant) -> None:
         try:
-            blocked = self._power.follow(self._modes.wish is Wish.ENABLE, reading)
+            blocked = self._power.follow(self._modes.action is PendingAction.ENABLE, reading)
         except DeviceError as error:
-            self._modes.finish_wish(now, Refused(Why.STILL_WRONG, str(error)))
+            self._modes.finish(now, Refused(Why.STILL_WRONG, str(error)))
             blocked = self._power.follow(False, reading)
         if blocked:
             self._keep_lease(now)

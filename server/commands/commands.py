@@ -22,7 +22,6 @@ from ..control.task.paths.goals import Goal, PathGoal, Pursuit
 from ..reflection.force_reflection import Reflector
 from ..refusals import Refused, Why
 from .clutch import Master
-from .desired_wrench import DesiredWrench
 from .frame_set import FrameSet
 from .goals import Goals
 from .haptic_handle import HapticHandle
@@ -31,6 +30,7 @@ from .joint_commands import JointCommands
 from .placement import path_goal, placed
 from .settings import OperatorSettings
 from .streams import Stream
+from .wrench_goal import WrenchGoal
 
 _TOPIC: Final[dict[type[m.Message], str]] = {
     topic.message: topic.key for topic in TOPICS if topic.flow is Flow.COMMAND
@@ -51,7 +51,7 @@ class Commands:
     ) -> None:
         self._joints, self.settings, self.frames = joints, settings, frames
         self.goals = Goals(frames.T_wrist_mrf)
-        self.wrench = DesiredWrench()
+        self.wrench = WrenchGoal()
         self.master = Master()
         self.handle = HapticHandle(reflector)
         self.dropped: list[tuple[str, str]] = []
@@ -124,7 +124,7 @@ class Commands:
         tree = self.frames.tree(T_world_mrf)
         tree.pose(message.expressed_in)  # raises before it is in force
         self._stick.take(message, now_s)
-        self.handle.hear(message, now_s, tree.pose(message.expressed_in).R)
+        self.handle.hear(message.handle, now_s, tree.pose(message.expressed_in).R)
         if any(message.twist):
             # Whoever moves the stick wants to steer, not to watch a posture being taken.
             self.goals.leave_posture()
@@ -162,7 +162,7 @@ class Commands:
         if not goals.pursuing:
             ground = self.frames.ground(self.frames.crf.on)
         axes, T = tree.pose(message.expressed_in, ground).R, tree.pose(m.Frame.MRF, ground)
-        self.handle.hear(message, now_s, tree.pose(message.expressed_in).R)
+        self.handle.hear(message.handle, now_s, tree.pose(message.expressed_in).R)
         if not self.master.take(message, now_s, axes, T, self.handle.reflector):
             return
         if not goals.pursuing:

@@ -1,11 +1,9 @@
 """The operator's handle in a cell that reflects forces: its news, and the force that it is told."""
 
-from ...protocols.messages.messages import JoystickTwist
-from ...protocols.messages.motion import MasterPose
 from ...protocols.messages.reflection import Reflection, ReflectionRequest
 from ..control.spatial import Array
 from ..control.state import Output
-from ..reflection.force_reflection import Reflector
+from ..reflection.force_reflection import HandleEnergies, Reflector
 from ..refusals import Refused, Why
 
 
@@ -15,12 +13,10 @@ class HapticHandle:
     def __init__(self, reflector: Reflector | None) -> None:
         self.reflector = reflector
 
-    def hear(
-        self, message: JoystickTwist | MasterPose, now_s: float, R_world_handle: Array
-    ) -> None:
+    def hear(self, energies: HandleEnergies | None, now_s: float, R_world_handle: Array) -> None:
         """Take in the energies that came with a command, and the axes (3, 3) of its frame."""
         if self.reflector is not None:
-            self.reflector.hear(message.handle, now_s, R_world_handle)
+            self.reflector.hear(energies, now_s, R_world_handle)
 
     def protect(self) -> None:
         """Protect the reflected force against delay, as at start."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ...protocols.codec import encode
 from ...protocols.messages import requests
 from ..commands.settings import OperatorSettings
-from ..mode import Mode, Wish
+from ..mode import Mode, PendingAction
 from ..refusals import Refused, Why
 from ..runtime.events import Events
 from .admission import Instant
@@ -17,11 +17,11 @@ ENABLE_TIMEOUT_S = 3.0
 """Drives that are not in Operation enabled by then will not be [s]."""
 
 _ENDS = {
-    Wish.ENABLE: frozenset(Mode) - {Mode.READY},
-    Wish.DISABLE: {Mode.FAULT},
-    Wish.RESET: frozenset[Mode](),
+    PendingAction.ENABLE: frozenset(Mode) - {Mode.READY},
+    PendingAction.DISABLE: {Mode.FAULT},
+    PendingAction.RESET: frozenset[Mode](),
 }
-"""Modes in which a wish cannot come about any more."""
+"""Modes in which an action cannot succeed any more."""
 
 _ALLOWED: dict[str, tuple[Mode, ...]] = {
     "enable": (Mode.READY, Mode.HOLD),
@@ -42,11 +42,11 @@ class _Pending:
 
 
 class ModeRequests:
-    """The mode that an operator wishes for, and the request that waits for it."""
+    """The action that an operator asked for, and the request that waits for it."""
 
     def __init__(self, settings: OperatorSettings, stops: ProtectiveStops, events: Events) -> None:
         self._settings, self._stops, self._events = settings, stops, events
-        self.wish = Wish.NONE
+        self.action = PendingAction.NONE
         self.hold = False
         """HOLD was asked for in this tick."""
         self.resume = False
@@ -62,24 +62,24 @@ class ModeRequests:
     ) -> requests.Reply | None:
         """Put a request in force; return its answer, None while it waits. Raises `Refused`."""
         mode = context.mode
-        replaced = (self.wish, message.action) if mode is Mode.READY else None
-        if replaced == (Wish.ENABLE, "disable"):
+        replaced = (self.action, message.action) if mode is Mode.READY else None
+        if replaced == (PendingAction.ENABLE, "disable"):
             self.end_enable(context.now, "disable asked")
         elif mode not in _ALLOWED[message.action]:
             modes = " or ".join(_ALLOWED[message.action])
             raise Refused(Why.NOT_NOW, f"{message.action} needs mode {modes}, it is {mode}")
         if message.action in ("enable", "resume"):
             self._ready_to_move(context)
-        if replaced == (Wish.DISABLE, "enable"):
-            self.finish_wish(context.now, None)  # READY it is: the drives go off, and then on again
+        if replaced == (PendingAction.DISABLE, "enable"):
+            self.finish(context.now, None)  # READY it is: the drives go off, and then on again
         if self._pending is not None:
-            raise Refused(Why.NOT_NOW, f"{self.wish} is still under way")
+            raise Refused(Why.NOT_NOW, f"{self.action} is still under way")
         if message.action == "hold":
             self.hold = True
         elif mode is Mode.HOLD and message.action in ("enable", "resume"):
             self.resume = True
         else:
-            self.wish = Wish(message.action)
+            self.action = PendingAction(message.action)
             self._pending = _Pending(asked, context.now.time_s)
             return None
         return requests.Reply(ok=True, tick=context.now.tick)
@@ -98,37 +98,37 @@ class ModeRequests:
             raise Refused(Why.TOUCHED, "what pushes the arm is still there")
 
     def settle(self, mode: Mode, context: RequestContext) -> None:
-        """Answer the pending wish once it has come about or has taken too long."""
+        """Answer the pending request once its action has succeeded, or has taken too long."""
         pending = self._pending
         if pending is None:
             return
         done = {
-            Wish.ENABLE: mode is Mode.ENABLED,
-            Wish.DISABLE: mode is Mode.READY and context.drives_off,
-            Wish.RESET: mode is Mode.READY,
-        }[self.wish]
+            PendingAction.ENABLE: mode is Mode.ENABLED,
+            PendingAction.DISABLE: mode is Mode.READY and context.drives_off,
+            PendingAction.RESET: mode is Mode.READY,
+        }[self.action]
         late = context.now.time_s - pending.since_s > ENABLE_TIMEOUT_S
         if done:
-            self.finish_wish(context.now, None)
+            self.finish(context.now, None)
         elif late:
-            self.finish_wish(context.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
-        elif mode in _ENDS[self.wish]:
-            self.finish_wish(context.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
+            self.finish(context.now, Refused(Why.STILL_WRONG, f"mode is still {mode}"))
+        elif mode in _ENDS[self.action]:
+            self.finish(context.now, Refused(Why.NOT_NOW, f"mode became {mode}"))
 
     def end_enable(self, now: Instant, reason: str) -> None:
         """Give up enabling: what was asked for before something else came is dead, not late."""
-        if self.wish is Wish.ENABLE:
-            self.finish_wish(now, Refused(Why.NOT_NOW, reason))
+        if self.action is PendingAction.ENABLE:
+            self.finish(now, Refused(Why.NOT_NOW, reason))
 
-    def finish_wish(self, now: Instant, refused: Refused | None) -> None:
-        """End the pending wish and answer it."""
-        pending, wish = self._pending, self.wish
-        self._pending, self.wish = None, Wish.NONE
+    def finish(self, now: Instant, refused: Refused | None) -> None:
+        """End the pending action and answer its request."""
+        pending, action = self._pending, self.action
+        self._pending, self.action = None, PendingAction.NONE
         if pending is None:
             return
         if refused is None:
             reply = requests.Reply(ok=True, tick=now.tick)
         else:
-            self._events.warning(f"{wish}_failed", refused.detail, reason=refused.reason)
+            self._events.warning(f"{action}_failed", refused.detail, reason=refused.reason)
             reply = refusal_reply(refused, now)
         pending.asked.reply(encode(reply))

@@ -14,7 +14,7 @@ from ..control.spatial import Array, rotate_twist
 from ..control.task.gains import GAIN_TIME_S
 from .passivity import Port, admit
 
-Handle = tuple[float, float, float]
+HandleEnergies = tuple[float, float, float]
 """Energy that entered at the handle, left there, and was damped of that [J]; see the messages."""
 
 ARM_RESERVE = 0.5
@@ -51,7 +51,7 @@ class Reflector:
         self._ramp = -math.expm1(-self._period_s / GAIN_TIME_S)
         self._gain = np.zeros(6)
         self._wrench_mrf = np.zeros(6)
-        self._handle: Handle = (0.0, 0.0, 0.0)
+        self._handle: HandleEnergies = (0.0, 0.0, 0.0)
         self._far_at_start = 0.0
         self._heard_s = 0.0
         self._R_world_axes = np.eye(3)
@@ -69,12 +69,12 @@ class Reflector:
 
     # --- what the operator's side says --------------------------------------------------------
 
-    def engage(self, handle: Handle | None) -> None:
+    def engage(self, handle: HandleEnergies | None) -> None:
         """Begin at the arm's port anew: a master engages. What entered before does not count."""
         self._far_at_start = 0.0 if handle is None else handle[0]
         self.port = self.port._replace(left=0.0)
 
-    def admit(self, moved: Array, handle: Handle | None) -> Array:
+    def admit(self, moved: Array, handle: HandleEnergies | None) -> Array:
         """Return the part of a master's motion (6,), in its axes, that may reach the target."""
         far = 0.0 if handle is None else max(0.0, handle[0] - self._far_at_start)
         if not self.protected:
@@ -84,7 +84,7 @@ class Reflector:
         self.port, moved = admit(self.port, far, reserve, force, moved)
         return moved
 
-    def hear(self, handle: Handle | None, now_s: float, R_world_axes: Array) -> None:
+    def hear(self, handle: HandleEnergies | None, now_s: float, R_world_axes: Array) -> None:
         """Note the axes of a handle's news in World (3, 3); enter its energy into the ledger.
 
         The ledger forgets: a rate's stick gives some energy to the hand at every contact. One that

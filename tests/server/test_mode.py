@@ -2,7 +2,7 @@ from dataclasses import replace
 from itertools import product
 
 import pytest
-from telerobot.server.mode import Mode, ModeInputs, Wish, next_mode
+from telerobot.server.mode import Mode, ModeInputs, PendingAction, next_mode
 
 CALM = ModeInputs()
 """Nobody asks for anything, all is well, and nobody may move."""
@@ -18,15 +18,15 @@ def after(mode, situation=CALM, **changes):
     ("mode", "situation", "changes", "expected"),
     [
         (Mode.BOOT, CALM, {}, Mode.READY),
-        (Mode.READY, DRIVEN, {"wish": Wish.ENABLE}, Mode.ENABLED),
+        (Mode.READY, DRIVEN, {"action": PendingAction.ENABLE}, Mode.ENABLED),
         (Mode.ENABLED, DRIVEN, {"hold": True}, Mode.STOPPING),
-        (Mode.ENABLED, DRIVEN, {"wish": Wish.DISABLE}, Mode.STOPPING),
+        (Mode.ENABLED, DRIVEN, {"action": PendingAction.DISABLE}, Mode.STOPPING),
         (Mode.ENABLED, DRIVEN, {"may_move": False}, Mode.STOPPING),
         (Mode.STOPPING, DRIVEN, {"at_rest": True}, Mode.HOLD),
         (Mode.HOLD, DRIVEN, {"resume": True}, Mode.ENABLED),
-        (Mode.HOLD, DRIVEN, {"wish": Wish.DISABLE}, Mode.READY),
-        (Mode.HOLD, DRIVEN, {"wish": Wish.DISABLE, "may_move": False}, Mode.READY),
-        (Mode.FAULT, CALM, {"wish": Wish.RESET}, Mode.READY),
+        (Mode.HOLD, DRIVEN, {"action": PendingAction.DISABLE}, Mode.READY),
+        (Mode.HOLD, DRIVEN, {"action": PendingAction.DISABLE, "may_move": False}, Mode.READY),
+        (Mode.FAULT, CALM, {"action": PendingAction.RESET}, Mode.READY),
     ],
 )
 def test_each_transition_of_the_drawing(mode, situation, changes, expected):
@@ -38,27 +38,27 @@ def test_each_transition_of_the_drawing(mode, situation, changes, expected):
     [
         (Mode.BOOT, CALM, {"open": False}),
         (Mode.READY, DRIVEN, {}),
-        (Mode.READY, DRIVEN, {"wish": Wish.ENABLE, "drives_enabled": False}),
-        (Mode.READY, DRIVEN, {"wish": Wish.ENABLE, "may_move": False}),
+        (Mode.READY, DRIVEN, {"action": PendingAction.ENABLE, "drives_enabled": False}),
+        (Mode.READY, DRIVEN, {"action": PendingAction.ENABLE, "may_move": False}),
         (Mode.READY, DRIVEN, {"resume": True}),
-        (Mode.READY, DRIVEN, {"wish": Wish.DISABLE}),
-        (Mode.READY, DRIVEN, {"wish": Wish.RESET}),
+        (Mode.READY, DRIVEN, {"action": PendingAction.DISABLE}),
+        (Mode.READY, DRIVEN, {"action": PendingAction.RESET}),
         (Mode.ENABLED, DRIVEN, {}),
         (Mode.ENABLED, DRIVEN, {"at_rest": True}),
         (Mode.ENABLED, DRIVEN, {"resume": True}),
         (Mode.STOPPING, DRIVEN, {}),
         (Mode.STOPPING, DRIVEN, {"resume": True}),
-        (Mode.STOPPING, DRIVEN, {"wish": Wish.DISABLE}),
+        (Mode.STOPPING, DRIVEN, {"action": PendingAction.DISABLE}),
         (Mode.HOLD, DRIVEN, {}),
         (Mode.HOLD, DRIVEN, {"resume": True, "may_move": False}),
         (Mode.HOLD, DRIVEN, {"resume": True, "hold": True}),
-        (Mode.HOLD, DRIVEN, {"wish": Wish.ENABLE}),
+        (Mode.HOLD, DRIVEN, {"action": PendingAction.ENABLE}),
         (Mode.FAULT, CALM, {}),
-        (Mode.FAULT, CALM, {"wish": Wish.ENABLE}),
+        (Mode.FAULT, CALM, {"action": PendingAction.ENABLE}),
         (Mode.FAULT, CALM, {"resume": True}),
-        (Mode.FAULT, CALM, {"wish": Wish.RESET, "healthy": False}),
-        (Mode.FAULT, CALM, {"wish": Wish.RESET, "open": False}),
-        (Mode.FAULT, CALM, {"wish": Wish.RESET, "drives_off": False}),
+        (Mode.FAULT, CALM, {"action": PendingAction.RESET, "healthy": False}),
+        (Mode.FAULT, CALM, {"action": PendingAction.RESET, "open": False}),
+        (Mode.FAULT, CALM, {"action": PendingAction.RESET, "drives_off": False}),
     ],
 )
 def test_what_must_not_change_the_mode(mode, situation, changes):
@@ -66,9 +66,9 @@ def test_what_must_not_change_the_mode(mode, situation, changes):
 
 
 def every_situation():
-    flags = [name for name in ModeInputs.__dataclass_fields__ if name != "wish"]
-    for wish, *values in product(Wish, *[(False, True)] * len(flags)):
-        yield ModeInputs(wish=wish, **dict(zip(flags, values, strict=True)))
+    flags = [name for name in ModeInputs.__dataclass_fields__ if name != "action"]
+    for action, *values in product(PendingAction, *[(False, True)] * len(flags)):
+        yield ModeInputs(action=action, **dict(zip(flags, values, strict=True)))
 
 
 def test_in_no_situation_does_the_mode_change_along_an_arrow_that_is_not_drawn():

@@ -12,7 +12,7 @@ from telerobot.protocols.messages import requests
 from telerobot.protocols.proof import prove
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose
-from telerobot.server.mode import Mode, Wish
+from telerobot.server.mode import Mode, PendingAction
 from telerobot.server.operators.admission import Admission, Grants, Instant
 from telerobot.server.operators.inbox import QueuedMessage, refusal_reply
 from telerobot.server.operators.mode_requests import ENABLE_TIMEOUT_S
@@ -178,7 +178,7 @@ def test_without_the_lease_nothing_is_changed(counter, topic):
     before = counter.commands.control_settings()
     reply = counter.ask(topic, **fields)
     assert (reply.ok, reply.reason) == (False, Why.NO_LEASE)
-    assert counter.services.modes.wish is Wish.NONE
+    assert counter.services.modes.action is PendingAction.NONE
     after = counter.commands.control_settings()
     assert after.speed_factor == before.speed_factor
     assert after.T_wrist_mrf is before.T_wrist_mrf
@@ -198,23 +198,23 @@ def test_rubbish_is_answered_too(counter):
 
 def test_enable_is_answered_when_the_arm_is_enabled(ann):
     assert ann.ask(t.MODE, action="enable") is None
-    assert ann.services.modes.wish is Wish.ENABLE
+    assert ann.services.modes.action is PendingAction.ENABLE
     ann.pass_time(0.5)
     assert len(ann.replies) == 1
     ann.pass_time(0.1, Mode.ENABLED)
     assert ann.replies[-1].ok
     assert ann.replies[-1].tick == ann.context.now.tick
-    assert ann.services.modes.wish is Wish.NONE
+    assert ann.services.modes.action is PendingAction.NONE
 
 
 def test_drives_that_do_not_come_up_are_not_waited_for_for_ever(ann):
     ann.ask(t.MODE, action="enable")
     ann.pass_time(ENABLE_TIMEOUT_S - 0.1)
-    assert ann.services.modes.wish is Wish.ENABLE
+    assert ann.services.modes.action is PendingAction.ENABLE
     ann.pass_time(0.2)
     reply = ann.replies[-1]
     assert (reply.ok, reply.reason) == (False, Why.STILL_WRONG)
-    assert ann.services.modes.wish is Wish.NONE
+    assert ann.services.modes.action is PendingAction.NONE
     assert "enable_failed" in names(ann)
 
 
@@ -223,7 +223,7 @@ def test_a_fault_on_the_way_ends_the_wish_to_enable(ann):
     ann.pass_time(0.1, Mode.FAULT)
     reply = ann.replies[-1]
     assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
-    assert ann.services.modes.wish is Wish.NONE
+    assert ann.services.modes.action is PendingAction.NONE
 
 
 @pytest.mark.parametrize(
@@ -246,7 +246,7 @@ def test_resume_is_a_wish_of_one_tick(ann, action):
     assert ann.services.modes.resume
     ann.services.modes.begin_tick()
     assert not ann.services.modes.resume
-    assert ann.services.modes.wish is Wish.NONE
+    assert ann.services.modes.action is PendingAction.NONE
 
 
 def test_hold_is_at_once_and_for_one_tick(ann):
@@ -273,7 +273,7 @@ def test_each_action_is_refused_in_every_mode_but_its_own(ann, action, modes):
         reply = ann.ask(t.MODE, action=action)
         assert (reply.ok, reply.reason) == (False, Why.NOT_NOW)
         assert mode in reply.detail
-    assert ann.services.modes.wish is Wish.NONE
+    assert ann.services.modes.action is PendingAction.NONE
     assert not ann.services.modes.hold
     assert not ann.services.modes.resume
 
@@ -301,7 +301,7 @@ def test_a_disable_takes_the_place_of_an_enable_that_is_under_way(ann):
     assert ann.ask(t.MODE, action="enable") is None
     ann.see(drives_off=False)
     ann.ask(t.MODE, action="disable")
-    assert ann.services.modes.wish is Wish.DISABLE
+    assert ann.services.modes.action is PendingAction.DISABLE
     assert [(r.ok, r.reason) for r in ann.replies[1:]] == [(False, Why.NOT_NOW)]
     ann.see(drives_off=True)
     ann.pass_time(0.1)
@@ -314,7 +314,7 @@ def test_an_enable_while_drives_switch_off_is_taken_and_waits(ann):
     ann.see(drives_off=False)
     ann.pass_time(0.02, Mode.READY)
     ann.ask(t.MODE, action="enable")
-    assert ann.services.modes.wish is Wish.ENABLE
+    assert ann.services.modes.action is PendingAction.ENABLE
     assert [r.ok for r in ann.replies[1:]] == [True]
     ann.pass_time(0.2, Mode.ENABLED)
     assert [r.ok for r in ann.replies[1:]] == [True, True]
@@ -326,7 +326,7 @@ def test_a_fault_ends_the_wish_to_disable_so_that_a_reset_need_not_wait(ann):
     ann.pass_time(0.02, Mode.FAULT)
     assert (ann.replies[-1].ok, ann.replies[-1].reason) == (False, Why.NOT_NOW)
     assert ann.ask(t.MODE, action="reset") is None
-    assert ann.services.modes.wish is Wish.RESET
+    assert ann.services.modes.action is PendingAction.RESET
 
 
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
@@ -357,7 +357,7 @@ def test_nothing_moves_while_the_protective_stop_is_latched(ann, action, mode):
     assert "bystander" in reply.detail
     ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
     ann.ask(t.MODE, action=action)
-    assert ann.services.modes.resume or ann.services.modes.wish is Wish.ENABLE
+    assert ann.services.modes.resume or ann.services.modes.action is PendingAction.ENABLE
 
 
 def test_who_asked_may_clear_it_by_opening_its_seal(ann):

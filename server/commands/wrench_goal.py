@@ -8,7 +8,7 @@ from ..control.spatial import Array, Pose, rotate_twist
 from .redefinition import wrench_kept
 
 
-class DesiredWrench:
+class WrenchGoal:
     """A wrench at the MRF (6,) [N, N·m]; zero at first. It holds until replaced or cleared."""
 
     def __init__(self) -> None:
