@@ -169,6 +169,10 @@ class Fieldbus:
             self._dispatch(message)
         return True
 
+    def pause(self, seconds: float) -> None:
+        """Dispatch frames for so long [s]."""
+        self.wait_until(lambda: False, seconds)
+
     def request(self, can_id: int, data: bytes) -> None:
         """Send a frame for canopen and, after an SDO request, pump until the reply is in.
 

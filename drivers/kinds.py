@@ -14,13 +14,13 @@ from ..config.schema.enabling import EnablingSwitch
 from ..config.schema.mechanism import Drive, ForceTorque, Gripper
 from ..config.schema.on_bus import Entry, OnBus
 from ..protocols.canopen.cia402 import OperationMode
+from .canopen.enabling import EnablingInput
+from .canopen.gripper import GripperOutput
+from .canopen.servo import ServoDrive
 from .device import Device
-from .enabling import EnablingInput
 from .fieldbus import Fieldbus
 from .fieldbuses import Fieldbuses
 from .force_torque import RobotousSensor
-from .gripper import GripperOutput
-from .servo import ServoDrive
 
 EDS: Final = Path(__file__).resolve().parent.parent / "config" / "devices"
 

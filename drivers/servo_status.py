@@ -1,7 +1,10 @@
 """What a servo drive says, what it was sent, and which statuswords are wrong."""
 
 from dataclasses import dataclass
+from typing import Self
 
+from ..protocols.canopen import can301
+from ..protocols.canopen.can301 import EmcyCode
 from ..protocols.canopen.cia402 import DriveState, Status
 from .device import Cause, Trouble
 
@@ -29,6 +32,11 @@ class ServoReading:
     statusword: int
     trouble: Trouble | None
 
+    @classmethod
+    def of_none(cls, age_syncs: int, trouble: Trouble | None) -> Self:
+        """Return the reading of a drive that has not answered yet."""
+        return cls(False, False, age_syncs, None, None, None, None, None, False, 0, trouble)
+
 
 @dataclass(frozen=True, slots=True)
 class Sent:
@@ -39,6 +47,14 @@ class Sent:
     """The setpoint as it went out, in the drive's own unit."""
     command: float | None
     """The same in the joint's: rad, rad/s or N·m."""
+
+
+def wrong_emergency(code: int) -> tuple[Cause, str, dict[str, str | int]]:
+    """Return cause, words and values of an emergency message."""
+    followed = code == EmcyCode.FOLLOWING_ERROR
+    name = can301.emcy_name(code)
+    cause = Cause.FOLLOWING_ERROR if followed else Cause.EMERGENCY
+    return cause, f"emergency {code:#06x}: {name}", {"code": code, "name": name}
 
 
 def wrong_status(

@@ -9,9 +9,9 @@ import pytest
 from telerobot.config.schema.cell import Timing
 from telerobot.config.schema.mechanism import Drive, ForceTorque
 from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.canopen.servo import Sent, ServoDrive, ServoReading
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.force_torque import RobotousSensor
-from telerobot.drivers.servo import Sent, ServoDrive, ServoReading
 from telerobot.protocols.canopen import can301, cia402, robotous
 from telerobot.protocols.canopen.can301 import NmtState
 from telerobot.protocols.canopen.cia402 import DriveState, Object, OperationMode, Status

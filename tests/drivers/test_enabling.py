@@ -7,8 +7,8 @@ import pytest
 from telerobot.config.schema.cell import Timing
 from telerobot.config.schema.enabling import EnablingSwitch
 from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.canopen.enabling import EnablingInput
 from telerobot.drivers.device import Cause, DeviceError
-from telerobot.drivers.enabling import EnablingInput
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.rig.nodes.enabling_node import EDS, SimulatedSwitch
 from telerobot.drivers.rig.nodes.link import NodeLink

@@ -7,11 +7,11 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.bus import Bus
 from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.canopen.servo import ServoDrive
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.fieldbuses import Fieldbuses, open_buses
 from telerobot.drivers.force_torque import RobotousSensor
-from telerobot.drivers.servo import ServoDrive
 from telerobot.protocols.canopen import can301
 from telerobot.server.plant import Plant
 

@@ -9,9 +9,9 @@ from telerobot.config.schema.cell import Timing
 from telerobot.config.schema.mechanism import Gripper
 from telerobot.drivers import rig
 from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.canopen.gripper import REPEAT, GripperOutput
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.gripper import REPEAT, GripperOutput
 from telerobot.drivers.rig.nodes.gripper_node import SimulatedGripper
 from telerobot.drivers.rig.nodes.link import NodeLink
 from telerobot.protocols.canopen import can301

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 from telerobot.config.schema.cell import Timing
-from telerobot.drivers import servo_setup
+from telerobot.drivers.canopen import servo_setup
+from telerobot.drivers.canopen.servo import OBEYED_SYNCS, SWITCH_OFF_S
 from telerobot.drivers.device import Cause, DeviceError
-from telerobot.drivers.servo import OBEYED_SYNCS, SWITCH_OFF_S
 from telerobot.protocols.canopen.cia402 import STATE_BITS, Control, DriveState, Object, Status
 
 SWITCH_OFF_SYNCS = round(SWITCH_OFF_S / Timing().period_s)

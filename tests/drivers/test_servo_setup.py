@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from telerobot.config.schema.cell import Timing
 from telerobot.config.schema.mechanism import Drive
-from telerobot.drivers import servo_setup
 from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.canopen import servo_setup
+from telerobot.drivers.canopen.servo import ServoDrive
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.servo import ServoDrive
 from telerobot.protocols.canopen.can301 import NmtState
 from telerobot.protocols.canopen.cia402 import OperationMode
 

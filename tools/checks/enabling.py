@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...drivers.servo import SWITCH_OFF_S
-from ...drivers.servo_setup import SAG
-from ...drivers.setpoint import Setpoint
+from ...drivers.canopen.servo import SWITCH_OFF_S
+from ...drivers.canopen.servo_setup import SAG
+from ...drivers.canopen.setpoint import Setpoint
 from ...protocols.canopen.cia402 import OperationMode
 from .findings import Finding, Status
 

@@ -12,7 +12,7 @@ from types import FrameType
 from typing import TextIO
 
 from ...config.load import ConfigError
-from ...drivers.bus import open_bus
+from ...drivers.bus import CanBus, open_bus
 from ...drivers.device import DeviceError
 from ...drivers.network.identity import identity_of
 from ...drivers.rig.realtime import run_realtime
@@ -61,8 +61,9 @@ def run(args: argparse.Namespace) -> int:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, on_signal)
-    buses = [open_bus(bus) for bus in cell.config.fieldbuses]
+    buses: list[CanBus] = []
     try:
+        buses.extend(open_bus(bus) for bus in cell.config.fieldbuses)
         try:
             rig = Rig(cell, *buses)
         except ValueError as error:

@@ -22,11 +22,13 @@ from ....protocols.canopen.cia402 import (
     Status,
 )
 from ....protocols.messages.rig import RigFault
-from ..fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
+from ..fault_values import value_of
 from ..physics.world import World
 from .bench import Bench
 from .can_node import NEVER, CanNode
 from .drive_loops import DriveLoops
+from .drive_setpoint import deceleration, follow, window
+from .joint_faults import inject_at_joint
 from .link import NodeLink
 from .objects import WrongStateError
 
@@ -34,7 +36,6 @@ _AT_ONCE = 0
 _STAYS = frozenset((5, 6))
 """605Ah: 0 takes the power at once, 1 and 2 ramp and then do, 5 and 6 ramp and then hold."""
 _ENABLED = DriveState.OPERATION_ENABLED
-_UNLIMITED = 0xFFFFFFFF
 _I16 = 2**15 - 1
 _TARGET_REACHED_RAD = 1e-3
 _MODES = (OperationMode.CSP, OperationMode.CSV, OperationMode.CST)
@@ -75,8 +76,6 @@ class SimulatedDrive(CanNode):
         live[Object.RATED_TORQUE, 0] = lambda: round(drive.rated_torque * 1000)
         live[Object.MAX_TORQUE, 0] = lambda: round(drive.max_torque / drive.rated_torque * 1000)
 
-    # --- what faults do -------------------------------------------------------------------------
-
     def break_down(self, broken: bool) -> None:
         """Let the power stage fail (EMCY 2310h), or take the cause of that failure away."""
         self._broken = broken
@@ -91,26 +90,14 @@ class SimulatedDrive(CanNode):
         return cls(drive, joint, link, bench.loop, bench.world, delay_s, bench.clock)
 
     def inject(self, fault: RigFault) -> None:
-        """Break, block, brake or push the joint, or send an emergency message (`faults.py`)."""
-        joint, world = self._joint, self._world
+        """Break the drive or send an emergency message; other faults are the joint's."""
         if fault.kind == "fault":
             self.break_down(fault.on)
-        elif fault.kind == "emcy":
-            if fault.on:
-                code = value_of(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)
-                self.emergency(round(code))
-        elif fault.kind == "block":
-            world.set_jam(joint, jammed=fault.on)
-        elif fault.kind == "stick":
-            half = self.drive.max_torque / 2
-            torque = value_of(fault, 0.0, MOST_FRICTION, "N·m", default=half)
-            world.set_extra_friction(joint, torque if fault.on else 0.0)
-        elif fault.kind == "push":
-            world.push_joint(joint, vector_of(fault, MOST_FORCE, "N") if fault.on else None)
-        else:
-            raise ValueError(f"fault {fault.kind}: its target is force_torque, not a joint")
-
-    # --- what is measured -----------------------------------------------------------------------
+        elif fault.kind != "emcy":
+            inject_at_joint(fault, self._world, self._joint, self.drive)
+        elif fault.on:
+            code = value_of(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)
+            self.emergency(round(code))
 
     def statusword(self) -> int:
         """Return 6041h."""
@@ -136,12 +123,10 @@ class SimulatedDrive(CanNode):
     def _to_counts(self, angle: float) -> int:
         return round(self._scale * (angle - self.drive.zero_rad))
 
-    # --- hooks of the CANopen slave -------------------------------------------------------------
-
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the power off; a fault outlives a reset of the communication only."""
         self._power_off()
-        self._loop.window[self._joint] = self._window()
+        self._loop.window[self._joint] = window(self._mode, self.objects, self.drive)
         self._controlword, self._cut = 0, False
         if not (communication_only and self.state.in_fault):
             self.state, self._error = DriveState.SWITCH_ON_DISABLED, EmcyCode.NO_ERROR
@@ -158,7 +143,7 @@ class SimulatedDrive(CanNode):
         if index == Object.CONTROLWORD:
             self._obey(value)
         elif index in (Object.FOLLOWING_WINDOW, Object.MODE_OF_OPERATION):
-            self._loop.window[self._joint] = self._window()
+            self._loop.window[self._joint] = window(self._mode, self.objects, self.drive)
 
     def on_setpoint_frame(self) -> None:
         """Restart the watch for setpoints."""
@@ -204,8 +189,6 @@ class SimulatedDrive(CanNode):
             self._end_of_ramp()
             self.due_s = 0.0
         self.due_s = min(self.due_s, self._torque_at_s)
-
-    # --- the state machine ----------------------------------------------------------------------
 
     def _obey(self, word: int) -> None:
         before, previous = self.state, self._controlword
@@ -290,8 +273,6 @@ class SimulatedDrive(CanNode):
         self.state, self._error = DriveState.SWITCH_ON_DISABLED, EmcyCode.NO_ERROR
         self.emergency(EmcyCode.NO_ERROR)
 
-    # --- motion ---------------------------------------------------------------------------------
-
     @property
     def _mode(self) -> int:
         return self.objects[Object.MODE_DISPLAY, 0]
@@ -303,29 +284,13 @@ class SimulatedDrive(CanNode):
 
     def _follow(self) -> None:
         """Follow the newest setpoint of the mode; what the drive's limits cut is reported."""
-        if self._mode == OperationMode.CSP:
-            self._cut = self._follow_position()
-        elif self._mode == OperationMode.CSV:
-            target = self.objects[Object.TARGET_VELOCITY, 0] / self._scale
-            self._cut = self._loop.run(self._joint, target)
-        else:
-            share = self.objects[Object.TARGET_TORQUE, 0] * 1e-3 * self.drive.direction
-            self._cut = self._loop.pull(self._joint, share * self.drive.rated_torque)
-
-    def _follow_position(self) -> bool:
-        counts = self.objects[Object.TARGET_POSITION, 0]
-        low, high = self.objects[Object.POSITION_LIMIT, 1], self.objects[Object.POSITION_LIMIT, 2]
-        kept = min(max(counts, low), high)
-        value = self.objects[Object.INTERPOLATION_PERIOD, 1]
-        period = value * 10.0 ** self.objects[Object.INTERPOLATION_PERIOD, 2]
-        angle = self.drive.zero_rad + kept / self._scale
-        return self._loop.aim(self._joint, angle, period) or kept != counts
+        self._cut = follow(self._mode, self.objects, self._loop, self._joint, self.drive)
 
     def _ramp_down(self) -> None:
         joint, world = self._joint, self._world
         if self._mode == OperationMode.CST:
             self._loop.take_over(joint, float(world.q[joint]), float(world.dq[joint]))
-        self._loop.ramp_down(joint, self._deceleration())
+        self._loop.ramp_down(joint, deceleration(self.objects, self.drive))
 
     def _watch_following(self) -> None:
         elapsed = self._loop.steps_beyond[self._joint] * self._loop.dt
@@ -334,13 +299,3 @@ class SimulatedDrive(CanNode):
         joint, world = self._joint, self._world
         self._loop.resume_from(joint, float(world.q[joint]), float(world.dq[joint]))
         self._fail(EmcyCode.FOLLOWING_ERROR, ramp=True)
-
-    def _window(self) -> float:
-        counts = self.objects[Object.FOLLOWING_WINDOW, 0]
-        if self._mode != OperationMode.CSP:
-            return NEVER  # only a position setpoint has a following error
-        return NEVER if counts == _UNLIMITED else counts / self.drive.counts_per_radian
-
-    def _deceleration(self) -> float:
-        counts = self.objects[Object.QUICK_STOP_DECELERATION, 0]
-        return float(max(1, counts) / self.drive.counts_per_radian)

@@ -7,12 +7,12 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ..config.schema.cell import Timing
-from ..protocols.canopen import can301
-from ..protocols.canopen.can301 import CommunicationObject as Com
-from ..protocols.canopen.can301 import NmtState
-from .device import Cause, DeviceError, Trouble, Value
-from .fieldbus import Fieldbus
+from ...config.schema.cell import Timing
+from ...protocols.canopen import can301
+from ...protocols.canopen.can301 import CommunicationObject as Com
+from ...protocols.canopen.can301 import NmtState
+from ..device import Cause, DeviceError, Trouble, Value
+from ..fieldbus import Fieldbus
 
 Write = tuple[int, int, str, int]
 """Index, sub-index, layout (struct) and value of an object that is written."""

@@ -11,12 +11,12 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ..config.schema.cell import Timing
-from ..config.schema.mechanism import Drive
-from ..protocols.canopen import can301, cia402
-from ..protocols.canopen.can301 import CommunicationObject as Com
-from ..protocols.canopen.can301 import FrameError
-from ..protocols.canopen.cia402 import (
+from ...config.schema.cell import Timing
+from ...config.schema.mechanism import Drive
+from ...protocols.canopen import can301, cia402
+from ...protocols.canopen.can301 import CommunicationObject as Com
+from ...protocols.canopen.can301 import FrameError
+from ...protocols.canopen.cia402 import (
     AbortConnectionOption,
     Control,
     DriveState,
@@ -24,7 +24,7 @@ from ..protocols.canopen.cia402 import (
     OperationMode,
     QuickStopOption,
 )  # fmt: skip
-from .device import DeviceError
+from ..device import DeviceError
 from .setpoint import Setpoint
 
 _NO_OBJECT: Final = (0x06020000, 0x06090011)
@@ -103,6 +103,12 @@ def position_limits(drive: Drive, lower: float, upper: float) -> Iterator[Step]:
     low, high = sorted((to_counts(drive, lower), to_counts(drive, upper)))
     yield Step(Object.POSITION_LIMIT, 1, I32, low)
     yield Step(Object.POSITION_LIMIT, 2, I32, high)
+
+
+def write_limits(node: canopen.RemoteNode, drive: Drive, lower: float, upper: float) -> None:
+    """Write 607Dh. Raises `DeviceError`."""
+    for step in position_limits(drive, lower, upper):
+        write(node, drive, step)
 
 
 def room(drive: Drive, lower: float, upper: float, q: float) -> tuple[float, float]:

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ..config.schema.cell import Timing
-from ..config.schema.enabling import EnablingSwitch
-from ..protocols.canopen import can301, cia401
-from ..protocols.canopen.can301 import PDO_INVALID
-from ..protocols.canopen.can301 import CommunicationObject as Com
-from .device import Device, Trouble, Value
-from .fieldbus import Fieldbus
+from ...config.schema.cell import Timing
+from ...config.schema.enabling import EnablingSwitch
+from ...protocols.canopen import can301, cia401
+from ...protocols.canopen.can301 import PDO_INVALID
+from ...protocols.canopen.can301 import CommunicationObject as Com
+from ..device import Device, Trouble, Value
+from ..fieldbus import Fieldbus
 from .watched_node import WatchedNode
 
 MOST_MISSED_SYNCS: Final = 3

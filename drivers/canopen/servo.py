@@ -9,19 +9,17 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
 
-from ..config.schema.cell import Timing
-from ..config.schema.mechanism import Drive
-from ..protocols.canopen import can301, cia402
-from ..protocols.canopen.can301 import EmcyCode, FrameError, NmtState
-from ..protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
+from ...config.schema.cell import Timing
+from ...config.schema.mechanism import Drive
+from ...protocols.canopen import can301, cia402
+from ...protocols.canopen.can301 import EmcyCode, FrameError, NmtState
+from ...protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
+from ..device import Cause, DeviceError, Trouble
+from ..fieldbus import Fieldbus
+from ..roles import JointDrive
+from ..servo_status import Sent, ServoReading, wrong_emergency, wrong_status
 from . import servo_setup
-from .device import Cause, DeviceError, Trouble
-from .fieldbus import Fieldbus
-from .roles import JointDrive
-from .servo_status import Sent, ServoReading, wrong_status
 from .setpoint import Setpoint
-
-__all__ = ["Sent", "ServoDrive", "ServoReading"]
 
 BOOT_TIMEOUT_S: Final = 2.0
 MOST_MISSED_SYNCS: Final = 3
@@ -73,30 +71,25 @@ class ServoDrive(JointDrive):
         self._node.emcy.add_callback(self._on_emcy)
         fieldbus.listen(can301.tpdo1_id(drive.node), self._on_feedback)
         self._rpdo_id = can301.rpdo1_id(drive.node)
-        self._booted = False
-        self._opened = False
+        self._booted = self._opened = False
         self._forget()
 
     def _forget(self) -> None:
         self._feedback: cia402.Feedback | None = None
         self._state: DriveState | None = None
-        self._answered_sync = self._bus.sync_count
+        self._answered_sync = self._told_sync = self._bus.sync_count
         self._sampled_s: float | None = None
         self._heartbeat_s: float | None = None
-        self._was_operational = False
+        self._was_operational = self._seen_enabled = self._stopped = False
         self._restarted: int | None = None
         self._emcy: EmcyError | None = None
         self._target = _DISABLED
-        self._told_sync = self._bus.sync_count
-        self._seen_enabled = False
-        self._stopped = False
         self._reset_sync: int | None = None
         self._trouble: Trouble | None = None
 
     def open(self) -> None:
         """Reset the node's communication, configure it and start it. Blocks; `DeviceError`."""
-        self._booted = False
-        self._opened = False
+        self._booted = self._opened = False
         try:
             self._node.nmt.send_command(can301.NmtCommand.RESET_COMMUNICATION)
             if not self._bus.wait_until(lambda: self._booted, BOOT_TIMEOUT_S):
@@ -105,7 +98,7 @@ class ServoDrive(JointDrive):
                     f"{BOOT_TIMEOUT_S} s of a reset"
                 )
             servo_setup.configure(
-                self._node, self.drive, self._timing, *self._limits, self._mode, self._let_pass
+                self._node, self.drive, self._timing, *self._limits, self._mode, self._bus.pause
             )
             self._room = self._limits
             self._node.nmt.send_command(can301.NmtCommand.START)
@@ -135,9 +128,7 @@ class ServoDrive(JointDrive):
             self._trouble = wrong
         last, drive = self._feedback, self.drive
         if last is None:
-            return ServoReading(
-                False, False, age, None, None, None, None, None, False, 0, self._trouble
-            )
+            return ServoReading.of_none(age, self._trouble)
         torque = last.torque * 1e-3 * drive.rated_torque * drive.direction
         return ServoReading(
             ready=True,
@@ -163,12 +154,10 @@ class ServoDrive(JointDrive):
             return False
         q = servo_setup.to_radians(self.drive, self._feedback.position)
         room = servo_setup.room(self.drive, *self._limits, q)
-        if room == self._room:
-            return False
-        for step in servo_setup.position_limits(self.drive, *room):
-            servo_setup.write(self._node, self.drive, step)
-        self._room = room
-        return True
+        changed, self._room = room != self._room, room
+        if changed:
+            servo_setup.write_limits(self._node, self.drive, *room)
+        return changed
 
     def request_enable(self) -> None:
         """Step towards *Operation enabled* with the coming writes; not after a stop or trouble."""
@@ -227,9 +216,6 @@ class ServoDrive(JointDrive):
             self._node.nmt.send_command(can301.NmtCommand.PRE_OPERATIONAL)
         self._forget()
 
-    def _let_pass(self, seconds: float) -> None:
-        self._bus.wait_until(lambda: False, seconds)
-
     def _aim(self, target: DriveState) -> None:
         if target is not self._target:
             self._target, self._told_sync = target, self._bus.sync_count
@@ -265,15 +251,8 @@ class ServoDrive(JointDrive):
             detail = "the node left Operational: its configuration is lost"
             return self._wrong(Cause.NODE_RESTARTED, detail, nmt_state=self._restarted)
         if self._emcy is not None:
-            code = self._emcy.code
-            followed = code == EmcyCode.FOLLOWING_ERROR
-            return self._wrong(
-                Cause.FOLLOWING_ERROR if followed else Cause.EMERGENCY,
-                f"emergency {code:#06x}: {can301.emcy_name(code)}",
-                code=code,
-                name=can301.emcy_name(code),
-                register=self._emcy.register,
-            )
+            cause, detail, values = wrong_emergency(self._emcy.code)
+            return self._wrong(cause, detail, **values, register=self._emcy.register)
         if age > MOST_MISSED_SYNCS:
             return self._wrong(Cause.PDO_LOST, f"no answer to {age} SYNCs", age_syncs=age)
         silence = bus.now - (self._heartbeat_s if self._heartbeat_s is not None else bus.now)

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ..config.schema.cell import Timing
-from ..config.schema.mechanism import Gripper
-from ..protocols.canopen import can301, cia401
-from ..protocols.canopen.can301 import NmtState
-from .device import Trouble
-from .fieldbus import Fieldbus
-from .roles import Output
+from ...config.schema.cell import Timing
+from ...config.schema.mechanism import Gripper
+from ...protocols.canopen import can301, cia401
+from ...protocols.canopen.can301 import NmtState
+from ..device import Trouble
+from ..fieldbus import Fieldbus
+from ..roles import Output
 from .watched_node import WatchedNode
 
 REPEAT: Final = 10

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Final
 
-from ..config.schema.mechanism import Drive
-from ..protocols.canopen import cia402
-from ..protocols.canopen.cia402 import OperationMode
+from ...config.schema.mechanism import Drive
+from ...protocols.canopen import cia402
+from ...protocols.canopen.cia402 import OperationMode
 
 _I16_MAX: Final = 2**15 - 1
 _I32_MAX: Final = 2**31 - 1

@@ -1,0 +1,1 @@
+"""Drivers of CANopen devices: servo drives, I/O modules."""
