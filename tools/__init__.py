@@ -1,1 +1,1 @@
-"""The command line and what stands behind it: one small file per command."""
+"""Command line, operator's client, simulation, checks, benchmarks, campaign."""

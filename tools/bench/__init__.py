@@ -1,1 +1,1 @@
-"""How fast it is: control computation, SYNC, latency, simulation."""
+"""Benchmarks: control computation, SYNC, latency, simulation."""

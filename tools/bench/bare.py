@@ -1,4 +1,4 @@
-"""A process that only sleeps to absolute deadlines, and prints each period's error [µs].
+"""Sleeps to absolute deadlines, and prints each period's error [µs].
 
 Run as `python -m telerobot.tools.bench.bare PERIOD_S SECONDS`, with SCHED_FIFO where granted:
 the least that any loop in Python can be late on this machine.

@@ -1,4 +1,4 @@
-"""How the tick's time grows with obstacles and with joints, beside a fixed piece of arithmetic.
+"""Growth of the tick's time with obstacles and with joints, beside a fixed piece of arithmetic.
 
 The fixed piece is plain numpy, measured among the ticks: on a machine that others use, the quotient
 of the two says more than microseconds.

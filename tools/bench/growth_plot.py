@@ -1,4 +1,4 @@
-"""The growth of the tick's time as a picture: two panels, p50 and p99.
+"""Plot of the tick's growth: two panels, p50 and p99.
 
 Whole lines are of ticks after pauses, the slower of both phases; dashed ones of ticks back to back.
 """

@@ -1,4 +1,4 @@
-"""From an operator's put to the first command on the bus that reflects it.
+"""Latency from an operator's put to the first command on the bus that reflects it.
 
 The arm stands. A stick twist is put at a moment that has no relation to the period; a passive
 member of the bus sees the first RPDO1 whose target has changed. The put is stamped by the wall

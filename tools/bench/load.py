@@ -1,4 +1,4 @@
-"""The tick at full load: among obstacles of every kind, and for chains of any length.
+"""Tick at full load: among obstacles of every kind, and for chains of any length.
 
 Obstacles are drawn by seed around where the arm moves, clear of it at the start; the sight line
 looks at a place beside the tool. The chain is made here: links of equal length whose axes

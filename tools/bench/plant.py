@@ -1,4 +1,4 @@
-"""A driven plant for the benchmarks: rig, daemon, an operator, and a listener on the bus."""
+"""Driven plant for the benchmarks: rig, daemon, an operator, and a listener on the bus."""
 
 import time
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""How much faster than real time a simulation runs: the cell's default script, best of some."""
+"""Speed of a simulation against real time: the cell's default script, best of some."""
 
 import time
 

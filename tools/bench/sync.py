@@ -1,4 +1,4 @@
-"""How steady SYNC is on the bus, beside a bare loop of absolute sleeps on the same machine.
+"""Jitter of SYNC on the bus, beside a bare loop of absolute sleeps on the same machine.
 
 Daemon and rig run as processes, the arm is enabled and moves under a streamed stick. A passive
 member of the bus takes the kernel's receive stamps. At the same time, a process that does nothing

@@ -1,4 +1,4 @@
-"""How long the control computation of one tick takes, with every source and objective on.
+"""Time of one tick's control computation, with every source and objective on.
 
 Among the ticks, a fixed piece of numpy is measured too: on a machine that others use, what a tick
 takes beside it says more than microseconds.
@@ -78,14 +78,14 @@ def bench(cell: Cell, ticks: int = TICKS) -> Figures:
 
 
 def arithmetic() -> None:
-    """Do a fixed piece of numpy: ten products of a Jacobian's size, and a decomposition."""
+    """Compute a fixed piece of numpy: ten products of a Jacobian's size, and a decomposition."""
     for _ in range(10):
         _A @ _A.T
     np.linalg.svd(_A)
 
 
 class _Phase:
-    """What a phase of the measurement showed."""
+    """Result of a phase of the measurement."""
 
     def __init__(self, seconds: list[float], arithmetic: list[float], limited: int) -> None:
         self.times = percentiles(1e6 * np.array(seconds))

@@ -1,4 +1,4 @@
-"""What a part of the campaign is: jobs, how one is played, and what all of them showed.
+"""Contract of a campaign's part: its jobs, the play of one, the summary of all.
 
 Jobs and results cross processes, so both are plain, picklable values; `play` is a function of a
 module. A part is one more file, and one more line in `parts.py`.
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 
 class Selection(NamedTuple):
-    """What the command's arguments choose."""
+    """Choices of the command line."""
 
     cells: tuple[str, ...]
     """Names of cells, for parts that run in any cell."""
@@ -22,15 +22,15 @@ class Played(Protocol):
 
     @property
     def name(self) -> str:
-        """What was played, in a few words."""
+        """The run, in a few words."""
 
     @property
     def reasons(self) -> list[str]:
-        """What speaks against it, nothing if all went well."""
+        """Broken promises; empty if all went well."""
 
 
 class Findings(Protocol):
-    """What all results of a part show together."""
+    """Summary of a part's results."""
 
     @property
     def kept(self) -> bool:

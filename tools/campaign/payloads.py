@@ -1,4 +1,4 @@
-"""The part `payloads`: under each payload the tool comes to rest after a push, or is refused.
+"""Part `payloads`: under each payload the tool comes to rest after a push, or is refused.
 
 A grid: 0 to 5 kg more on the grip, rightly declared, M of 0.5 to 5 kg, B of 10 to 60 N·s/m, in CSP,
 CSV and CST, pushed for a second from one side or another. At rest within two seconds by the
@@ -22,7 +22,7 @@ from .part import Part, Selection
 
 CELL = "pa10_hand"
 MORE_AT = 0.10
-"""Where the centre of what is added is, in the Sensor frame [m]."""
+"""Centre of the added mass in the Sensor frame [m]."""
 PUSH_N, AT_S, PUSHED_S, REST_S, JUDGED_S = 4.0, 0.6, 1.0, 2.0, 0.2
 STANDS = 0.01
 """A tool that is slower is at rest [m/s]: M / B is up to half a second."""
@@ -100,7 +100,7 @@ def speed_at_the_end(simulation: Simulation) -> float:
 
 @dataclass(frozen=True)
 class Run:
-    """What one run showed."""
+    """Result of one run."""
 
     name: str
     refused: bool
@@ -112,7 +112,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Grid:
-    """What all runs showed."""
+    """Summary of all runs."""
 
     runs: Sequence[Run]
 

@@ -1,4 +1,4 @@
-"""The part `requests`: two requests at every distance, and whether mode and drives then agree.
+"""Part `requests`: pairs of requests at every distance; mode and drives must agree afterwards.
 
 One operator asks for two things, 0 to 20 periods apart, from every mode that lasts. The daemon
 takes requests once a period, so that a distance between two of these is one of them. Judged by the
@@ -32,7 +32,7 @@ APART = range(21)
 TOLERATED = 2
 """An energised mode with a drive elsewhere lasts no longer than so many ticks [1]."""
 SETTLED_TICKS = 60
-"""What was asked for has come about by then, if it does: drives take some time [1]."""
+"""Ticks within which a request comes about, if it does: drives take some time [1]."""
 LONGEST_TICKS = 450
 """Every request is answered by then, and every mode reached again [1]."""
 _ON = "operation_enabled"
@@ -47,7 +47,7 @@ class Pair:
     second: Request
     apart: int
     faults: list[str] = field(default_factory=list)
-    """What speaks against the daemon."""
+    """Broken promises of the daemon."""
 
     @property
     def text(self) -> str:
@@ -194,17 +194,17 @@ class Pairs:
 
     @property
     def name(self) -> str:
-        """What was played."""
+        """The run, in a few words."""
         return f"requests {self.start} {self.first}"
 
     @property
     def reasons(self) -> list[str]:
-        """What speaks against it."""
+        """Broken promises."""
         return list(self.faults[:5])
 
 
 class Agreement:
-    """What all pairs showed."""
+    """Summary of all pairs."""
 
     def __init__(self, every: Sequence[Pairs]) -> None:
         self.every = every

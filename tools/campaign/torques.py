@@ -1,4 +1,4 @@
-"""The part `torques`: at torque level no push, stop, reversal or payload makes the gate refuse.
+"""Part `torques`: at torque level no push, stop, reversal or payload makes the gate refuse.
 
 One run for each seed: a hand that comes within 0 to 0.3 s, from any side and with up to 35 N, and
 is turned round, moved aside or taken away; stops and holds in the middle of it, and their end;
@@ -32,7 +32,7 @@ BEGIN_S, LENGTH_S = 0.4, 2.4
 
 @dataclass(frozen=True)
 class Run:
-    """What one run showed."""
+    """Result of one run."""
 
     name: str
     held_back_ticks: int
@@ -42,7 +42,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Kept:
-    """What all runs showed."""
+    """Summary of all runs."""
 
     runs: Sequence[Run]
 

@@ -1,1 +1,1 @@
-"""`telerobot certify`: an authority, and a certificate for each who takes part in the network."""
+"""`telerobot certify`: a certificate authority for the cells' network."""

@@ -1,4 +1,4 @@
-"""An authority in a folder: signs who is who, and what they may do.
+"""Certificate authority in a folder: signs names and roles.
 
 Elliptic keys on P-256. A private key is written once, readable by its owner alone, and never again.
 """
@@ -21,7 +21,7 @@ from ...protocols.roles import SERVERS, Grant
 
 YEARS_OF_AUTHORITY: Final = 10
 DAYS: Final = 730
-"""How long a certificate holds, unless told otherwise [d]."""
+"""Validity of a certificate by default [d]."""
 
 CLOCKS_DIFFER: Final = timedelta(days=1)
 """A certificate holds from this long before now: the others' clocks may be behind."""

@@ -1,4 +1,4 @@
-"""Who is to be certified for what: whom the command line names, and what every cell has."""
+"""Holders of certificates: those named on the command line, and those of every cell."""
 
 import argparse
 import ipaddress
@@ -15,7 +15,7 @@ from .authority import Authority
 
 @dataclass(frozen=True)
 class Holder:
-    """Who is to be certified for what."""
+    """Holder of a certificate, and its role."""
 
     name: str
     """The common name."""

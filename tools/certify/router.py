@@ -1,4 +1,4 @@
-"""The configuration of a common router, from the certificates beside it: a file for Zenoh."""
+"""Zenoh configuration of a common router, from the certificates beside it."""
 
 import json
 from collections.abc import Iterator

@@ -1,1 +1,1 @@
-"""What a schema cannot see about a cell: one file per subject, each `(cell) -> findings`."""
+"""Checks beyond the schema of a cell: one file per subject, each `(cell) -> findings`."""

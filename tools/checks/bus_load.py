@@ -1,4 +1,4 @@
-"""Is there room on each CAN bus for what the cell sends, even if every frame is stuffed?"""
+"""Check of each CAN bus's load, with every frame stuffed."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Are the drives' bounds within the robot's, and fine enough for what is asked of them?"""
+"""Check of the drives' bounds against the robot's, and of their resolution."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Can the drives be enabled where the joints stand, and do they let go of them in time?"""
+"""Check of enabling where the joints stand, and of the drives' timeouts."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What a check found, and how it is shown: one line each, or JSON."""
+"""Findings of a check, shown as one line each or as JSON."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ Value = str | int | float | bool | None
 
 
 class Status(StrEnum):
-    """How serious a finding is; only an error makes the command fail."""
+    """Severity of a finding; only an error makes the command fail."""
 
     OK = "ok"
     WARN = "warn"

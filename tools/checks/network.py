@@ -1,4 +1,4 @@
-"""Who may speak to the daemon, and for how long still?"""
+"""Check of access to the daemon: roles and validity of certificates."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime

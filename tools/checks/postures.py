@@ -1,4 +1,4 @@
-"""Can the arm be driven from where it starts: is it well away from its singularities?"""
+"""Check of postures: distance from singularities at the start."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Sensor keys: what news that needs no lease can do to the arm, at most."""
+"""Check of sensor keys: greatest effect on the arm of news without a lease."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Do the periods and timeouts follow each other in the order that makes silence safe?"""
+"""Check of periods and timeouts: their order makes silence safe."""
 
 from collections.abc import Iterator
 from itertools import pairwise

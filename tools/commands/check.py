@@ -1,4 +1,4 @@
-"""`telerobot check CELL`: what a schema cannot see, each thing a line with its numbers."""
+"""`telerobot check CELL`: checks beyond the schema, one line each with its numbers."""
 
 import argparse
 from collections.abc import Callable, Iterator

@@ -24,7 +24,7 @@ READY_WITHIN_S = 90.0
 """A daemon that is not ready by then will not be [s]; the very first start compiles kernels."""
 
 HEADLESS_S = 20.0
-"""How long a headless demo goes on unless told otherwise [s]."""
+"""Length of a headless demo by default [s]."""
 
 JITTER = ("lateness_us_p50", "lateness_us_p99", "lateness_us_max")
 

@@ -1,4 +1,4 @@
-"""`telerobot doctor`: is this machine fit to run a daemon, and what would make it better?"""
+"""`telerobot doctor`: fitness of this machine for a daemon, and advice."""
 
 import argparse
 import os

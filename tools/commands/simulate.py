@@ -1,4 +1,4 @@
-"""`telerobot simulate CELL [SCRIPT]`: a run in virtual time, and what it showed."""
+"""`telerobot simulate CELL [SCRIPT]`: a run in virtual time, and its figures."""
 
 import argparse
 import json

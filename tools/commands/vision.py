@@ -1,4 +1,4 @@
-"""`telerobot vision CELL`: looks through the cell's cameras and tells the daemon what they see.
+"""`telerobot vision CELL`: finds tags in the cameras' pictures and sends sightings to the daemon.
 
 A process of its own, so that no picture ever delays the control loop or the physics. Cameras with
 a `device` are read through OpenCV; the others are rendered from the joint angles that the virtual
@@ -40,7 +40,7 @@ SAVE_EVERY_S = 1.0
 
 
 class _Eye(Protocol):
-    """Where pictures come from."""
+    """Source of pictures."""
 
     def picture(self) -> Picture | None:
         """Return a picture, None where there is none yet. Raises `DeviceError`."""

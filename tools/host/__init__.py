@@ -1,1 +1,1 @@
-"""This machine: what it grants, where processes are found, and a plant of its own."""
+"""This machine: its rights, addresses of processes, a private plant."""

@@ -1,4 +1,4 @@
-"""Where a cell's bus and daemon are to be found, and how the command line moves them.
+"""Addresses of a cell's bus and daemon, and their overrides on the command line.
 
 Two demos, or a test beside a running daemon, share a machine when each has a multicast group and
 an endpoint of its own; everything else about the cell stays what its file says.

@@ -1,4 +1,4 @@
-"""A plant of one's own on this machine: rig and daemon as processes, apart from any other."""
+"""Private plant on this machine: rig and daemon as processes, apart from any other."""
 
 import ctypes
 import secrets
@@ -41,7 +41,7 @@ class LocalPlant:
     def __init__(self, cell: Cell, statistics: Path | None = None) -> None:
         self.cell = private(cell)
         self.rig_endpoint = self.cell.config.zenoh.endpoint
-        """Where the rig takes faults and tells the truth: the daemon's router by default."""
+        """Endpoint of the rig's faults and truth: the daemon's router by default."""
         self.rig: subprocess.Popen[bytes] | None = None
         self.daemon: subprocess.Popen[bytes] | None = None
         self.vision: subprocess.Popen[bytes] | None = None

@@ -1,4 +1,4 @@
-"""What this machine grants and how well it keeps time; Linux, as the daemon needs it."""
+"""Rights and timing of this machine; Linux, as the daemon needs it."""
 
 import ctypes
 import os
@@ -26,7 +26,7 @@ _PROBE_DATA: Final = b"telerobo"
 
 @dataclass(frozen=True)
 class Jitter:
-    """How late a loop of absolute sleeps woke up [s]."""
+    """Lateness of a loop of absolute sleeps [s]."""
 
     wakeups: int
     p50: float

@@ -12,7 +12,7 @@ from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.spatial import Array, Pose
 
 WRIST_JOINTS = 3
-"""So many of the last joints turn [1]."""
+"""Number of joints that turn, counted from the last [1]."""
 CANDIDATES = 600
 PATH_SAMPLES = 12
 FROM_LIMIT = 0.05
@@ -51,7 +51,7 @@ def attitudes(cell: Cell, posture: str, count: int, room: float) -> list[Stop]:
 
 
 class _Space:
-    """Where the tool may go."""
+    """Room in which the tool may move."""
 
     def __init__(self, cell: Cell, home: Array, room: float) -> None:
         config = cell.config.mechanism

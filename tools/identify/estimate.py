@@ -1,4 +1,4 @@
-"""What a force/torque sensor carries, and how it sits, from its readings at rest in many attitudes.
+"""Estimates payload, bias and mounting of a force/torque sensor from readings at rest.
 
 At rest a reading depends on the attitude alone, and linearly: with u = −R_world_wristᵀ g, the
 free-fall acceleration turned round, seen from the Wrist (3,),
@@ -32,7 +32,7 @@ class NotIdentified(Exception):
 
 @dataclass(frozen=True)
 class Residual:
-    """What a model leaves of the readings, root of the mean square over the attitudes."""
+    """Residual of a model: root mean square over the attitudes."""
 
     force: float
     """Norm of the force [N]."""
@@ -42,7 +42,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What was found; as a cell says it."""
+    """Estimate, in the terms of a cell file."""
 
     mass: float
     """[kg]"""

@@ -1,4 +1,4 @@
-"""Leads an arm through attitudes and averages its sensor in each; told every state that comes in.
+"""Leads an arm through attitudes and averages its sensor in each; given every state.
 
 The same guide leads a real daemon, in wall time, and a simulated one, in virtual time: it knows no
 clock but that of the states.
@@ -43,7 +43,7 @@ class Guide:
     say: Callable[[str], None] = lambda _line: None
     samples: list[Sample] = field(default_factory=list)
     failure: str = ""
-    """Why it could not go on."""
+    """Reason of a failure."""
     over: bool = False
     _at: int = -1
     _asked_seq: int = 0
@@ -53,7 +53,7 @@ class Guide:
     _allowed: bool = False
 
     def run(self, state: m.State) -> None:
-        """Do what is due at a new state."""
+        """Take in a state: average, or go on to the next attitude."""
         if self.over:
             return
         try:

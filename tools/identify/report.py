@@ -1,4 +1,4 @@
-"""What an identification found, for people, for programs, and for the cell file."""
+"""Report of an identification: for people, for programs, for the cell file."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""An identification from the first attitude to the estimate: on a daemon, or in virtual time."""
+"""Identification from the first attitude to the estimate: on a daemon, or in virtual time."""
 
 from collections.abc import Callable
 
@@ -36,7 +36,7 @@ def identify(operator: Operator, stops: list[Stop], say: Callable[[str], None]) 
 def identify_simulated(
     cell: Cell, stops: list[Stop], say: Callable[[str], None] = lambda _line: None
 ) -> list[Sample]:
-    """Do the same to a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
+    """Identify a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
     simulation = Simulation(cell, Script(duration_s=LONGEST_S))
     guide = Guide(simulation.player.client, stops, say)
 

@@ -1,4 +1,4 @@
-"""Is a goal feasible? Judged beforehand, by other means than the server's.
+"""Feasibility of a goal, judged beforehand by other means than the server's.
 
 The judge knows the arm from its URDF only (`arm.py`). From a known posture it marches along the
 straight path to a target pose (translation on a line, rotation on the geodesic) in small steps,

@@ -21,7 +21,7 @@ LOOK = 0.04
 Step = Callable[[Array], Array | None]
 """The posture (n,) one step on from another; None where no step is free."""
 Clear = Callable[[Array], bool]
-"""Whether a posture (n,) is free."""
+"""True for a posture (n,) that is free."""
 
 
 class Tree:

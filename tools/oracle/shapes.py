@@ -1,4 +1,4 @@
-"""What can be touched: balls along the links of an arm, and the boxes around it."""
+"""Shapes for contact: balls along the links of an arm, and the boxes around it."""
 
 import math
 import xml.etree.ElementTree as ET

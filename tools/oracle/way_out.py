@@ -1,4 +1,4 @@
-"""Is there a way out for an arm among things? Searched by other means than the server's.
+"""Search for a way out of an arm among obstacles, by other means than the server's.
 
 A tree of postures grows from the arm's (`random_tree.py`): each is a small step from one that is
 there, towards a posture drawn at random, away from things or along a straight way of the tool. It
@@ -41,7 +41,7 @@ TURNED = 0.1
 HELD = 2e-4
 """A gap below the promise may shrink by so much in all: twice what the daemon lets it [m]."""
 POSTURES = 600
-"""So many are tried [1]."""
+"""Number of tries [1]."""
 STEP = 0.1
 """Most that a joint turns from one to the next [rad]."""
 LEAST = 2e-3
@@ -49,7 +49,7 @@ LEAST = 2e-3
 IN_A_ROW = 12
 """Most steps one way [1]."""
 NEAR = 0.05
-"""What has so much more room does not matter for a step [m]."""
+"""Extra distance beyond which a pair does not matter for a step [m]."""
 FAR = 0.15
 """Gaps count up to this [m]."""
 

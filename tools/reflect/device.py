@@ -1,4 +1,4 @@
-"""A simulated handle in a simulated hand: mass, damper and spring behind three motors.
+"""Simulated handle in a simulated hand: mass, damper and spring behind three motors.
 
 Virtual time, a millisecond a step. What the motors do and what the hand feels is its own truth:
 energies here are works of forces along ways, whoever commanded them.
@@ -19,7 +19,7 @@ ROTOR = 4e-4
 
 
 class HandPath:
-    """Where the hand means to be: from place to place, at rest in each (minimum jerk)."""
+    """Intended path of the hand: from place to place, at rest in each (minimum jerk)."""
 
     def __init__(self) -> None:
         self._start, self._end = np.zeros(3), np.zeros(3)
@@ -53,7 +53,7 @@ class Device:
         self.p, self.v = np.zeros(3), np.zeros(3)
         """The handle's place [m] and velocity [m/s] in the axes of its base."""
         self.force = np.zeros(3)
-        """What the motors pushed the hand with in the last step for reflection (3,) [N]."""
+        """Reflected force of the motors on the hand in the last step (3,) [N]."""
         self.work = 0.0
         """Work of the hand against reflection so far: negative where it was given some [J]."""
 

@@ -1,4 +1,4 @@
-"""The kinematics of a desktop device: three motors at its base, and a passive gimbal at its end."""
+"""Kinematics of a desktop device: three motors at its base, and a passive gimbal at its end."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Rate mode's loop through the operator: its gain, its bound, and the low-pass above the bound.
+"""Loop of rate mode through the operator: gain, bound, and low-pass above the bound.
 
 A stick makes the arm push with F = K_HC u / K_F whatever the network does (Williams 1997, 2.6): the
 arm's own loop sees to that. Reflected, the force moves the stick: a loop of gain
@@ -27,14 +27,14 @@ ARM_S = 0.08
 
 @dataclass(frozen=True)
 class HeldStick:
-    """What the loop sees of a stick with a hand on it."""
+    """Dynamics of a stick with a hand on it, as the loop sees it."""
 
     rate_per_force: float
     """c: the rate that it asks for, for each newton on it [m/s/N]."""
     damping_ratio: float
     """ζ [1]."""
     lag_s: float
-    """How late it follows a force [s]."""
+    """Delay of its response to a force [s]."""
 
     @classmethod
     def of(cls, handle: Handle, hand: Hand) -> Self:

@@ -1,1 +1,1 @@
-"""Scripts: what operators do over time, and how that is played."""
+"""Scripts: actions of operators over time, and their player."""

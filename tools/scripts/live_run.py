@@ -1,4 +1,4 @@
-"""A script played on a running daemon, at wall time: what happened, and where the arm ended."""
+"""Plays a script on a running daemon, at wall time; prints events and the final pose."""
 
 import math
 import time
@@ -39,7 +39,7 @@ class LiveRun:
             operator.reflection,
         )
         self.failure = ""
-        """Why the script could not be played to its end."""
+        """Reason for an early end, or empty."""
         self.events: list[m.Event] = []
         self._operator, self._say = operator, say
 

@@ -1,4 +1,4 @@
-"""The message of a script's step: a topic and its fields, judged as if they came on the wire."""
+"""Message of a script's step: a topic and its fields, judged as if they came on the wire."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

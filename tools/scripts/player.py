@@ -84,7 +84,7 @@ class Player:
         self.operators.on_reflection(news)
 
     def run(self, now_s: float) -> None:
-        """Do everything that is due at `now_s`."""
+        """Advance to `now_s`: deliver messages, do due steps, move generators."""
         self._now_s = now_s
         self.operators.receive(now_s)
         if self.phase is Phase.WAITING:

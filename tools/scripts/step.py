@@ -1,4 +1,4 @@
-"""One step of a script: a time, an operator, and one topic with its fields or one generator."""
+"""Step of a script: a time, an operator, and one topic with its fields or one generator."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any

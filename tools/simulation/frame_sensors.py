@@ -1,4 +1,4 @@
-"""Sensors of frames that move, simulated: noisy news, at its rate and latency, in physics time.
+"""Simulated sensors of moving frames: noisy news at a rate and latency, in physics time.
 
 In virtual time a SYNC's number is the tick that it begins. Between processes it is not: there the
 rig listens to the telemetry, and learns how far the two numbers are apart.

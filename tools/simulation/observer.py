@@ -1,4 +1,4 @@
-"""A judge on the bus: counts sent setpoints beyond any bound, from raw frames and SYNC stamps.
+"""Judge on the bus: counts sent setpoints beyond any bound, from raw frames and SYNC stamps.
 
 It shares no code with the server's control: it decodes frames by itself, knows the bounds from the
 cell file, and forms finite differences of the setpoints that were in force at each SYNC. The
@@ -62,7 +62,7 @@ class _Joint:
     high: float
     measured: float | None = None
     before: float | None = None
-    """What it was at the SYNC before the last [rad]."""
+    """Setpoint at the SYNC before the last [rad]."""
     pending: float | None = None
     enabled: bool = False
     history: list[tuple[float, float]] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The cameras of a simulation: pictures in virtual time, at each camera's rate and latency.
+"""Cameras of a simulation: pictures in virtual time, at each camera's rate and latency.
 
 What a picture shows is found by the same code that looks at real ones. The pictures themselves
 are rendered, so that this needs OpenCV and something to render with.
@@ -43,7 +43,7 @@ class _Eye:
     detector: Detector
     due_s: float = 0.0
     underway: deque[tuple[float, bytes]] = field(default_factory=deque)
-    """When each sighting arrives, and its bytes."""
+    """Arrival of each sighting [s], and its bytes."""
 
 
 class SimulatedCameras:

@@ -95,7 +95,7 @@ class Simulation:
         self.view = ViewJudge(cell)
         self._tool = ToolJudge(cell)
         self.blind: str | None = None
-        """Why the cell's cameras give no pictures here, None where they do or there are none."""
+        """Reason for missing pictures; None where there are pictures or no cameras."""
         self._cameras = self._open_cameras() if cameras is None else cameras(self)
         self.frame_sensors = SimulatedFrameSensors(
             cell, self.rig, lambda news: self.link.put(t.FRAME_NEWS, encode(news))

@@ -1,4 +1,4 @@
-"""How far the true view is from the one that was stored: the physics' truth, never the pictures."""
+"""Judge of the view: its true distance from the stored one, by physics, never by pictures."""
 
 import math
 

@@ -1,1 +1,1 @@
-"""The same random scenes for telerobot and for other libraries' collision avoidance."""
+"""Comparison with other libraries' collision avoidance in equal random scenes."""

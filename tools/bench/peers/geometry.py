@@ -1,4 +1,4 @@
-"""The arm's real shapes and a scene's things, for whoever measures distances between them.
+"""Real shapes of the arm and of a scene, to measure distances between them.
 
 The judge of the runs reads clearances here, with Coal on the URDF's own cylinders and spheres, and
 the tool's pose, by the oracle's kinematics; none of the controllers under test is asked. The shapes

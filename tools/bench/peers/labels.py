@@ -1,4 +1,4 @@
-"""Is a target feasible? Judged beforehand, by other means than any controller under test.
+"""Labels of feasible targets, judged beforehand by other means than the controllers.
 
 A target is feasible if a posture with the tool at it is found (Newton from many random starts),
 and a way there through joint space from the posture that reached the target before it

@@ -1,4 +1,4 @@
-"""The way that all controllers are asked to go: straight to the target, at one speed, in time."""
+"""Reference of all controllers: straight to the target, at one speed, in time."""
 
 from typing import NamedTuple
 

@@ -29,7 +29,7 @@ OWN = 1e-3
 
 @dataclass
 class Result:
-    """What one run showed."""
+    """Result of one run."""
 
     controller: str
     seed: int

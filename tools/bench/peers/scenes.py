@@ -1,4 +1,4 @@
-"""A scene: where the arm starts, what it is to reach, what stands and moves around it."""
+"""Scene: start of the arm, its target, and obstacles at rest and in motion."""
 
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ from ....server.control.spatial import Array, Pose, rotation_rpy
 
 
 class Way(NamedTuple):
-    """Where a thing is at one instant, and how fast, in World [m], [m/s]."""
+    """Place and velocity of an obstacle at one instant, in World [m], [m/s]."""
 
     centre: Array
     velocity: Array

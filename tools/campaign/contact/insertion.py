@@ -1,4 +1,4 @@
-"""One insertion of a peg into a hole that is not where it is meant to be, judged by the physics.
+"""One insertion of a peg into a misplaced hole, judged by the physics.
 
 The verdict knows true poses and true contact forces only. Depth is that of the middle of the peg's
 end below the mouth, along the hole's own axis, as long as it is within the hole; force is the sum
@@ -25,7 +25,7 @@ CELL = "pa10_peg"
 SCRIPTS = {False: "peg_insert", True: "peg_insert_stiff"}
 """By whether force control is off."""
 OFFSET, TILT = 0.003, math.radians(2.0)
-"""How far off the hole is [m], [rad]."""
+"""Offset and tilt of the hole [m], [rad]."""
 AZIMUTHS = 12
 """Directions of the offset, evenly around the hole's axis [1]."""
 LEANS = (0.5 * math.pi, math.pi)
@@ -38,7 +38,7 @@ ROUGH = 100.0
 
 
 class Attempt(NamedTuple):
-    """What is tried."""
+    """One attempt's conditions."""
 
     direction: int
     """0 to `DIRECTIONS` - 1."""
@@ -50,18 +50,18 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True)
 class Insertion:
-    """What one attempt showed; all plain values."""
+    """Result of one attempt; all plain values."""
 
     direction: int
     stiff: bool
     part: int
     depth_m: float
     deep_s: float
-    """When it was `DEEP`, since the arm was enabled; inf for never [s]."""
+    """Time at which it was `DEEP`, since the arm was enabled; inf for never [s]."""
     peak_n: float
     limit_violations: int
     end: str
-    """What ended the attempt before its time, or nothing."""
+    """Cause of an early end, or empty."""
 
     @property
     def name(self) -> str:
@@ -86,7 +86,7 @@ class Insertion:
 
     @property
     def reasons(self) -> list[str]:
-        """What speaks against the attempt; of a stiff one, that it was gentle."""
+        """Broken promises; of a stiff attempt, that it was gentle."""
         found = [f"{self.limit_violations} limit violations"] if self.limit_violations else []
         if self.stiff and not self.rough:
             found.append(f"went in gently without force control: {self.words}")

@@ -1,4 +1,4 @@
-"""Contact that an arm runs into unseen, and whether it lets go: judged by the physics.
+"""Contact without a sensor's sight, and its release: judged by the physics.
 
 A part of the arm meets a sprung plate that nobody told of. After the stop the arm must give way:
 from `WITHIN_S` later on, for `HELD_S`, the force between them is below `GENTLE_N` at every physics
@@ -30,13 +30,13 @@ HIT_S = 1.0
 SEARCH_S = 3.0
 """The arm is told to go on until this time of the script [s]."""
 AWAY_S = 1.2
-"""How long it moves away at the end [s]."""
+"""Length of the motion away at the end [s]."""
 PLATE = 0.05
 """Half the side of the plate [m]."""
 CLEAR = 0.01
 """A drawn arm begins at least so far from the plate [m]."""
 SAID_S = 1.0
-"""When an operator says that the load which nobody told of may act [s]."""
+"""Time at which an operator acknowledges the undeclared load [s]."""
 LOAD_KG, LOAD_AT = 5.0, (0.0, 0.0, 0.1)
 """The payload that the daemon does not know of, in the Sensor frame [kg, m]."""
 ABOVE = 0.04
@@ -70,11 +70,11 @@ class Plan(NamedTuple):
 
 @dataclass(frozen=True)
 class LetGo:
-    """What one contact showed."""
+    """Result of one contact."""
 
     name: str
     touched_s: float | None
-    """When it was felt, from the script's start [s]."""
+    """Time of detection, from the script's start [s]."""
     peak_n: float
     """Greatest force at all [N]."""
     pressed_n: float

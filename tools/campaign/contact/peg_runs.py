@@ -1,4 +1,4 @@
-"""The part `peg`: every direction, with and without force control, at two physics steps."""
+"""Part `peg`: every direction, with and without force control, at two physics steps."""
 
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""The part `reflection`: both modes of force reflection over networks, protected and not."""
+"""Part `reflection`: both modes of force reflection over networks, protected and not."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
@@ -32,7 +32,7 @@ class Played(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What was played, in a few words."""
+        """The run, in a few words."""
         t = self.trial
         how = "" if t.protected else ", unprotected"
         what = t.mode if t.mode == "rate" else f"pose {t.stiffness:g} N/m"
@@ -40,7 +40,7 @@ class Played(NamedTuple):
 
     @property
     def reasons(self) -> list[str]:
-        """What speaks against it: nothing, where it was only to see."""
+        """Broken promises; empty for a trial without protection."""
         return list(self.trial.faults) if self.promised else []
 
 

@@ -32,7 +32,7 @@ SETTLED_S, WINDOW_S = 6.0, 1.0
 
 @dataclass(frozen=True)
 class Trial:
-    """What one trial showed."""
+    """Result of one trial."""
 
     mode: Mode
     rtt_s: float
@@ -51,7 +51,7 @@ class Trial:
     drift_m: float
     """Pose mode: how far the tool ends from where the master has led it [m]."""
     failure: str = ""
-    """Why there is nothing to judge."""
+    """Reason why there is nothing to judge."""
 
     @property
     def faults(self) -> tuple[str, ...]:

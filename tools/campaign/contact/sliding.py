@@ -13,14 +13,14 @@ APPROACH = 0.05
 """Speed at which contact is made [m/s]."""
 DIRECTIONS = 8
 REACH = 0.1
-"""So far it slides at most [m], and for at most so long, one way [s]."""
+"""Greatest length [m] and time [s] of a slide, one way."""
 AT_MOST_S = 2.0
 MADE_S, SLIDES_S, AFTER_S = 5.0, 6.0, 0.6
 """Contact has been made by then, and sliding begins; so long it goes on being watched [s]."""
 
 
 class Slide(NamedTuple):
-    """Where, how hard, how fast and which way the tool slides."""
+    """One slide: surface, force, speed, direction."""
 
     surface: str
     force: float

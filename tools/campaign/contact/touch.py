@@ -1,4 +1,4 @@
-"""The part `touch`: pushes that no sensor sees are felt; ordinary motion and contact are no push.
+"""Part `touch`: pushes that no sensor sees are felt; ordinary motion and contact are no push.
 
 Free motion with 2 kg more on the tool, of which the daemon knows: smooth sticks there and back,
 postures in between, for as long as the seeds last. A tool that slides along wall and table, slowly
@@ -24,7 +24,7 @@ from .sliding import MADE_S, SLIDES, sliding
 
 CELL = "pa10"
 MASS, COM = 2.0, (0.0, 0.0, 0.10)
-"""What is on the tool beside its own [kg], in the Sensor frame [m]."""
+"""Mass added to the tool [kg], and its centre in the Sensor frame [m]."""
 PUSH_N = 30.0
 PUSH_AT_S, NOTICED_WITHIN_S = 2.0, 1.0
 ELBOW = "e1"
@@ -43,7 +43,7 @@ CONTACTS = {
 
 @dataclass(frozen=True)
 class Run:
-    """What one run showed."""
+    """Result of one run."""
 
     name: str
     kind: str
@@ -56,7 +56,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Feeling:
-    """What all runs showed."""
+    """Summary of all runs."""
 
     runs: Sequence[Run | LetGo]
 

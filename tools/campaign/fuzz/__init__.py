@@ -1,1 +1,1 @@
-"""The part `fuzz`: inputs that nobody sends on purpose, drawn from seeds."""
+"""Part `fuzz`: random malformed and unusual inputs, drawn from seeds."""

@@ -1,4 +1,4 @@
-"""Cameras that see nothing, for runs that are not about pictures."""
+"""Cameras without pictures, for runs that need none."""
 
 
 class Blind:

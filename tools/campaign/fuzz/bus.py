@@ -1,4 +1,4 @@
-"""A daemon in virtual time whose CAN bus carries frames of nodes that nobody knows.
+"""Fuzzes a daemon in virtual time with frames of unknown CAN nodes.
 
 A second master and a drive that contradicts itself are told as such and end in FAULT, rightly. But
 nothing is raised, and no setpoint leaves its bounds.

@@ -1,4 +1,4 @@
-"""Every topic's decoder under bytes that are no message, or nearly one."""
+"""Fuzzes every topic's decoder with bytes that are no message, or nearly one."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Cell files and URDFs with mistakes: each loads and can be judged, or is refused in one line."""
+"""Fuzzes cell files and URDFs: each loads and can be checked, or is refused in one line."""
 
 import random
 import re

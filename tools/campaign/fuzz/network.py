@@ -1,4 +1,4 @@
-"""A daemon in virtual time under wild input: of a stranger, of sensors, of the holder himself.
+"""Fuzzes a daemon in virtual time with messages of strangers, sensors and the lease's holder.
 
 Strangers send junk on every key and ask for everything; sensor keys get news that is valid, and
 wild. An honest operator who drives meanwhile keeps the lease, and nothing is in FAULT. In every

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Outcome:
-    """What one job showed: how many inputs of which kind, and what speaks against it."""
+    """Result of one job: counts of inputs by kind, and broken promises."""
 
     what: str
     seed: int
@@ -30,7 +30,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Endurance:
-    """What all fuzzing jobs showed."""
+    """Summary of all fuzzing jobs."""
 
     outcomes: Sequence[Outcome]
 

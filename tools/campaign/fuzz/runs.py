@@ -1,4 +1,4 @@
-"""The part `fuzz` of the campaign: its jobs, and which module plays which."""
+"""Part `fuzz` of the campaign: its jobs and their players."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
     "files": files.play,
     "wire": wire.play,
 }
-"""What is fuzzed, and who does it with a seed."""
+"""Fuzzed interfaces, and the function that plays a seed of each."""
 
 Job = tuple[str, int]
 """Kind and seed."""

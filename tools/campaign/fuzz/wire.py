@@ -1,4 +1,4 @@
-"""A real daemon and its virtual hardware, over Zenoh, while a stranger sends what he likes.
+"""Fuzzes a real daemon with its virtual hardware, over Zenoh, with a stranger's messages.
 
 An operator drives meanwhile. He keeps the lease, the arm stays enabled, nothing is in FAULT, and
 the daemon's memory does not grow.

@@ -1,4 +1,4 @@
-"""What else an arm has, and what operators do with it: a gripper that picks things up, cameras."""
+"""Equipment of an arm and its use: a gripper that picks things up, cameras."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ from ..steps import Draw, step
 
 Segment = Callable[[Draw, Cell, float, float], list[Step]]
 Pair = tuple[dict[str, Any], dict[str, Any]]
-"""What happens, and what happens a moment later; nothing for nothing."""
+"""An act and its sequel a moment later; each may be empty."""
 
 GRIPPER_NODE = 120
 EMPTY, LOADED = "campaign_empty", "campaign_loaded"

@@ -1,4 +1,4 @@
-"""From a cell and a seed to a run: scene, hostile script, and a goal to be judged at its end.
+"""Makes a run from a cell and a seed: scene, hostile script, and a goal to be judged at its end.
 
 A run is a hostile part (`segments.py`), then order is restored and the arm is sent to a posture,
 or from a known posture to a target pose, sometimes with a stick that nudges it on the way.
@@ -53,7 +53,7 @@ TRIES = 30
 
 @dataclass(frozen=True)
 class Goal:
-    """What the arm is judged by at the end of a run."""
+    """Goal that a run ends with."""
 
     kind: Literal["posture", "target"]
     q: Array
@@ -61,9 +61,9 @@ class Goal:
     T_target: Array
     """The pose (4, 4) of the MRF in World."""
     infeasible: str
-    """Why it does not count, or nothing."""
+    """Reason why it does not count, or empty."""
     at_s: float
-    """When it is commanded, in the script's time [s]."""
+    """Time of its command, in the script's time [s]."""
 
 
 @dataclass(frozen=True)

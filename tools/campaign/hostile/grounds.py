@@ -1,4 +1,4 @@
-"""Grounds that move: an arm on a platform that sways, beside a conveyor, and what is told of them.
+"""Moving grounds: an arm on a swaying platform, beside a conveyor, and the news of both.
 
 In the end the platform is back in its place and the CRF in World, so that goals are judged as ever.
 The news is an encoder's: noise that is worse would show in goals, which are judged to a millimetre.
@@ -15,7 +15,7 @@ from ....config.schema.section import Pose
 from ..steps import Draw
 
 Pair = tuple[dict[str, Any], dict[str, Any]]
-"""What happens, and what happens a moment later; nothing for nothing."""
+"""An act and its sequel a moment later; each may be empty."""
 
 NOISE = (2e-5, 2e-5)
 """Standard deviation of each axis of a told pose [m], [rad]."""
@@ -26,7 +26,7 @@ PERIODS_S = (2.0, 6.0)
 SPEED = 0.2
 """Greatest speed of the conveyor along each axis [m/s]."""
 DOUBLED = 3
-"""How often each of these happens, where one of the other disturbances happens once [1]."""
+"""Frequency of these disturbances, relative to each of the others [1]."""
 
 
 def with_moving(draw: Draw, cell: Cell) -> Cell:

@@ -1,4 +1,4 @@
-"""What a campaign showed: its three promises, and every run that speaks against one."""
+"""Report of a campaign: its three promises, and every run that broke one."""
 
 import math
 from collections import Counter
@@ -8,7 +8,7 @@ from dataclasses import asdict
 from .verdict import Verdict
 
 LIMITED_SHARE = 0.3
-"""Some limit is active in at least this part of all ticks: the campaign is hostile enough [1]."""
+"""Least part of all ticks with an active limit: the campaign is hostile enough [1]."""
 REACHED_SHARE = 0.99
 """At least this part of the feasible goals is reached [1]."""
 

@@ -1,4 +1,4 @@
-"""The part `hostile`: every seed in every cell, with a goal at the end of each run."""
+"""Part `hostile`: every seed in every cell, with a goal at the end of each run."""
 
 from ....config.load import load_cell
 from ..part import Part, Selection

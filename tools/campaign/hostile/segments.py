@@ -1,4 +1,4 @@
-"""Hostile things that operators do: each returns the steps of one segment of a script.
+"""Hostile acts of operators: each returns the steps of one segment of a script.
 
 Directions are drawn so that sticks turn back on themselves within a second or so: asked rates are
 far beyond every bound, but the arm is not led far into itself or its surroundings.

@@ -1,4 +1,4 @@
-"""Cameras that render nothing: what they would see is computed, and told late, wrong or not at all.
+"""Cameras without rendering: sightings are computed, and told late, wrong or not at all.
 
 The tag's true pose in the Lens, with noise, at each camera's rate and latency. A tag that is
 covered, out of the picture or turned away is not seen. Some sightings come far too late, some leap
@@ -34,7 +34,7 @@ class _Eye:
     camera: Camera
     due_s: float = 0.0
     underway: deque[tuple[float, bytes]] = field(default_factory=deque)
-    """When each sighting arrives, and its bytes."""
+    """Arrival of each sighting [s], and its bytes."""
 
 
 class ComputedSights:

@@ -1,4 +1,4 @@
-"""What one run showed, judged by the bus, the physics and the campaign's own model of the arm."""
+"""Verdict on one run, by the bus, the physics and an independent model of the arm."""
 
 import math
 from collections import Counter
@@ -37,7 +37,7 @@ class Verdict:
     scene: str
     goal: str
     infeasible: str
-    """Why the goal was judged infeasible, or nothing."""
+    """Reason for an infeasible goal, or empty."""
     failure: str
     ticks: int
     limited_ticks: int
@@ -72,7 +72,7 @@ class Verdict:
 
     @property
     def reasons(self) -> list[str]:
-        """What speaks against the run."""
+        """Broken promises of the run."""
         reasons = list(self.unexpected)
         if self.failure:
             reasons.append(f"not played: {self.failure}")

@@ -1,4 +1,4 @@
-"""The part `wild`: wild operators in all kinds of cells, and no fault that no touch explains.
+"""Part `wild`: careless operators in all kinds of cells; every fault needs a touch as its cause.
 
 Each run is judged by the bus, the physics and the events: no exception, no bound broken, no refusal
 by the gate, and no fault but one: the arm of a cell that feels no collisions runs into something
@@ -17,7 +17,7 @@ from .sights import ComputedSights
 from .wild import equipped, wild
 
 CELLS = ("ur5e_scene", "pa10_vision", "pa10_all", "pa10_scene", "ranger", "pa10_platform", "pa10")
-"""Where wild operators are let loose, in turns by the seed."""
+"""Cells of wild operators, in turns by the seed."""
 TOUCHING = 5.0
 """Contact force from which the arm touches something, or itself [N]."""
 SINCE_S = 0.5
@@ -28,7 +28,7 @@ EXCUSED = ("following_error",)
 
 @dataclass(frozen=True)
 class Wild:
-    """What one run showed."""
+    """Result of one run."""
 
     name: str
     enabled_s: float
@@ -40,7 +40,7 @@ class Wild:
 
 @dataclass(frozen=True)
 class Wilds:
-    """What all runs showed."""
+    """Summary of all runs."""
 
     runs: Sequence[Wild]
 

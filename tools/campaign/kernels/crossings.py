@@ -1,4 +1,4 @@
-"""The part `crossings`: joint rates do not jump where an arm crosses a singularity.
+"""Part `crossings`: joint rates do not jump where an arm crosses a singularity.
 
 Straight ways of the joints through postures that are singular or nearly so, with a fixed twist. The
 steps between samples that are largest are halved again and again: a jump is what stays. One kind is
@@ -24,7 +24,7 @@ REACH = 0.15
 """Each goes so far to either side [rad]."""
 SAMPLES = 60
 SUSPECTS = 5
-"""So many of the largest steps are halved …"""
+"""Number of the largest steps that are halved [1] …"""
 FINEST = 1e-10
 """… down to this [rad]."""
 JUMP = 1e-3
@@ -140,7 +140,7 @@ class Crossed:
 
 @dataclass(frozen=True)
 class Crossings:
-    """What all ways showed."""
+    """Summary of all paths."""
 
     ways: Sequence[Crossed]
 

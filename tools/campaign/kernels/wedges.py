@@ -1,4 +1,4 @@
-"""The part `wedges`: random barriers for which standing is an answer always have one that is kept.
+"""Part `wedges`: random barriers that standing satisfies always get a feasible answer.
 
 Parallel, opposed, nearly dependent, or just many of them, 2 to 60 for 6 to 8 joints; a thousand
 for each seed.
@@ -88,13 +88,13 @@ def _least(rng: Draw, m: int) -> Array:
 
 @dataclass(frozen=True)
 class Answers:
-    """What the programme made of the wedges of one seed."""
+    """Result of the programme in the wedges of one seed."""
 
     seed: int
     worst: float
     """By which an answer broke a barrier, or a bound of the joints [m/s, rad/s]."""
     fallbacks: dict[str, int]
-    """How often the solver failed, by what was done then."""
+    """Failures of the solver, by fallback."""
     reasons: list[str] = field(default_factory=list)
 
     @property
@@ -105,7 +105,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class Answered:
-    """What all seeds showed."""
+    """Summary of all seeds."""
 
     answers: Sequence[Answers]
 

@@ -30,19 +30,19 @@ from .movers import Mover, mover
 PROMISE = 0.02
 """Clearance that the daemon promises in these scenes [m]."""
 SAG = 0.001
-"""Joints give way by so much when the drives begin to hold them [m]."""
+"""Sag of the joints when the drives begin to hold them [m]."""
 COUNT = (4, 16)
 """Fewest and most obstacles [1]."""
 HOSTILE_S = 3.5
-"""The stick is hostile for so long [s]."""
+"""Length of the hostile part [s]."""
 WITHIN_S = 30.0
-"""So long it may last then until the retreat is over [s]."""
+"""Time limit of the retreat [s]."""
 KINDS = ("free", "near", "inside", "moving")
-"""What a scene is about, by its seed."""
+"""Kinds of scenes; the seed chooses."""
 MOVERS = (1, 3)
 """Fewest and most things that move, where any do [1]."""
 UNFOLDED = 0.03
-"""At the start links are so far apart at least [m]."""
+"""Least distance between links at the start [m]."""
 TRIES = 400
 """Postures that are tried for a start [1]."""
 

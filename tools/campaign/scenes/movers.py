@@ -1,4 +1,4 @@
-"""What moves in a scene, and is hostile: it chases the arm within the bounds that are stated of it.
+"""Hostile movers of a scene: they chase the arm within their stated bounds.
 
 A mover goes for a link of the true arm at nearly its greatest speed, turns away, stops, or falls
 silent and goes on; when what, is drawn beforehand. One whose acceleration is bounded changes its
@@ -31,14 +31,14 @@ STANDS = (1e-6, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Act:
-    """What a mover does from a time on."""
+    """Act of a mover from a time on."""
 
     at_s: float
     does: Does
     way: tuple[float, float, float]
-    """Where it turns to; length 1."""
+    """Direction to turn to; length 1."""
     part: float
-    """Where on the arm it aims: 0 at the Base, 1 at the last link [1]."""
+    """Point of aim along the arm: 0 at the Base, 1 at the last link [1]."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Chase:
         self._aimed_s: dict[str, float] = {}
 
     def run(self, at_s: float, touching: str = "") -> None:
-        """Do what is due at a time of the script [s]; `touching` names one that has hit the arm."""
+        """Move on to a time of the script [s]; `touching` names a mover that has hit the arm."""
         for m in self._movers:
             name, act = m.obstacle.name, [a for a in m.acts if a.at_s <= at_s][-1]
             if name == touching and act.does != "turn":

@@ -1,4 +1,4 @@
-"""The part `scenes`: clearances among random obstacles, judged by the physics every millisecond."""
+"""Part `scenes`: clearances among random obstacles, judged by the physics every millisecond."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ ONWARD_S = 0.3
 RESUME_S = 0.2
 """An operator whose arm holds asks so often to resume [s]."""
 FREE = 0.002
-"""What touches the arm backs off so far before it is asked to leave [m]."""
+"""Distance by which an obstacle in contact backs off before the arm is to leave [m]."""
 STOPPED_SHARE = 0.01
 """The stored stop takes over in less than this part of all ticks [1]."""
 
@@ -74,7 +74,7 @@ class Scene:
 
     @property
     def reasons(self) -> list[str]:
-        """What speaks against the run."""
+        """Broken promises of the run."""
         found = []
         if self.failure:
             found.append(self.failure)
@@ -100,7 +100,7 @@ class _Judge:
         self.left = self.stuck = False
         self.ways = 0
         self.postures: list[np.ndarray] = []
-        """Where the arm was to leave from, and where it ended, if it did not (n,) [rad]."""
+        """Postures (n,) [rad] at the beginning and end of a retreat that failed."""
         self._movers = {f"obstacle_{m.obstacle.name}" for m in scene.movers}
         self._before = simulation.rig.world.q.copy()
         self._closing = 0.0
@@ -234,7 +234,7 @@ def play(seed: int) -> Scene:
 
 
 class Findings:
-    """What all scenes showed together."""
+    """Summary of all scenes."""
 
     def __init__(self, scenes: Sequence[Scene]) -> None:
         self.scenes = scenes

@@ -1,1 +1,1 @@
-"""Judges of sampled loops: force, following, torque, reflection."""
+"""Checks of sampled loops: force, following, torque, reflection."""

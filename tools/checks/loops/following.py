@@ -1,4 +1,4 @@
-"""Following a hand: how late the arm is, and how stiff a hand may hold it."""
+"""Check of following a hand: the arm's delay, and the stiffest hand that it bears."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Does reflected force stay stable over the network that the cell expects, and do its timeouts?"""
+"""Check of force reflection over the expected network: stability and timeouts."""
 
 from collections.abc import Iterator
 
@@ -21,7 +21,7 @@ loss: hands of 100, 200 and 400 N/m settle at this part of theirs and below it (
 STIFFEST = 300.0
 """Stiffest reflection that was measured to settle [N/m]."""
 LOST = 3
-"""So many messages in a row may be lost before a timeout says so [1]."""
+"""Messages in a row that may be lost before a timeout [1]."""
 
 
 def reflection(cell: Cell) -> Iterator[Finding]:

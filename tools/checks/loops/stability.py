@@ -1,4 +1,4 @@
-"""Do the gains stay stable against the stiffest environment, with the delay that the loop has?"""
+"""Check of the gains against the stiffest environment, with the loop's delay."""
 
 from collections.abc import Iterator
 

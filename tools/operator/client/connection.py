@@ -1,4 +1,4 @@
-"""An operator's live connection to a daemon: session, telemetry, keepalive, streams, lease."""
+"""Live connection of an operator to a daemon: session, telemetry, keepalive, streams, lease."""
 
 import time
 from collections.abc import Callable

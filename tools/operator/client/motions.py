@@ -1,4 +1,4 @@
-"""What an operator may ask of a motion: paths, the master's clutch and scale, the null space."""
+"""Motions of an operator: paths, the master's clutch and scale, frames, the null space."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

@@ -66,7 +66,7 @@ class ProtocolClient:
     _stream_due_s: float = 0.0
     _streams: dict[t.Topic, Mapping[str, Any] | Fields] = field(default_factory=dict)
     _seals: deque[bytes] = field(default_factory=lambda: deque(maxlen=SEALS))
-    """What opens the protective stops that were asked for."""
+    """Secrets that open this client's protective stops."""
 
     # --- what comes in -----------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""How long it takes until an operator sees in telemetry that its command was accepted. Pure."""
+"""Round trip: from a command to the telemetry that shows it accepted. Pure."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ class RoundTrip:
         self.seconds: float | None = None
         """From sending a command to seeing its echo, the newest one [s]; None before the first."""
         self.heard_s: float | None = None
-        """When the newest echo came."""
+        """Time of the newest echo [s]."""
 
     def sent(self, key: str, seq: int, now_s: float) -> None:
         """Note that a command was sent."""

@@ -21,7 +21,7 @@ class NotCertified(Exception):
 
 
 class Inbox:
-    """What came in on one topic since the last look; older news gives way to newer.
+    """Messages of one topic since the last look; the oldest give way to newer ones.
 
     What was put on an expression with a wildcard was put by no daemon, whatever it matches.
     """

@@ -1,1 +1,1 @@
-"""An operator at a keyboard."""
+"""Teleoperation from a keyboard."""

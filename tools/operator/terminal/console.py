@@ -1,4 +1,4 @@
-"""The terminal while an operator drives: keys come one by one, lines scroll, a status stays below.
+"""Terminal of an operator: keys one by one, scrolling lines, a status line below.
 
 Left as it was found, whatever ends the program: leaving the context restores it, and SIGINT,
 SIGTERM and SIGHUP only set `ended`, so that the program leaves in order.

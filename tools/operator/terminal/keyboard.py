@@ -1,4 +1,4 @@
-"""Keys from a terminal: what was typed, and which keys are held. Pure: time is told.
+"""Keys from a terminal: typed keys and held keys. Pure: time is an argument.
 
 A terminal never says that a key was released; it only repeats one that is held: first after a
 delay (250 to 660 ms, as the desktop is set), then some 30 times a second. So a key counts as held
@@ -13,16 +13,16 @@ repeat, and their distance is this terminal's delay. A terminal repeats the newe
 from collections import deque
 
 FIRST_S = 0.55
-"""How long a first press counts as held until the terminal's delay is known [s]."""
+"""Time for which a first press counts as held while the terminal's delay is unknown [s]."""
 
 REPEAT_S = 0.18
-"""How long a repeated key counts as held after a repeat [s]."""
+"""Time for which a key counts as held after a repeat [s]."""
 
 QUICK_S = 0.1
 """Presses closer than this are repeats, no fingers [s]."""
 
 DELAYS_S = (0.15, 0.9)
-"""What a terminal's delay before the first repeat may be [s]."""
+"""Range of a terminal's delay before the first repeat [s]."""
 
 MARGIN_S = 0.08
 """Added to the delay that was learnt [s]."""
@@ -79,7 +79,7 @@ class HeldKeys:
 
     def __init__(self) -> None:
         self.first_s = FIRST_S
-        """How long a first press counts as held [s]; learnt."""
+        """Time for which a first press counts as held [s]; learnt."""
         self._until: dict[str, float] = {}
         self._presses: dict[str, deque[float]] = {}
 

@@ -1,4 +1,4 @@
-"""The stick that held keys make: a twist of the tool, or rates of one joint. Pure."""
+"""Stick made of held keys: a twist of the tool, or rates of one joint. Pure."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ def opposites(key: str) -> tuple[str, ...]:
 
 @dataclass
 class Stick:
-    """What the operator has chosen: speed, frame, and one joint or the tool."""
+    """Choices of the operator: speed, frame, and one joint or the tool."""
 
     level: int = 3
     frame: Frame = Frame.CRF

@@ -70,7 +70,7 @@ class KeyboardTeleop:
     # --- keys --------------------------------------------------------------------------------
 
     def press(self, key: str, now_s: float) -> None:
-        """Do what a key asks for. A refusal is said, never raised."""
+        """Act on a key. A refusal is printed, never raised."""
         try:
             if key in AXES or key in JOINT_SIGNS:
                 self._move(key, now_s)

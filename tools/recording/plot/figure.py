@@ -1,4 +1,4 @@
-"""Puts panels and stills together: one run in full, or several side by side."""
+"""Composes panels and stills: one run in full, or several side by side."""
 
 import math
 from collections.abc import Sequence

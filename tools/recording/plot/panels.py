@@ -1,4 +1,4 @@
-"""Pictures of a run over time, one panel each: what the papers drew."""
+"""Panels of a run over time, as in the papers."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from .reader import Recording
 
 NAMED_LINKS = 4
-"""So many links, those that come closest, are drawn in colour and named [1]."""
+"""Number of closest links drawn in colour and named [1]."""
 
 
 def distances(run: Recording, ax: Axes) -> bool:
@@ -45,7 +45,7 @@ def potentials(run: Recording, ax: Axes) -> bool:
 
 
 def slope(run: Recording, ax: Axes) -> bool:
-    """What is left of the potential's slope in the self-motions."""
+    """Slope of the potential that is left in the self-motions."""
     felt = [state.get("potential") for state in run.states]
     values = np.array([np.nan if f is None else f["slope"] for f in felt])
     drawn = bool((values > 0.0).any())
@@ -77,7 +77,7 @@ def rates(run: Recording, ax: Axes) -> bool:
 
 
 def self_motion(run: Recording, ax: Axes) -> bool:
-    """How much of the joints' motion the null space is asked for."""
+    """Joint rates asked of the null space."""
     values = run.of_states(lambda s: np.linalg.norm(s["self_motion"]))
     ax.plot(run.time, values, label="self-motion")
     ax.plot(run.time, run.of_states(lambda s: np.linalg.norm(s["dq_command"])), label="all joints")
@@ -92,7 +92,7 @@ def granted(run: Recording, ax: Axes) -> bool:
 
 
 def off_path(run: Recording, ax: Axes) -> bool:
-    """How far the virtual link has the tool off its path."""
+    """Displacement of the tool from its path by the virtual link."""
     ways = [state.get("off_path") or (0.0, 0.0, 0.0) for state in run.states]
     values = np.linalg.norm(ways, axis=1)
     ax.plot(run.time, 1e3 * values)
@@ -123,7 +123,7 @@ PANELS: dict[str, Callable[[Recording, Axes], bool]] = {
     "off_path": off_path,
     "tool_path": tool_path,
 }
-"""What can be drawn; each draws itself, and returns whether there was anything to draw."""
+"""Panels by name; each returns whether there was anything to draw."""
 
 
 def _or_nan(value: float | None) -> float:

@@ -1,4 +1,4 @@
-"""A recorded run as arrays over time: what the pictures are drawn from."""
+"""Reads a recorded run as arrays over time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Recording:
-    """What a run's file holds."""
+    """Contents of a run's file."""
 
     path: Path
     cell: Cell

@@ -1,4 +1,4 @@
-"""The arm as a line drawing, with what it keeps away from, at moments of a run."""
+"""Line drawings of the arm and its obstacles, at moments of a run."""
 
 from typing import Any
 

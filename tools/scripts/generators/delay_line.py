@@ -1,4 +1,4 @@
-"""An operator's connection as a script has it: late, jittery, losing datagrams, or cut."""
+"""Simulated connection of an operator: late, jittery, lossy, or cut."""
 
 import heapq
 import random
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a connection does to what it carries."""
+    """Conditions of a connection."""
 
     delay_s: float = 0.0
     """One way, the same in both directions [s]."""

@@ -19,7 +19,7 @@ class Handles:
         """By the operators' names."""
 
     def take(self, step: Device, client: ProtocolClient, now_s: float) -> None:
-        """Do what a step says. Raises `ValueError` in a cell that reflects no forces."""
+        """Move a handle as a step says. Raises `ValueError` in a cell that reflects no forces."""
         handle = self.of_operator.get(client.name)
         if handle is None:
             if self._config is None:

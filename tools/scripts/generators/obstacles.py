@@ -41,7 +41,7 @@ class ObstacleMotions:
         self._waiting: list[tuple[MovingObstacle, float]] = []
 
     def take(self, step: MovingObstacle, now_s: float) -> None:
-        """Do what a step says, at the next `run`."""
+        """Take in a step; it begins at the next `run`."""
         self._waiting.append((step, now_s))
 
     def run(self, now_s: float, tick: int) -> None:

@@ -1,1 +1,1 @@
-"""The controllers that are compared, each behind one contract."""
+"""Compared controllers, each behind one contract."""

@@ -1,4 +1,4 @@
-"""What a run asks of a controller, whoever made it."""
+"""Contract of a compared controller."""
 
 from typing import Protocol
 

@@ -32,7 +32,7 @@ class Pink:
     """Frame task, posture task, limits of position and speed, barrier over all pairs."""
 
     accelerates = False
-    """Whether its acceleration limit is on."""
+    """True where its acceleration limit is on."""
 
     def __init__(self, cell: Cell, scene: Scene) -> None:
         drives = {drive.joint: drive for drive in cell.config.mechanism.drives}

@@ -1,1 +1,1 @@
-"""What the fuzzer sends: values, messages, news, and a stranger on the network."""
+"""Inputs of the fuzzer: values, messages, news, and a stranger on the network."""

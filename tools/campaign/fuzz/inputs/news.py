@@ -1,4 +1,4 @@
-"""News of sensors that the daemon believes, or nearly: near the arm, in time, and wild."""
+"""Sensor news that the daemon believes, or nearly: near the arm, in time, and wild."""
 
 from typing import Any
 

@@ -18,7 +18,7 @@ ODD = (0.0, -0.0, 1.0, -1.0, 5e-324, 1e-12, -1e-6, 0.3, math.pi, 1e6, -1e300, 1.
 WORDS = ("base", "carrier", "mrf", "wall", "floor", "ready", "start", "park", "x", "")
 ENVELOPE = frozenset(Command.model_fields)
 TRIES = 20
-"""So often fields are drawn until they make a message that its own rules allow [1]."""
+"""Draws of fields until they make a valid message [1]."""
 
 
 class Values:
