@@ -12,7 +12,7 @@ from .plant import PlantReading
 
 
 class FaultDetector:
-    """Finds what calls for a quick stop."""
+    """Detects faults that call for a quick stop."""
 
     def __init__(self, joints: Joints, drives: tuple[Drive, ...]) -> None:
         nodes = {d.joint: d.node for d in drives}

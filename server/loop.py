@@ -36,7 +36,7 @@ def _newest() -> deque[float]:
 
 @dataclass
 class LoopStatistics:
-    """What a run of the loop was like; times in seconds, of the newest ticks."""
+    """Timing of a run of the loop, in seconds, over the newest ticks."""
 
     ticks: int = 0
     skipped: int = 0

@@ -1,4 +1,4 @@
-"""The drives' power follows the mode: on and off by what the drives say, and never against it.
+"""Power of the drives: switched on and off with the mode, step by step with their states.
 
 The arm is enabled from drives that are off: each is given room for where its joint stands, and then
 led to Operation enabled.

@@ -1,10 +1,10 @@
-"""Refusals: why a well-formed command or request is not carried out."""
+"""Refusals of well-formed commands and requests, by reason."""
 
 from enum import StrEnum
 
 
 class Why(StrEnum):
-    """Why a well-formed command was refused."""
+    """Reason for a refusal, as it is told to programs."""
 
     NO_LEASE = "no_lease"
     WRONG_PROOF = "wrong_proof"

@@ -1,4 +1,4 @@
-"""Inputs of the tick, from what was read, commanded and perceived."""
+"""Assembly of the tick's inputs from reading, commands and perception."""
 
 import numpy as np
 

@@ -22,7 +22,7 @@ TICKS = 20
 
 
 def warm_up(cell: Cell, control: Control) -> None:
-    """Run the tick with every kind of input, so that all of its code is loaded; keeps nothing."""
+    """Run the tick with every kind of input, so that all of its code is loaded; keep nothing."""
     q = np.array(cell.config.mechanism.postures["start"])
     commands = Commands.from_cell(cell)
     settings = commands.control_settings()

@@ -1,1 +1,1 @@
-"""What operators asked for: streams, goals, settings, redefined frames, the master's clutch."""
+"""Commands of operators: streams, goals, settings, redefined frames, the master's clutch."""

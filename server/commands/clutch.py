@@ -25,7 +25,7 @@ IMPLAUSIBLE = (0.1, 0.5)
 
 @dataclass
 class Master:
-    """What the master's clutch is doing."""
+    """Clutch and scale of the master, and the target that its pose has led to."""
 
     engaged: bool = True
     translation: float = 1.0

@@ -170,7 +170,7 @@ class OperatorSettings:
 
     @property
     def outputs(self) -> dict[str, bool]:
-        """What outputs were told, by name."""
+        """Commanded states of the outputs, by name."""
         return {} if self.gripper_closed is None else {"gripper": self.gripper_closed}
 
     def set_gripper(self, closed: bool) -> None:

@@ -1,1 +1,1 @@
-"""Who may speak: the network, the lease, admission, and answers to requests."""
+"""Operators: the network, the lease, admission, and answers to requests."""

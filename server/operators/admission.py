@@ -1,4 +1,4 @@
-"""Who may say what, and how fresh it has to be: every command and request passes here.
+"""Admission of every command and request: proof of the lease, order, and freshness.
 
 Refused are: a command that does not prove the lease, is of an old epoch or out of order; bytes
 that are no message; a command based on a picture older than the cell allows or older than the last
@@ -27,7 +27,7 @@ LEAP = 2**20
 
 @dataclass(frozen=True)
 class Instant:
-    """What admission has to know of this tick."""
+    """Time of a tick, as admission judges freshness by it."""
 
     time_s: float
     tick: int

@@ -1,4 +1,4 @@
-"""Answers to requests, sent by a thread of their own: to hand one to Zenoh may wait.
+"""Answers to requests, sent by a thread of their own, because a hand-over to Zenoh may block.
 
 Even to let go of a request waits, for locks that Zenoh's threads hold, or for room on the way to
 who asked. A tick shall not. This thread does nothing else, and knows nothing of the daemon.

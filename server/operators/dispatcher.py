@@ -1,4 +1,4 @@
-"""What operators say in one period: requests answered, commands admitted and put in force."""
+"""Dispatcher: answers the requests of one period, admits commands and puts them in force."""
 
 from ...protocols.codec import encode
 from ...protocols.messages.messages import Command, Keepalive
@@ -17,7 +17,7 @@ from .services import Services
 
 
 class Dispatcher:
-    """Takes what was received and hands it to the desk, the lease or the orders."""
+    """Hands received messages to services, lease, commands and perception."""
 
     def __init__(
         self,

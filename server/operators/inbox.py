@@ -1,4 +1,4 @@
-"""Reception of the network's messages: the holder's are sorted out of all others, in little time.
+"""Inbox of the network's messages: sorts the holder's out of all others, within a time budget.
 
 Whatever arrives waits in rings, one for each topic, where newer messages push out older ones. Many
 times a second the rings are emptied here. A message that is too long is thrown away before it is
@@ -68,7 +68,7 @@ class Refusal:
 
 
 class Inbox:
-    """Empties the network's rings into mailboxes of what counts; `clock` measures the budget."""
+    """Empties the network's rings into one mailbox for each topic; `clock` measures the budget."""
 
     def __init__(
         self, link: Link, admission: Admission, clock: Callable[[], float], period_s: float

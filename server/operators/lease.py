@@ -7,7 +7,7 @@ from ...protocols.proof import Proof
 
 @dataclass(frozen=True)
 class Lease:
-    """Who may command until when; `epoch` counts every lease ever granted."""
+    """The holder of the right to command and its end; `epoch` counts every lease ever granted."""
 
     holder: str | None = None
     secret: bytes = b""

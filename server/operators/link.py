@@ -1,4 +1,4 @@
-"""The operators' network: what the cycle sees of it, and Zenoh behind it.
+"""The operators' network: its interface to the daemon, and Zenoh's implementation.
 
 Everything is polled. Messages wait in ring channels, one for each topic, newest wins, so no
 backlog is ever executed, and a flood on one key crowds out no other. No Python thread but the

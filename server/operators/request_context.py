@@ -13,7 +13,7 @@ from .admission import Instant
 
 @dataclass(frozen=True)
 class RequestContext:
-    """What a request may depend on."""
+    """State of mode, sensors and frames in the tick that answers a request."""
 
     now: Instant
     mode: Mode

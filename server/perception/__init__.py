@@ -1,1 +1,1 @@
-"""What sensors told: obstacles, moving frames, cameras, force/torque, contact."""
+"""Perception: obstacles, moving frames, cameras, force/torque, contact."""

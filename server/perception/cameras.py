@@ -114,7 +114,7 @@ class VisionTracker:
         return None if track is None or track.known is None else tick - track.known.tick
 
     def remember(self, tick: int, T_world_wrist: Pose, T_world_base: Pose) -> None:
-        """Keep where Wrist and Base were measured at a tick, for pictures that belong to it."""
+        """Store the measured poses of Wrist and Base of a tick, for pictures that belong to it."""
         self._places.append(_Place(tick, T_world_wrist, T_world_base))
 
     def take(self, sighting: Sighting, tick: int) -> None:
@@ -145,7 +145,7 @@ class VisionTracker:
                 )
 
     def store(self, camera: str | None) -> dict[str, float]:
-        """Keep what a camera sees now; return it. Raises `Refused` where it sees nothing."""
+        """Store the present view of a camera; return it. Raises `Refused` where it sees nothing."""
         name = camera or self._camera
         track = self._tracks.get(name)
         if track is None:

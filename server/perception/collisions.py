@@ -53,7 +53,7 @@ class CollisionMonitor:
 
     @property
     def pushed(self) -> Pushed | None:
-        """What pushes the arm, and whether it is to give way; None where it is not known."""
+        """External joint torques, and whether the arm is to give way; None where not known."""
         return self._giving.pushed
 
     def update(

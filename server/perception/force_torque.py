@@ -36,7 +36,7 @@ def others_ask(twists: Mapping[str, Array]) -> bool:
 
 
 class ForceTorqueMonitor:
-    """One cell's sensor; `essential` means that the arm does not move without it."""
+    """Monitors the sensor of a cell; if it is `essential`, the arm does not move without it."""
 
     def __init__(self, events: Events, essential: bool, period_s: float) -> None:
         self._events = events

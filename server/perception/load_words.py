@@ -1,4 +1,4 @@
-"""Words and values for a load that no contact explains."""
+"""Text and values of the event `load_unexplained`."""
 
 import math
 

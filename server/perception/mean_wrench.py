@@ -1,4 +1,4 @@
-"""The wrench that is measured, averaged over a moment, in World axes."""
+"""Moving average of the measured wrench, in World axes."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ NEWEST = 5
 
 @dataclass(frozen=True)
 class WrenchMark:
-    """Where the tool was, and what was measured there."""
+    """Pose of the tool, and the wrench that was measured there."""
 
     T: Pose
     sizes: Array
@@ -26,7 +26,7 @@ class WrenchMark:
 
 
 class AveragedWrench:
-    """The newest wrenches of the tool; `bounds` (2,) is what is no load [N, N·m]."""
+    """Average of the newest wrenches; below `bounds` (2,) [N, N·m] the tool counts as unloaded."""
 
     def __init__(self, bounds: Array, period_s: float) -> None:
         self._bounds = bounds

@@ -31,7 +31,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class TrackedObstacle:
-    """An obstacle, as the newest news has it."""
+    """State of an obstacle according to its newest news."""
 
     name: str
     shape: Shape
@@ -125,7 +125,7 @@ class ObstacleMap:
         self._still = None
 
     def update(self, tick: int) -> None:
-        """Tell of news that has become stale, and of fresh news."""
+        """Update which news is stale, and report each change as an event."""
         for known in self._known.values():
             is_stale = known.moves and self._age(known, tick) > known.timeout_s
             if is_stale and known.name not in self._stale:

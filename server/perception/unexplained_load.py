@@ -45,7 +45,7 @@ SAME = 0.1
 
 
 class LoadTrust(StrEnum):
-    """What is thought of the load that is measured."""
+    """Judgement of the measured load."""
 
     EXPLAINED = "explained"
     SETTLING = "settling"
@@ -99,7 +99,7 @@ class LoadMonitor:
 
     @property
     def doubt(self) -> LoadUncertainty | None:
-        """What the sensor's load may be off by, for collision detection; None: it is right."""
+        """Error bounds of the sensor's load, for collision detection; None: it is trusted."""
         off, turned = self._tared, 0.0
         if self.trust is LoadTrust.EXPLAINED and not off.any():
             return None

@@ -1,1 +1,1 @@
-"""Force reflection: what the operator's handle pushes with, kept passive over a network."""
+"""Force reflection: the force of the operator's handle, kept passive over a network."""

@@ -1,4 +1,4 @@
-"""Force reflection, the daemon's side: what the handle shall push with, and the arm's port.
+"""Force reflection, the daemon's side: the force for the handle, and the arm's passivity port.
 
 Nothing here moves the arm: it can only take away from what a master's pose asks for. The force
 loop at the arm depends on nothing of this, and on no network.

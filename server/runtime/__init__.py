@@ -1,1 +1,1 @@
-"""Time and what happened: the daemon's clock, and its events."""
+"""Runtime: the daemon's clock, its events, and what it asks of the operating system."""

@@ -1,4 +1,4 @@
-"""Events: what happened, with cause and values; the same one not more than a few times a second."""
+"""Events with cause and values; one of a name is sent at most a few times a second."""
 
 from collections import deque
 from typing import Literal
@@ -45,7 +45,7 @@ class Events:
         self.warning(name, detail, **values)
 
     def remind(self) -> None:
-        """Say again what is wrong for the whole run, to who has come since it began."""
+        """Repeat the standing events, for operators that have come since the run began."""
         for name, detail, values in self._standing:
             self.warning(name, detail, **values)
 

@@ -1,4 +1,4 @@
-"""What the operating system can do for a loop on deadlines, as far as it is granted."""
+"""Real-time settings of the operating system for the loop, as far as they are granted."""
 
 import ctypes
 import gc
@@ -36,6 +36,6 @@ def prepare() -> list[str]:
 
 
 def release() -> None:
-    """Let the garbage collector have what `prepare` kept from it: the process is about to end."""
+    """Unfreeze what `prepare` kept from the garbage collector, before the process ends."""
     gc.unfreeze()
     gc.enable()

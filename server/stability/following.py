@@ -1,4 +1,4 @@
-"""How late the arm follows a hand, and how stiff a hand may hold it."""
+"""Stability of following a hand: delays of the loop, and the stiffest hand that it bears."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Is a force or position loop stable, with the delay that this cell has?
+"""Stability bounds of the sampled force and position loops with the delay of a cell.
 
 A sampled integrator with `d` periods of delay is stable iff K T < 2 sin(π / (2(2d + 1))), where K
 is K_F k_e for force control against a wall (Williams 1997, section 2.5, sampled) and K_P for the

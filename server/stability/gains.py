@@ -1,4 +1,4 @@
-"""Judges the gains that an operator asks for: would the loop be stable?"""
+"""Check of the gains that an operator asks for against the stability bounds."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from .force_loop import BUS_PERIODS, DRIVE_PERIODS, bound, force_axis, vision_pe
 
 
 def gain_check(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
-    """Return a judge: source and gains (6,) to the reason why they would be unstable, or None."""
+    """Return the check: source and gains (6,) to why they would be unstable, or None."""
     period, sections = cell.config.timing.period_s, cell.config.sources.each
 
     def judge(source: str, gains: tuple[float, ...]) -> str | None:

@@ -1,4 +1,4 @@
-"""Does a payload swing the tool by itself? The loop of its own inertial force, sampled.
+"""Stability of the loop that a payload's own inertial force closes through the sensor, sampled.
 
 What follows the measured force accelerates the tool, the sensor feels the payload's inertia, and
 that is taken off again as far as encoders and sensor agree:
@@ -52,7 +52,7 @@ _STANDS = 1e-5
 
 
 class SourceModel(NamedTuple):
-    """How a source turns the force F of a tick into speed v and path: v' = keep·v + push·F."""
+    """Discrete model of a source, from a tick's force F to speed and path: v' = keep·v + push·F."""
 
     keep: float
     push: float
@@ -83,7 +83,7 @@ def force_source(cell: Cell, gain: float) -> SourceModel:
 
 
 class PayloadLoop:
-    """A cell's arm at a posture, as far as a payload's own force goes round in it."""
+    """The sampled loop of a cell's arm at a posture under a payload's inertial force."""
 
     def __init__(self, cell: Cell, posture: str = "ready", averaged: bool = True) -> None:
         """Build; raises `ValueError` for a cell without a force/torque sensor.

@@ -1,4 +1,4 @@
-"""Judges a payload: would what follows the measured force swing the tool by the payload's inertia?
+"""Bounds of payloads under which force control and following a hand are stable.
 
 The bounds take a while to find, so they are found once: `prepare` does so before the first tick.
 """
@@ -15,7 +15,7 @@ REFERENCE_GAIN = 0.01
 
 
 class PayloadBounds:
-    """The payloads that one cell's sources stand. A cell without a sensor has none to judge."""
+    """Heaviest payloads for the sources of one cell; without a sensor there are no bounds."""
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell

@@ -1,4 +1,4 @@
-"""Is the torque law stable with the delay that it has, and with inertia that it does not know?
+"""Stability of the torque law with its delay, and with an inertia that differs from the model's.
 
 One axis of the law in its own terms: a unit inertia as the law believes, `ratio` times that in
 truth, a torque that acts one period late and is held for a period, the prediction over that delay,

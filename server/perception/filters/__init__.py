@@ -1,1 +1,1 @@
-"""What is believed of news: pure functions of what was known and what was told."""
+"""Filters of news: pure functions from a state and a measurement to the next state."""

@@ -46,7 +46,7 @@ NOISE = 1.0
 
 
 class SensorLoad(NamedTuple):
-    """What the force/torque sensor reads, and when it did."""
+    """Reading of the force/torque sensor, and its age."""
 
     wrench: Array
     """All that the arm exerts on what is outboard (6,), at and in the Sensor frame [N, N·m]."""
@@ -57,7 +57,7 @@ class SensorLoad(NamedTuple):
 
 
 class LoadUncertainty(NamedTuple):
-    """By how much the sensor's load may be off."""
+    """Bounds of the error of the sensor's load."""
 
     force: float
     """[N]"""
@@ -73,7 +73,7 @@ UNKNOWN_LOAD = LoadUncertainty(5.0, 0.5, math.radians(6.0))
 
 @dataclass(frozen=True)
 class DetectorState:
-    """What is remembered from tick to tick; empty at first."""
+    """Memory of the detector from tick to tick; empty at first."""
 
     q: tuple[Array, ...] = ()
     """Measured joints (n,) of the last two ticks, newest first [rad]."""

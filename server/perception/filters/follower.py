@@ -1,4 +1,4 @@
-"""A moving frame as the control sees it: what is known of it, without its jumps.
+"""Follower of a moving frame: its track without jumps, as control uses it.
 
 Every piece of news changes what is believed a little, and the first after a silence may change it
 by much. The arm is to notice neither: the frame goes on from where it was believed, at the twist
@@ -27,7 +27,7 @@ GONE = 1e-9
 
 
 class FollowerState(NamedTuple):
-    """What one tick hands to the next; `now` is what the control is told."""
+    """State of the follower; `now` is the frame that control uses."""
 
     now: Body
     track: Track | None

@@ -1,4 +1,4 @@
-"""Where a frame that moves is, from news that comes late, seldom and noisy. Pure.
+"""Tracking filter of a moving frame, from news that is late, seldom and noisy. Pure.
 
 A fading-memory filter of the second order (Zarchan, Musoff, "Fundamentals of Kalman Filtering",
 section on fading-memory filters) over pose, twist and acceleration: a frame that moves at a
@@ -26,7 +26,7 @@ NO_ACCELERATION = 3.0
 
 
 class NewsRejection(StrEnum):
-    """Why news was not believed."""
+    """Reason to reject news of a frame."""
 
     QUALITY = "quality"
     JUMP = "jump"
@@ -39,7 +39,7 @@ class NewsRejection(StrEnum):
 
 
 class RejectedNews(NamedTuple):
-    """News that was not believed: what of it, and what would have been."""
+    """Rejected news: the reason, the value that was too large, and its bound."""
 
     doubt: NewsRejection
     value: float
@@ -54,7 +54,7 @@ class RejectedNews(NamedTuple):
 
 
 class Track(NamedTuple):
-    """What is known of a frame, at the tick of its newest news; in World."""
+    """Estimated motion of a frame at the tick of its newest news, in World."""
 
     tick: int
     T: Pose
@@ -72,7 +72,7 @@ class Track(NamedTuple):
 
 @dataclass(frozen=True)
 class PlausibleMotion:
-    """What a frame may do, and how its news is smoothed."""
+    """Bounds of a frame's motion, and the smoothing of its news."""
 
     period_s: float
     least_quality: float

@@ -1,4 +1,4 @@
-"""Is what a picture showed to be believed? Pure: what is known, what was seen, what to think now.
+"""Plausibility of sightings: from a known target and a picture to the next known target. Pure.
 
 A target is known in its anchor: the frame in which it stands still, World before a carried
 camera, the Wrist before one that stands beside the arm. There the arm's own motion is no motion of
@@ -19,7 +19,7 @@ NOISE_PX = 0.15
 
 
 class PictureRejection(StrEnum):
-    """Why a picture was not believed."""
+    """Reason to reject a picture."""
 
     NO_TAG = "no_tag"
     QUALITY = "quality"
@@ -32,7 +32,7 @@ class PictureRejection(StrEnum):
 
 @dataclass(frozen=True)
 class KnownTarget:
-    """Where a target was last seen."""
+    """Pose of a target as last believed."""
 
     T_anchor_target: Pose
     """Filtered over the pictures that were believed."""
@@ -42,7 +42,7 @@ class KnownTarget:
 
 @dataclass(frozen=True)
 class SightingBounds:
-    """How much a picture may differ from the last; speeds per second, slack for the noise."""
+    """Bounds of the difference between two pictures: speeds, and slack for noise."""
 
     period_s: float
     least_quality: float
