@@ -11,7 +11,7 @@ from ..protocols.codec import encode
 from ..protocols.messages.messages import VERSION, Description, State, Vector6
 from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
 from .commands.commands import Commands
-from .control.mechanism.null_space.potential_field import Felt
+from .control.mechanism.null_space.potential_field import FieldReading
 from .control.mechanism.null_space.priority import Near
 from .control.mechanism.payload import Payload
 from .control.spatial import Array
@@ -114,7 +114,7 @@ def snapshot(
         self_motion=tuple(output.self_motion.dq.tolist()),
         objectives={
             name: (gain, output.self_motion.norms.get(name, 0.0))
-            for name, gain in output.pulls.gains.items()
+            for name, gain in output.objectives.gains.items()
         },
         path=None if output.path is None else _numbers(output.path),
         path_mrf=None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
@@ -169,9 +169,9 @@ class Telemetry:
             self._link.publish(DESCRIPTION, encode(describe(self._cell)))
 
 
-def potential(felt: Felt) -> dict[str, float]:
+def potential(reading: FieldReading) -> dict[str, float]:
     """Return the potentials [J], and what is left of their slope in the self-motions [N·m]."""
-    return {**felt.parts, "slope": felt.slope}
+    return {**reading.parts, "slope": reading.slope}
 
 
 def sphere_distances(near: Near) -> dict[str, float]:

@@ -10,7 +10,7 @@ from ..protocols import topics as t
 from ..protocols.codec import decode_as, encode
 from ..protocols.messages.messages import JoystickTwist
 from .commands.commands import Commands
-from .control.mechanism.null_space.redundancy import Pulls
+from .control.mechanism.null_space.redundancy import ObjectiveGains
 from .control.state import Inputs, Intent
 from .control.task.asked import StickCommand, ViewGoal
 from .control.task.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
@@ -26,8 +26,8 @@ def warm_up(cell: Cell, control: Control) -> None:
     q = np.array(cell.config.mechanism.postures["start"])
     commands = Commands.from_cell(cell)
     settings = commands.control_settings()
-    every = Pulls(dict.fromkeys(OBJECTIVES, 0.1), q)
-    settings = replace(settings, pulls=every)
+    every = ObjectiveGains(dict.fromkeys(OBJECTIVES, 0.1), q)
+    settings = replace(settings, objectives=every)
     moved = commands.frames.moved if cell.config.frames.moving else None
     stick = StickCommand(np.full(6, 0.01), np.eye(3))
     for intent in Intent:

@@ -10,7 +10,7 @@ from ...config.schema.cell import CellConfig
 from ...config.schema.null_space.redundancy import OBJECTIVES, Objectives
 from ...protocols.messages import requests
 from ...protocols.messages.motion import RedundancyRequest
-from ..control.mechanism.null_space.redundancy import Pulls
+from ..control.mechanism.null_space.redundancy import ObjectiveGains
 from ..control.mechanism.payload import Payload
 from ..control.spatial import Array, Pose
 from ..control.state import Settings
@@ -41,7 +41,7 @@ class OperatorSettings:
         self.can_avoid = config.keeps_clear
         self.speed_factor = config.limits.speed_factor
         redundancy = config.redundancy
-        self.pulls = Pulls(redundancy.gains, self._postures[redundancy.posture_name])
+        self.objectives = ObjectiveGains(redundancy.gains, self._postures[redundancy.posture_name])
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self.T_wrist_sensor = None
         """None without a sensor."""
@@ -81,7 +81,7 @@ class OperatorSettings:
             wrench_bias=self.wrench_bias,
             speed_factor=self.speed_factor,
             payload=self.payload,
-            pulls=self.pulls,
+            objectives=self.objectives,
             avoid=self.avoid,
             at_once=WRENCH_SOURCES if self.load_settles else (),
         )
@@ -135,8 +135,8 @@ class OperatorSettings:
         except ValidationError as error:
             complaint = error.errors()[0]["msg"]
             raise Refused(Why.OUT_OF_RANGE, f"{name}: gain {request.gain:g}: {complaint}") from None
-        q = self.pulls.posture if request.posture is None else self.posture(request.posture)
-        self.pulls = Pulls({**self.pulls.gains, name: request.gain}, q)
+        q = self.objectives.posture if request.posture is None else self.posture(request.posture)
+        self.objectives = ObjectiveGains({**self.objectives.gains, name: request.gain}, q)
 
     def set_payload(self, request: requests.PayloadRequest) -> None:
         """Redefine what hangs on the sensor.

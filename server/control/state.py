@@ -14,9 +14,9 @@ from .barriers.clearance import Gap, Levels, Shown
 from .barriers.resisted import Resistance
 from .frame_tree import Moved
 from .hold.retreat import Pushed, RetreatState
-from .mechanism.null_space.potential_field import Felt
+from .mechanism.null_space.potential_field import FieldReading
 from .mechanism.null_space.priority import Near
-from .mechanism.null_space.redundancy import Pulls, SelfMotion
+from .mechanism.null_space.redundancy import ObjectiveGains, SelfMotion
 from .mechanism.payload import Payload
 from .mechanism.wrist import WristMemory
 from .scene import Scene
@@ -55,7 +55,7 @@ class Settings:
     speed_factor: float = 1.0
     payload: Payload | None = None
     """None: the cell's own."""
-    pulls: Pulls | None = None
+    objectives: ObjectiveGains | None = None
     """How strongly each redundancy objective acts; as the cell says when None."""
     avoid: bool = False
     """Clearances are kept."""
@@ -119,7 +119,7 @@ class Memory:
     """The verified way to rest from `motion`."""
     sent: tuple[Array, Array, Array]
     """The last three commanded postures, newest first."""
-    pulls: Pulls
+    objectives: ObjectiveGains
     """The redundancy objectives' gains in effect."""
     task: TaskMemory
     """What the sources remember."""
@@ -170,7 +170,7 @@ class Output(NamedTuple):
     sigma_min: float
     gains: dict[str, Array]
     """Each source's gain (6,) in effect: ramped, and as its schedules say."""
-    pulls: Pulls
+    objectives: ObjectiveGains
     """The redundancy objectives' gains in effect."""
     self_motion: SelfMotion
     """What the null space was asked to do."""
@@ -181,7 +181,7 @@ class Output(NamedTuple):
     """How far the goal is under way, if any."""
     T_world_path: Pose | None = None
     """Where the path has the MRF now, if there is one."""
-    field: Felt | None = None
+    field: FieldReading | None = None
     """The potential field; None where nothing follows it."""
     off_path: Array | None = None
     """Where the virtual link has the tool off its path, in World (3,) [m]."""

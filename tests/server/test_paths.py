@@ -173,11 +173,11 @@ def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(command
 
     ask(objective="posture", gain=2.0, posture="park")
     ask(objective="mid_range", gain=0.0)
-    pulls = commands.control_settings().pulls
-    assert pulls.gains["posture"] == 2.0
-    assert pulls.gains["mid_range"] == 0.0
-    np.testing.assert_array_equal(pulls.posture, pa10.posture("park"))
+    objectives = commands.control_settings().objectives
+    assert objectives.gains["posture"] == 2.0
+    assert objectives.gains["mid_range"] == 0.0
+    np.testing.assert_array_equal(objectives.posture, pa10.posture("park"))
     with pytest.raises(Refused) as caught:
         ask(objective="posture", gain=1.0, posture="bed")
     assert caught.value.reason == Why.UNKNOWN_POSTURE
-    assert commands.control_settings().pulls is pulls or commands.settings().pulls == pulls
+    assert commands.control_settings().objectives is objectives

@@ -16,7 +16,7 @@ from ...config.load import Cell
 from ...server.control.arm.arm import Arm
 from ...server.control.evolve import evolve
 from ...server.control.mechanism.kinematics import Mechanism
-from ...server.control.mechanism.null_space.redundancy import Pulls
+from ...server.control.mechanism.null_space.redundancy import ObjectiveGains
 from ...server.control.parameters import Parameters
 from ...server.control.spatial import Array, Pose
 from ...server.control.state import Inputs, Intent, Settings
@@ -103,7 +103,7 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
     q = np.array(cell.config.mechanism.postures["ready"])
     (memory,) = control.seed(q)
     posture = np.array(cell.config.mechanism.postures["ready"])
-    settings = evolve(settings_of(cell), pulls=Pulls(EVERY_OBJECTIVE, posture))
+    settings = evolve(settings_of(cell), objectives=ObjectiveGains(EVERY_OBJECTIVE, posture))
     # Goals lie about where the arm starts, so that it is led back however the stick pulls it.
     home = mechanism.pose_wrist(q) @ settings.T_wrist_mrf
     command, goal = StickCommand(np.zeros(6), np.eye(3)), PathGoal(home, 0)

@@ -14,7 +14,7 @@ from ..barriers.barriers import Arm as Bounds
 from ..evolve import evolve
 from ..mechanism.joint_motion import at_posture
 from ..mechanism.kinematics import Kinematics, Mechanism
-from ..mechanism.null_space.potential_field import further, on_path
+from ..mechanism.null_space.potential_field import advance_offset, on_path
 from ..parameters import Parameters
 from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory, Output, Settings
@@ -136,7 +136,7 @@ class Arm:
             near=memory.near,
             sigma_min=asked.sigma_min,
             gains=memory.task.gains,
-            pulls=memory.pulls,
+            objectives=memory.objectives,
             self_motion=asked.self_motion,
             at_goal=self._at_goal(memory, inputs),
             bleeding=memory.task.force.bleeding,
@@ -173,7 +173,9 @@ class Arm:
                         k.T_world_mrf,
                     ),
                 ),
-                off_path=further(memory.task.off_path, asked.give_way, granted * self.p.period_s),
+                off_path=advance_offset(
+                    memory.task.off_path, asked.give_way, granted * self.p.period_s
+                ),
             ),
         }
 

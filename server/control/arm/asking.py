@@ -8,7 +8,7 @@ import numpy as np
 from ..evolve import evolve
 from ..mechanism.joint_rates import Around, Wish
 from ..mechanism.kinematics import Kinematics, Mechanism
-from ..mechanism.null_space.potential_field import Felt
+from ..mechanism.null_space.potential_field import FieldReading
 from ..mechanism.null_space.redundancy import SelfMotion
 from ..parameters import Parameters
 from ..proximity.capsules import Capsules, Placed
@@ -29,7 +29,7 @@ class Asked(NamedTuple):
     limits: tuple[str, ...]
     sigma_min: float
     self_motion: SelfMotion
-    field: Felt | None = None
+    field: FieldReading | None = None
     give_way: Array | None = None
     """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
     by_joint: bool = False
@@ -66,7 +66,7 @@ class Asking:
             motion=Motion.at_rest(q),
             stop=Stop.at_rest(q),
             sent=(q, q, q),
-            pulls=self.stages.redundancy.pulls,
+            objectives=self.stages.redundancy.objectives,
             task=self.stages.task.idle,
             retreat=None if self.stages.retreat is None else self.stages.retreat.start,
         )
@@ -117,7 +117,7 @@ class Asking:
     def _tune(self, memory: Memory, inputs: Inputs, k: Kinematics) -> Memory:
         """Return the memory with the gains in effect: scheduled, and ramped while moving."""
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
-        pulls = settings.pulls or self.stages.redundancy.pulls
+        objectives = settings.objectives or self.stages.redundancy.objectives
         since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
         task = self.stages.task.tuned(
             memory.task,
@@ -127,8 +127,12 @@ class Asking:
             settings.at_once,
         )
         if moving and memory.task.gains:
-            pulls = self.stages.redundancy.ramped(memory.pulls, pulls, self.stages.task.part)
-        return evolve(memory, task=task, pulls=pulls, moving_since_s=since_s if moving else None)
+            objectives = self.stages.redundancy.ramped(
+                memory.objectives, objectives, self.stages.task.part
+            )
+        return evolve(
+            memory, task=task, objectives=objectives, moving_since_s=since_s if moving else None
+        )
 
     # --- what is asked for -------------------------------------------------------------------
 
@@ -173,7 +177,7 @@ class Asking:
         wish = Wish(
             s_tool * twist,
             inputs.settings.T_wrist_mrf,
-            memory.pulls,
+            memory.objectives,
             inputs.settings.speed_factor,
             inputs.intent is Intent.MOVE and not inputs.at_posture,
             memory.task.off_path,

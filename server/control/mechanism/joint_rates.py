@@ -14,9 +14,9 @@ from ..rigid_body import jacobian_at, twist_at
 from ..scene import Scene
 from ..spatial import Array, Pose
 from .kinematics import Kinematics
-from .null_space.potential_field import Felt, Field, shifted
+from .null_space.potential_field import Field, FieldReading, shifted
 from .null_space.priority import Near, Priority
-from .null_space.redundancy import Pulls, Redundancy, SelfMotion
+from .null_space.redundancy import ObjectiveGains, Redundancy, SelfMotion
 from .resolution import resolve
 from .singularity import Travel
 
@@ -27,7 +27,7 @@ class Wish(NamedTuple):
     twist: Array
     """Of its MRF, World axes (6,) [m/s, rad/s]."""
     T_wrist_mrf: Pose
-    pulls: Pulls
+    objectives: ObjectiveGains
     """Gains of the redundancy objectives."""
     speed_factor: float
     spare: bool
@@ -59,7 +59,7 @@ class JointRates(NamedTuple):
     sigma_min: float
     singular: bool
     """Damping or the bound of a singularity takes something off the twist."""
-    field: Felt | None
+    field: FieldReading | None
     """The potential field; None where nothing follows it."""
     give_way: Array | None
     """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
@@ -97,7 +97,7 @@ class Resolver:
         seen = None
         if wish.spare:
             seen = self._field.look(
-                q, k, around.scene, wish.pulls, around.T_world_base, around.placed
+                q, k, around.scene, wish.objectives, around.T_world_base, around.placed
             )
         give_way = self._field.give_way(seen, wish.off_path, wish.on_way, wish.speed_factor)
         asked = shifted(wish.twist, give_way)
@@ -115,7 +115,7 @@ class Resolver:
             if self._priority is not None and around.near is not None:
                 outside["spheres"] = self._priority.rates(around.near, task.null)
             self_motion = self._redundancy.rate(
-                q, k.J, dq, task.null, wish.pulls, wish.speed_factor, outside
+                q, k.J, dq, task.null, wish.objectives, wish.speed_factor, outside
             )
             dq = dq + self_motion.dq
         return JointRates(dq, self_motion, task.sigma_min, task.singular, felt, give_way)

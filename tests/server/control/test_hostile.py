@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.null_space.redundancy import OBJECTIVES
-from telerobot.server.control.mechanism.null_space.redundancy import Pulls
+from telerobot.server.control.mechanism.null_space.redundancy import ObjectiveGains
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Intent
 from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
@@ -96,7 +96,9 @@ class Hostility:
             case 15:
                 gains = {name: float(rng.choice([0.0, 1.0])) * 10.0 for name in OBJECTIVES}
                 gains["least_energy"] *= 0.1
-                run.set(pulls=Pulls(gains, rng.uniform(p.joints.lower, p.joints.upper)))
+                run.set(
+                    objectives=ObjectiveGains(gains, rng.uniform(p.joints.lower, p.joints.upper))
+                )
             case 11:
                 # HOLD follows rest only, as in the daemon's modes.
                 rest = run.outputs[-1].at_rest if run.outputs else False

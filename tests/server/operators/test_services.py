@@ -463,11 +463,11 @@ def test_a_source_that_there_is_not_is_refused_with_those_that_there_are(ann, to
 
 def test_an_objective_is_set_inside_the_bounds_that_the_cell_file_has(ann):
     assert ann.ask(t.REDUNDANCY, objective="least_energy", gain=0.7).ok
-    assert ann.commands.settings.pulls.gains["least_energy"] == 0.7
+    assert ann.commands.settings.objectives.gains["least_energy"] == 0.7
     reply = ann.ask(t.REDUNDANCY, objective="least_energy", gain=2.0)
     assert (reply.ok, reply.reason) == (False, Why.OUT_OF_RANGE)
     assert "less than or equal to 1" in reply.detail
-    assert ann.commands.settings.pulls.gains["least_energy"] == 0.7
+    assert ann.commands.settings.objectives.gains["least_energy"] == 0.7
     assert ann.ask(t.REDUNDANCY, objective="mid_range", gain=2.0).ok
 
 

@@ -19,7 +19,7 @@ from ..kinematics import Kinematics
 from .potentials.flow import Flow, Seen
 from .potentials.geometry import shape
 from .potentials.potential import Potential, Strengths
-from .redundancy import Pulls
+from .redundancy import ObjectiveGains
 
 GIVE_WAY_GAIN = 4.0
 """How quickly the virtual link follows the field [1/s]."""
@@ -33,7 +33,7 @@ ON_PATH = 1e-3
 _NO_LINKS = np.zeros((0, 2, 3))
 
 
-class Felt(NamedTuple):
+class FieldReading(NamedTuple):
     """The field at one posture, for telemetry."""
 
     parts: dict[str, float]
@@ -70,7 +70,7 @@ class Field:
         q: Array,
         k: Kinematics,
         scene: Scene | None,
-        pulls: Pulls,
+        objectives: ObjectiveGains,
         T_world_base: Pose | None = None,
         placed: Placed | None = None,
     ) -> Seen | None:
@@ -80,7 +80,7 @@ class Field:
         `T_world_base` is where a Base that moves is now, `placed` where links are at q, where that
         is known already.
         """
-        if pulls.gains["field"] <= 0.0 and self._link is None:
+        if objectives.gains["field"] <= 0.0 and self._link is None:
             return None
         among, ends = self._among(k, scene), _NO_LINKS
         if among is None and not self._always:
@@ -89,7 +89,9 @@ class Field:
             ends = (placed or self._capsules.place(q[None], T_world_base)).ends[0]
         return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among)
 
-    def self_motion(self, seen: Seen | None, null: Array) -> tuple[Array | None, Felt | None]:
+    def self_motion(
+        self, seen: Seen | None, null: Array
+    ) -> tuple[Array | None, FieldReading | None]:
         """Return the joint rates (n,) to the least potential, at a gain of 1 /s, and the field.
 
         `null` (r, n) has orthonormal rows that span the self-motions.
@@ -97,7 +99,7 @@ class Field:
         if seen is None:
             return None, None
         rates, slope = self.flow.self_motion(seen, null)
-        return rates, Felt(seen.value.parts, slope)
+        return rates, FieldReading(seen.value.parts, slope)
 
     def give_way(
         self, seen: Seen | None, off_path: Array | None, on_way: bool, factor: float
@@ -137,7 +139,7 @@ def shifted(twist: Array, give_way: Array | None) -> Array:
     return np.concatenate([twist[:3] + give_way, twist[3:]])
 
 
-def further(off_path: Array | None, give_way: Array | None, seconds: float) -> Array | None:
+def advance_offset(off_path: Array | None, give_way: Array | None, seconds: float) -> Array | None:
     """Return where the tool is off its path (3,) [m] after giving way for a while."""
     if give_way is None:
         return None  # without a path there is nothing to come back to

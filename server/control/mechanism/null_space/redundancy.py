@@ -26,8 +26,8 @@ _NONE: Final = 1e-12
 """Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
 
 
-class Pulls(NamedTuple):
-    """How strongly each objective acts."""
+class ObjectiveGains(NamedTuple):
+    """Gains of the redundancy objectives, and the posture that one of them pulls to."""
 
     gains: dict[str, float]
     posture: Array
@@ -54,17 +54,17 @@ class Redundancy:
         self._spare = joints.n > mechanism.rank
         self._velocity = joints.velocity
         self._bound = section.max_rate * joints.velocity
-        self.pulls = Pulls(section.gains, pull_posture)
+        self.objectives = ObjectiveGains(section.gains, pull_posture)
         """Those of the cell file."""
-        # Scratch: of the pulls seen last, which objectives act, and their gains.
-        self._acting: tuple[Pulls | None, list[str], Array] = (None, [], np.zeros(0))
+        # Scratch: of the gains seen last, which objectives act, and their gains.
+        self._acting: tuple[ObjectiveGains | None, list[str], Array] = (None, [], np.zeros(0))
 
     def none(self) -> SelfMotion:
         """Return an idle null space."""
         return SelfMotion(np.zeros(len(self._bound)), {})
 
-    def ramped(self, now: Pulls, target: Pulls, part: float) -> Pulls:
-        """Return the pulls a `part` (0 to 1) of the way from those in effect to the set ones."""
+    def ramped(self, now: ObjectiveGains, target: ObjectiveGains, part: float) -> ObjectiveGains:
+        """Return the gains a `part` (0 to 1) of the way from those in effect to the set ones."""
         if now is target:
             return target
         gains = {}
@@ -76,7 +76,7 @@ class Redundancy:
             part = 1.0  # a pull that does not act yet may be aimed anew at once
         if gains == target.gains and part == 1.0:
             return target
-        return Pulls(gains, now.posture + part * away)
+        return ObjectiveGains(gains, now.posture + part * away)
 
     def rate(
         self,
@@ -84,7 +84,7 @@ class Redundancy:
         J: Array,
         dq_task: Array,
         null: Array,
-        pulls: Pulls,
+        objectives: ObjectiveGains,
         factor: float,
         outside: Mapping[str, Array] = NOTHING,
     ) -> SelfMotion:
@@ -95,19 +95,19 @@ class Redundancy:
         objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
         s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
         """
-        names, gains = self._act(pulls)
+        names, gains = self._act(objectives)
         if not self._spare or not names:
             return self.none()
-        view = View(q, J, dq_task, null, pulls.posture, outside)
+        view = View(q, J, dq_task, null, objectives.posture, outside)
         asked = np.array([self._objectives[name].rate(view) for name in names])
         dq, norms = _composed(asked, gains, null, dq_task, self._velocity, self._bound, factor)
         return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
 
-    def _act(self, pulls: Pulls) -> tuple[list[str], Array]:
+    def _act(self, objectives: ObjectiveGains) -> tuple[list[str], Array]:
         """Return the objectives that act (k,), and their gains (k,)."""
-        if pulls is not self._acting[0]:
-            names = [name for name, gain in pulls.gains.items() if gain > 0.0]
-            self._acting = pulls, names, np.array([pulls.gains[name] for name in names])
+        if objectives is not self._acting[0]:
+            names = [name for name, gain in objectives.gains.items() if gain > 0.0]
+            self._acting = objectives, names, np.array([objectives.gains[name] for name in names])
         return self._acting[1:]
 
 

@@ -11,7 +11,7 @@ from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.null_space.potential_field import Field
 from telerobot.server.control.mechanism.null_space.potentials.geometry import ahead, shape
-from telerobot.server.control.mechanism.null_space.redundancy import Pulls
+from telerobot.server.control.mechanism.null_space.redundancy import ObjectiveGains
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
@@ -36,8 +36,8 @@ STRENGTHS = PotentialField(obstacles=0.1, lines=0.2, joint_limits=0.1, manipulab
 def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
     """Return a shipped arm among obstacles, and the scene that its daemon would know."""
     cell = load_cell(name)
-    pulls = cell.config.redundancy.model_copy(update={"mid_range": 0.0, **redundancy})
-    changes = {"obstacles": obstacles, "potential": potential, "redundancy": pulls}
+    objectives = cell.config.redundancy.model_copy(update={"mid_range": 0.0, **redundancy})
+    changes = {"obstacles": obstacles, "potential": potential, "redundancy": objectives}
     cell = dataclasses.replace(cell, config=cell.config.model_copy(update=changes))
     p, mechanism = Parameters.from_cell(cell), Mechanism.from_cell(cell)
     m = cell.config.mechanism
@@ -57,8 +57,8 @@ def field_of(p):
 
 def look(arm, scene, q, field=None):
     k = arm.mechanism.kinematics(q, arm.settings.T_wrist_mrf)
-    pulls = Pulls({"field": 1.0}, q)
-    return (field or field_of(arm.p)).look(q, k, scene, pulls)
+    objectives = ObjectiveGains({"field": 1.0}, q)
+    return (field or field_of(arm.p)).look(q, k, scene, objectives)
 
 
 def felt(arm, scene, q, field):

@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.schema.null_space.redundancy import OBJECTIVES
 from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.null_space.manipulability import slope
-from telerobot.server.control.mechanism.null_space.redundancy import Pulls, Redundancy
+from telerobot.server.control.mechanism.null_space.redundancy import ObjectiveGains, Redundancy
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.tick import Control
 
@@ -18,7 +18,7 @@ SWUNG = np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0])
 def swung(pa10, start):
     """A run with the elbow aside, its null space idle."""
     run = start(pa10, pa10.posture("ready") + SWUNG)
-    run.set(pulls=pulls(run))
+    run.set(objectives=objectives(run))
     return run
 
 
@@ -26,8 +26,8 @@ def redundancy_of(p, mechanism):
     return Redundancy(p.joints, mechanism, p.redundancy, p.pull_posture)
 
 
-def pulls(run, to="ready", **gains):
-    return Pulls(OFF | gains, run.arm.posture(to))
+def objectives(run, to="ready", **gains):
+    return ObjectiveGains(OFF | gains, run.arm.posture(to))
 
 
 def null_space(run):
@@ -51,7 +51,7 @@ def test_an_objective_that_is_off_is_not_computed(swung, monkeypatch):
 
 def test_manipulability_rises_until_its_slope_in_the_null_space_is_flat(swung):
     control, before = swung.arm.control, swung.pose
-    swung.set(pulls=pulls(swung, manipulability=10.0))
+    swung.set(objectives=objectives(swung, manipulability=10.0))
 
     def w():
         k = control.arms[0].mechanism.kinematics(swung.sent[-1], swung.settings.T_wrist_mrf)
@@ -68,7 +68,7 @@ def test_manipulability_rises_until_its_slope_in_the_null_space_is_flat(swung):
 
 def test_a_posture_takes_what_freedom_is_left(swung):
     before = swung.pose
-    swung.set(pulls=pulls(swung, posture=1.0))
+    swung.set(objectives=objectives(swung, posture=1.0))
     swung.go(12.0)
     away = swung.arm.posture("ready") - swung.sent[-1]
     assert np.linalg.norm(null_space(swung) @ away) < 1e-3
@@ -80,7 +80,7 @@ def test_least_energy_moves_the_tool_alike_with_less_of_it(pa10, start, stick):
     energies, tools = [], []
     for share in (0.0, 1.0):
         run = start(pa10, pa10.posture("ready") + SWUNG)
-        run.set(pulls=pulls(run, least_energy=share))
+        run.set(objectives=objectives(run, least_energy=share))
         total = 0.0
         for _ in range(150):
             output = run.tick(stick=stick(-0.03, 0.05, 0.02, 0.0, 0.1, 0.0))
@@ -94,7 +94,9 @@ def test_least_energy_moves_the_tool_alike_with_less_of_it(pa10, start, stick):
 
 
 def test_the_sum_of_all_keeps_its_own_speed_bound(swung):
-    swung.set(pulls=pulls(swung, "park", mid_range=10.0, manipulability=10.0, posture=10.0))
+    swung.set(
+        objectives=objectives(swung, "park", mid_range=10.0, manipulability=10.0, posture=10.0)
+    )
     bound = swung.arm.p.redundancy.max_rate * swung.arm.p.joints.velocity
     output = swung.go(0.5)
     assert (np.abs(output.self_motion.dq) <= bound * (1 + 1e-9)).all()
@@ -114,8 +116,8 @@ def test_self_motion_is_the_projected_sum_as_far_as_its_bound_and_the_task_leave
         null, dq_task = np.linalg.svd(J)[2][6:], task * V * rng.uniform(-1.0, 1.0, 7)
         asked = {name: size * rng.normal(size=7) for name in ("field", "spheres")}
         gains = {"field": 0.7, "spheres": 1.3, "posture": 2.0}
-        pulls = Pulls(OFF | gains, np.zeros(7))
-        found = redundancy.rate(q, J, dq_task, null, pulls, factor, asked)
+        objectives = ObjectiveGains(OFF | gains, np.zeros(7))
+        found = redundancy.rate(q, J, dq_task, null, objectives, factor, asked)
         P = np.eye(7) - np.linalg.pinv(J) @ J
         parts = {name: gains[name] * P @ z for name, z in (asked | {"posture": -q}).items()}
         free = sum(parts.values())
@@ -136,7 +138,7 @@ def test_gains_and_posture_change_while_running_without_a_jump(swung, rng):
         gains = {name: float(rng.choice([0.0, 0.5, 3.0])) for name in OFF}
         gains["least_energy"] = min(gains["least_energy"], 1.0)
         named = str(rng.choice(["ready", "start", "park"]))
-        swung.set(pulls=pulls(swung, named, **gains))
+        swung.set(objectives=objectives(swung, named, **gains))
         before = swung.outputs[-1].self_motion.dq
         first = swung.tick().self_motion.dq
         assert np.abs(first - before).max() < 0.15
@@ -146,8 +148,8 @@ def test_gains_and_posture_change_while_running_without_a_jump(swung, rng):
 
 def test_a_changed_gain_is_ramped_and_told(swung):
     swung.go(0.1)
-    swung.set(pulls=pulls(swung, posture=1.0))
-    told = [swung.tick().pulls.gains["posture"] for _ in range(300)]
+    swung.set(objectives=objectives(swung, posture=1.0))
+    told = [swung.tick().objectives.gains["posture"] for _ in range(300)]
     assert (np.diff(told) >= 0).all()
     assert told[14] == pytest.approx(1.0 - np.exp(-1.0), abs=1e-6)
     assert told[-1] == 1.0
@@ -159,15 +161,18 @@ def test_a_cell_says_what_the_null_space_is_for(pa10, start):
     )
     config = pa10.cell.config.model_copy(update={"redundancy": redundancy})
     p = Parameters.from_cell(replace(pa10.cell, config=config))
-    found = redundancy_of(p, pa10.mechanism).pulls
+    found = redundancy_of(p, pa10.mechanism).objectives
     assert found.gains == OFF | {"posture": 2.0}
     np.testing.assert_array_equal(found.posture, pa10.posture("park"))
-    assert Control([ArmControl(p, pa10.mechanism)]).seed(pa10.posture("ready"))[0].pulls is not None
+    assert (
+        Control([ArmControl(p, pa10.mechanism)]).seed(pa10.posture("ready"))[0].objectives
+        is not None
+    )
 
 
 def test_six_joints_have_nothing_spare(ur5e, start):
     run = start(ur5e, ur5e.posture("ready"))
-    run.set(pulls=pulls(run, "park", posture=5.0, manipulability=5.0, mid_range=5.0))
+    run.set(objectives=objectives(run, "park", posture=5.0, manipulability=5.0, mid_range=5.0))
     output = run.go(0.5)
     assert not output.self_motion.dq.any()
     np.testing.assert_array_equal(output.q, run.q)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.null_space.objectives.gravity_torque import GravityTorque
-from telerobot.server.control.mechanism.null_space.redundancy import Pulls
+from telerobot.server.control.mechanism.null_space.redundancy import ObjectiveGains
 from telerobot.server.control.spatial import Pose, rotation_rpy
 
 from ..shown import shown
@@ -56,7 +56,7 @@ def test_spare_joints_take_weight_off_the_joints_and_the_tool_stands(pa10, start
     swung = pa10.posture("ready") + np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0])
     run = start(pa10, swung)
     gains = dict.fromkeys(pa10.p.redundancy.gains, 0.0) | {"gravity_torque": 2.0}
-    run.settings = replace(run.settings, pulls=Pulls(gains, pa10.posture("ready")))
+    run.settings = replace(run.settings, objectives=ObjectiveGains(gains, pa10.posture("ready")))
     at = run.pose
     loads = [np.linalg.norm(weight(pa10.mechanism.model, run.sent[-1]))]
     for _ in range(6):
