@@ -51,6 +51,8 @@ class Cell:
     robot: Robot
     others: tuple["Cell", ...] = ()
     """The other parts, in the order of the file."""
+    prefix: str = ""
+    """Names of this part's joints and links begin so where the cell has several: `MECHANISM.`"""
 
     @property
     def parts(self) -> tuple["Cell", ...]:
@@ -61,9 +63,7 @@ class Cell:
     def joints(self) -> tuple[str, ...]:
         """Names of all joints; with several mechanisms each is `MECHANISM.JOINT`."""
         return tuple(
-            f"{part.config.mechanism.name}.{joint.name}" if self.others else joint.name
-            for part in self.parts
-            for joint in part.robot.joints
+            f"{part.prefix}{joint.name}" for part in self.parts for joint in part.robot.joints
         )
 
     @property
@@ -91,6 +91,8 @@ def load_cell(name_or_path: str | Path) -> Cell:
         _part(path, part, f"mechanisms[{i}]")
         for i, part in enumerate(parts_of(path, document, _whole_cell))
     ]
+    if len(parts) > 1:
+        parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
     return replace(parts[0], others=tuple(parts[1:]))
 
 

@@ -46,6 +46,9 @@ def parts_of(path: Path, document: Document, whole: Whole) -> list[Document]:
     if not 1 <= len(entries) <= MOST:
         raise ConfigError(f"{path}: mechanisms: {len(entries)} tables: must be 1 to {MOST}")
     names = _names(path, "mechanisms", entries)
+    if len(names) > 1:
+        # Several arms keep clear of each other, unless the file says otherwise.
+        document = on_top({"avoidance": {"enabled": True}}, document)
     tasks = _tasks(path, _tables(path, "tasks", document.pop("tasks", [])), names)
     parts = []
     for i, (name, entry) in enumerate(zip(names, entries, strict=True)):

@@ -14,9 +14,6 @@ from ..drivers.kinds import make_drivers
 from ..drivers.network.identity import Identity, identity_of
 from ..protocols.agreement import random_key
 from ..protocols.topics import Role
-from .control.arm.arm import Arm
-from .control.barriers.collision import Guard
-from .control.parameters import Parameters
 from .control.tick import Control
 from .cycle import Cycle
 from .loop import LoopStatistics, run
@@ -43,21 +40,8 @@ def build(
 ) -> Cycle:
     """Return the cycle of a cell over its buses and an operators' link; no device is open yet."""
     plant = Plant(buses, make_drivers(cell, buses))
-    arms = [Arm.of(part) for part in cell.parts]
-    control = Control(arms, guard_of(cell, arms[0].p))
+    control = Control.of(cell)
     return Cycle(cell, control, plant, link, clock, new_key, gain_check(cell))
-
-
-def guard_of(cell: Cell, p: Parameters) -> Guard | None:
-    """Return what keeps a cell's clearances; None for a cell that says nothing of avoidance.
-
-    Raises `ConfigError` where a link's shape is not known.
-    """
-    return (
-        Guard(cell, p.joints.acceleration, p.joints.jerk, p.capsules)
-        if cell.config.keeps_clear
-        else None
-    )
 
 
 class Shutdown:

@@ -102,7 +102,7 @@ class Parameters:
         return cls(
             period_s=c.timing.period_s,
             joints=Joints(
-                names=tuple(j.name for j in cell.robot.joints),
+                names=cell.joints,
                 lower=np.array(bounds.lower),
                 upper=np.array(bounds.upper),
                 velocity=kept * np.array([d.max_velocity for d in ordered]),

@@ -42,7 +42,14 @@ class Control:
         joints = Joints.of_all(every)
         T = p.period_s
         self.allow = Allow(every, T, p.resolve.characteristic_length, guard)
-        self.limiter = Limiter(joints.lower, joints.upper, joints.acceleration, joints.jerk, T)
+        self.limiter = Limiter(
+            joints.lower,
+            joints.upper,
+            joints.acceleration,
+            joints.jerk,
+            T,
+            parts=self.allow.parts,
+        )
         self.gate = Gate(
             joints.names,
             joints.lower,
@@ -56,9 +63,15 @@ class Control:
             self.arms[0].asking.shared = guard.capsules
 
     @classmethod
-    def of(cls, cell: Cell, guard: Guard | None = None) -> Self:
-        """Build that of a cell. Raises `ConfigError` for links whose shape is needed, not known."""
-        return cls([Arm.of(part) for part in cell.parts], guard)
+    def of(cls, cell: Cell) -> Self:
+        """Build that of a cell. Raises `ConfigError` where a link's shape is needed, not known."""
+        arms = [Arm.of(part) for part in cell.parts]
+        guard = None
+        if cell.config.keeps_clear:
+            joints = Joints.of_all([arm.p.joints for arm in arms])
+            capsules = arms[0].p.capsules if len(arms) == 1 else None
+            guard = Guard(cell, joints.acceleration, joints.jerk, capsules)
+        return cls(arms, guard)
 
     def seed(self, q: Array) -> tuple[Memory, ...]:
         """Return the memories of arms at rest at q (n,) [rad] that were told nothing yet."""

@@ -13,17 +13,14 @@ import time
 import numpy as np
 
 from ...config.load import Cell
-from ...server.control.arm.arm import Arm
 from ...server.control.evolve import evolve
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.mechanism.null_space.redundancy import ObjectiveGains
-from ...server.control.parameters import Parameters
 from ...server.control.spatial import Array, Pose
 from ...server.control.state import Inputs, Intent, Settings
 from ...server.control.task.asked import StickCommand, ViewGoal
 from ...server.control.task.paths.goals import PathGoal
 from ...server.control.tick import Control
-from ...server.daemon import guard_of
 from ...server.perception.obstacle_map import ObstacleMap
 from ...server.runtime.events import Events
 from ..host.machine import realtime
@@ -96,8 +93,7 @@ class _Phase:
 
 def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phase:
     mechanism = Mechanism.from_cell(cell)
-    p = Parameters.from_cell(cell)
-    control = Control([Arm(p, mechanism)], guard_of(cell, p))
+    control = Control.of(cell)
     world = ObstacleMap.from_cell(cell, Events())
     draw = np.random.default_rng(1)
     q = np.array(cell.config.mechanism.postures["ready"])

@@ -59,8 +59,8 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     rig = cell.config.rig
     if rig is None:
         raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
-    spec = _arm_of(cell) if not cell.others else mujoco.MjSpec()
-    for part, prefix in zip(cell.parts, prefixes(cell), strict=True) if cell.others else ():
+    spec = mujoco.MjSpec() if cell.prefix else _arm_of(cell)
+    for part, prefix in zip(cell.parts, prefixes(cell), strict=True) if cell.prefix else ():
         spec.attach(_arm_of(part), prefix=prefix, frame=spec.worldbody.add_frame())
     spec.option.timestep = rig.physics_step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -91,9 +91,7 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
 
 def prefixes(cell: Cell) -> tuple[str, ...]:
     """Return what the names of each mechanism begin with in the model: nothing for the only one."""
-    if not cell.others:
-        return ("",)
-    return tuple(f"{part.config.mechanism.name}." for part in cell.parts)
+    return tuple(part.prefix for part in cell.parts)
 
 
 def _arm_of(part: Cell) -> mujoco.MjSpec:

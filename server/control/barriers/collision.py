@@ -80,10 +80,11 @@ class Guard:
         avoidance = cell.config.avoidance
         self.capsules = Capsules(cell) if capsules is None else capsules
         self.clearance = Clearance(cell, acceleration, jerk, self.capsules)
-        self.walls = Walls(cell, self.capsules)
+        self.walls = tuple(Walls(part, self.capsules) for part in cell.parts)
+        """The workspace of each mechanism's tool."""
         self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
-        self._tools = (self.capsules.body == self.capsules.forest.n,)
+        self._tools = tuple(self.capsules.body == w.body for w in self.walls)
 
     def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
         """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
@@ -98,8 +99,8 @@ class Guard:
         widen = any(t.ordered and rate > ORDERED for t, rate in zip(at.tools, rates, strict=True))
         gaps, room, closing = sight.near.rows, sight.room, sight.near.speed
         rows = []
-        for tool in at.tools:
-            walled = self.walls.around(_whole(tool, len(at.q)), tool.p)
+        for tool, walls in zip(at.tools, self.walls, strict=True):
+            walled = walls.around(_whole(tool, len(at.q)), tool.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, at.factor, widen))
             gaps, room, closing = gaps[:0], room[:0], closing[:0]
         return Watch(at, sight, Rows.of_all(rows), speeds)
@@ -138,14 +139,13 @@ class Guard:
         at = watch.at
         way = np.maximum(high - at.q, at.q - low)
         short = self.clearance.shortfall(watch.sight, duration_s, way, postures)
-        if self.walls.given:
-            for tool in at.tools:
-                if self.walls.far(tool.p, tool.T_wrist_mrf, way):
-                    continue
-                times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
-                base = None if at.base is None else at.base.T
-                out = self.walls.shortfall(tool.p, tool.T_wrist_mrf, postures(times), base)
-                short = max(short, out)
+        for tool, walls in zip(at.tools, self.walls, strict=True):
+            if not walls.given or walls.far(tool.p, tool.T_wrist_mrf, way):
+                continue
+            times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
+            base = None if at.base is None else at.base.T
+            out = walls.shortfall(tool.p, tool.T_wrist_mrf, postures(times), base)
+            short = max(short, out)
         return short
 
 

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import ARRAY4, VECTOR, compiled
+from ..compiled import ARRAY4, COUNT, VECTOR, compiled
 from ..proximity.capsules import Capsules
 from ..spatial import Array, Pose
 from .velocity_damper import Walled
@@ -29,6 +29,7 @@ class Walls:
     """The workspace of one cell."""
 
     def __init__(self, cell: Cell, capsules: Capsules) -> None:
+        """Build that of one mechanism's tool; `cell` is the cell of it alone."""
         workspace = cell.config.avoidance.workspace
         self.given = workspace is not None
         margin, none = cell.config.avoidance.margin, np.zeros(0)
@@ -37,7 +38,8 @@ class Walls:
         if workspace is not None:
             self._low, self._high = np.array(workspace.low), np.array(workspace.high)
         self._low_barrier, self._high_barrier = self._low + margin, self._high - margin
-        _, self._T_last_wrist = capsules.forest.body_of(cell.config.mechanism.tip_link)
+        tip = f"{cell.prefix}{cell.config.mechanism.tip_link}"
+        self.body, self._T_last_wrist = capsules.forest.body_of(tip)
         self._tip: _Tip | None = None
 
     def around(self, J: Array, p: Array) -> Walled:
@@ -58,13 +60,13 @@ class Walls:
         frames = self._capsules.forest.frames(q, T_world_base)
         low = np.minimum(self._low + BETWEEN, p - 1e-4)
         high = np.maximum(self._high - BETWEEN, p + 1e-4)
-        return _beyond(frames, self._tip_at(T_wrist_mrf).p, low, high)
+        return _beyond(frames, self.body - 1, self._tip_at(T_wrist_mrf).p, low, high)
 
     def _tip_at(self, T_wrist_mrf: Pose) -> _Tip:
         """Return where the MRF is on the chain; it stays there from tick to tick."""
         if self._tip is None or self._tip.T_wrist_mrf is not T_wrist_mrf:
             p = (self._T_last_wrist @ T_wrist_mrf).p
-            reach = self._capsules.reach(self._capsules.forest.n, math.sqrt(float(p @ p)))
+            reach = self._capsules.reach(self.body, math.sqrt(float(p @ p)))
             self._tip = _Tip(T_wrist_mrf, p, reach)
         return self._tip
 
@@ -81,14 +83,14 @@ def _stays(p: Array, low: Array, high: Array, reach: Array, way: Array) -> bool:
     return gone < nearest
 
 
-@compiled(ARRAY4, VECTOR, VECTOR, VECTOR)
-def _beyond(frames: Array, tip: Array, low: Array, high: Array) -> float:
-    """Return how far a point of the last body leaves a box at most [m]; 0 inside.
+@compiled(ARRAY4, COUNT, VECTOR, VECTOR, VECTOR)
+def _beyond(frames: Array, last: int, tip: Array, low: Array, high: Array) -> float:
+    """Return how far a point of a mechanism leaves a box at most [m]; 0 inside.
 
-    `frames` (s, n, 3, 4) are the joints' at s postures; `tip` (3,) is the point in the last one.
+    `frames` (s, n, 3, 4) are the joints' at s postures; `tip` (3,) is the point in the `last` one
+    of the mechanism.
     """
     worst = 0.0
-    last = frames.shape[1] - 1
     for s in range(len(frames)):
         for i in range(3):
             x = frames[s, last, i, 3]

@@ -9,7 +9,7 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..scene import Index
 from ..spatial import Array, Pose
-from .forest import Forest
+from .forest import Branch, Forest
 from .link_travel import levers
 
 SLACK = 1e-9
@@ -38,7 +38,7 @@ class Placed(NamedTuple):
 
 
 class Capsules:
-    """The c capsules of a cell's arm, from Base to tool."""
+    """The c capsules of a cell's arms, from Base to tool."""
 
     def __init__(self, cell: Cell) -> None:
         """Fit them. Raises `ConfigError` for a shape that needs a capsule from the cell."""
@@ -91,43 +91,57 @@ class Capsules:
 
 
 def fitted(cell: Cell, forest: Forest) -> tuple[Capsule, ...]:
-    """Return the capsules around a cell's arm: of its URDF, then what the cell adds.
+    """Return the capsules around a cell's arms: of their URDFs, then what the cell adds.
 
     Raises `ConfigError` for a link whose shape is a mesh and that the cell gives no capsule.
     """
     stated = cell.config.avoidance.capsules
+    bodies: list[tuple[int, Pose]] = []
     for i, given in enumerate(stated):
-        if not forest.model.existFrame(given.link):
+        try:
+            bodies.append(forest.body_of(given.link))
+        except KeyError:
             raise ConfigError(
                 f"{cell.path}: avoidance.capsules[{i}].link: value '{given.link}': no such link in "
                 f"{cell.robot.urdf}"
-            )
+            ) from None
     found = []
-    for shape in _collision_shapes(cell, forest):
-        link = forest.model.frames[shape.parentFrame].name
-        body, T = forest.carried(shape.parentJoint, shape.placement)
-        around = _around(shape.geometry)
-        if around is not None:
-            axis, radius = around
-            found.append(Capsule(link, body, T.p - T.R @ axis, T.p + T.R @ axis, radius))
-        elif link not in {given.link for given in stated}:
-            raise ConfigError(
-                f"{cell.path}: avoidance.capsules: link '{link}' of {cell.robot.urdf} is a "
-                f"{type(shape.geometry).__name__}: give it capsules here"
-            )
-    for given in stated:
-        body, T = forest.body_of(given.link)
+    known = {given.link for given in stated}
+    for part, branch in zip(cell.parts, forest.branches, strict=True):
+        found += _of_urdf(part, branch, known)
+    for given, (body, T) in zip(stated, bodies, strict=True):
         a, b = T.R @ np.array(given.start) + T.p, T.R @ np.array(given.end) + T.p
         found.append(Capsule(given.link, body, a, b, given.radius))
     outer = [c for i, c in enumerate(found) if not _inside_another(c, i, found)]
     return tuple(sorted(outer, key=lambda c: c.body))
 
 
-def _collision_shapes(cell: Cell, forest: Forest) -> list["pin.GeometryObject"]:
+def _of_urdf(part: Cell, branch: Branch, stated: set[str]) -> list[Capsule]:
+    """Return the capsules around the primitives of one mechanism's URDF.
+
+    Links whose capsules are `stated` may have any shape.
+    """
+    found = []
+    for shape in _collision_shapes(part, branch):
+        link = branch.prefix + branch.model.frames[shape.parentFrame].name
+        body, T = branch.carried(shape.parentJoint, shape.placement)
+        around = _around(shape.geometry)
+        if around is not None:
+            axis, radius = around
+            found.append(Capsule(link, body, T.p - T.R @ axis, T.p + T.R @ axis, radius))
+        elif link not in stated:
+            raise ConfigError(
+                f"{part.path}: avoidance.capsules: link '{link}' of {part.robot.urdf} is a "
+                f"{type(shape.geometry).__name__}: give it capsules here"
+            )
+    return found
+
+
+def _collision_shapes(cell: Cell, branch: Branch) -> list["pin.GeometryObject"]:
     description = cell.robot.description()
     try:
         geometry = pin.buildGeomFromUrdfString(
-            forest.model, description, pin.GeometryType.COLLISION
+            branch.model, description, pin.GeometryType.COLLISION
         )
     except (ValueError, RuntimeError) as error:
         words = str(error).splitlines()[0]

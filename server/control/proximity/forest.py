@@ -1,5 +1,6 @@
 """The joints of a cell as a forest: a tree for each root, read from the URDF."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,29 +26,103 @@ class Tree(NamedTuple):
     axis: Array
     """Axes (n, 3) in the joints' own frames."""
 
+    @staticmethod
+    def of_all(each: "Sequence[Tree]") -> "Tree":
+        """Return the trees of several mechanisms as one."""
+        return each[0] if len(each) == 1 else Tree(*map(np.concatenate, zip(*each, strict=True)))
+
+
+class Branch:
+    """The joints of one mechanism among those of the cell."""
+
+    def __init__(self, part: Cell, first: int, root: int) -> None:
+        """Read them from the URDF; those outside of the mechanism stand at zero.
+
+        `first` of all joints is its first, and `root` carries them.
+        """
+        self.model = model = pin.buildModelFromXML(part.robot.description())
+        self.prefix = part.prefix
+        self._data, self._first, self._root = model.createData(), first, root
+        pin.forwardKinematics(model, self._data, pin.neutral(model))
+        self._ids = [model.getJointId(joint.name) for joint in part.robot.joints]
+        self.n = len(self._ids)
+        self.tree = self._tree()
+        base = part.config.mechanism.T_world_base
+        self.T_world_base = Pose.from_xyz_rpy(base.xyz, base.rpy)
+        far = [max(abs(joint.lower), abs(joint.upper)) for joint in part.robot.joints]
+        self.stroke = np.where(self.tree.prismatic, far, 0.0)
+
+    def body_of(self, link: str) -> tuple[int, Pose]:
+        """Return the body that a link of the URDF is part of, and the link's pose in it.
+
+        Raises `KeyError` for a link that the URDF does not have.
+        """
+        if not self.model.existFrame(link):
+            raise KeyError(link)
+        placed = self.model.frames[self.model.getFrameId(link)]
+        return self.carried(placed.parentJoint, placed.placement)
+
+    def carried(self, joint: int, placement: "pin.SE3") -> tuple[int, Pose]:
+        """Return the body that carries a thing at a joint of the URDF, and its pose in the body."""
+        own = self._carrier(joint)
+        T = self._data.oMi[joint] * placement
+        if own:
+            T = self._data.oMi[self._ids[own - 1]].inverse() * T
+        return self._body(own), Pose(T.rotation.copy(), T.translation.copy())
+
+    def _body(self, own: int) -> int:
+        """Return the number among all of a body that is counted from this mechanism's Base."""
+        return self._first + own if own else -self._root
+
+    def _carrier(self, joint: int) -> int:
+        """Return which of the own bodies carries a joint of the URDF, or is moved by it."""
+        supports = self.model.supports[joint].tolist()
+        return max((self._ids.index(j) + 1 for j in supports if j in self._ids), default=0)
+
+    def _tree(self) -> Tree:
+        """Read the tree of the joints; Base is their root."""
+        n, model, data = self.n, self.model, self._data
+        parents = np.empty(n, dtype=np.int64)
+        prismatic, parts, axes = np.zeros(n, dtype=bool), np.zeros((n, 3, 3, 4)), np.zeros((n, 3))
+        for i, j in enumerate(self._ids):
+            carrier = self._carrier(model.parents[j])
+            before = data.oMi[self._ids[carrier - 1]] if carrier else pin.SE3.Identity()
+            parents[i] = self._body(carrier) - 1
+            placement = (before.inverse() * data.oMi[j]).homogeneous
+            joint_data = model.joints[j].createData()
+            model.joints[j].calc(joint_data, np.zeros(1))
+            linear, angular = np.asarray(joint_data.S).reshape(2, 3)
+            prismatic[i] = bool(linear.any())
+            axes[i] = linear if prismatic[i] else angular
+            parts[i, 0] = placement[:3]
+            if prismatic[i]:
+                parts[i, 1, :, 3] = placement[:3, :3] @ linear
+            else:
+                K = pin.skew(angular)
+                parts[i, 1, :, :3] = placement[:3, :3] @ K
+                parts[i, 2, :, :3] = placement[:3, :3] @ K @ K
+        return Tree(parents, prismatic, parts, axes)
+
 
 class Forest:
     """Forward kinematics of a cell's n joints, for capsules and control points.
 
-    Bodies are numbered: joint j moves body j + 1; body −r is root r. Today's cells have one
-    mechanism: root 0, its Base. Another one's joints follow with a root of their own, at a fixed or
-    a moving pose, or with a parent among the joints before, where it stands on them. The tick's own
-    Jacobian is `mechanism/kinematics.py`'s, whose rounding the shipped hashes hold.
+    Bodies are numbered: joint j moves body j + 1; body −r is root r, the Base of mechanism r. The
+    tick's own Jacobian is `mechanism/kinematics.py`'s, whose rounding the shipped hashes hold.
     """
 
     def __init__(self, cell: Cell) -> None:
-        """Read the joints from the cell's URDF; those outside of the mechanism stand at zero."""
-        model = pin.buildModelFromXML(cell.robot.description())
-        self._model, self._data = model, model.createData()
-        pin.forwardKinematics(model, self._data, pin.neutral(model))
-        base = cell.config.mechanism.T_world_base
-        self._standing = _root(Pose.from_xyz_rpy(base.xyz, base.rpy))
-        self._ids = [model.getJointId(joint.name) for joint in cell.robot.joints]
-        self.n = len(self._ids)
-        self.tree = self._tree()
-        far = [max(abs(joint.lower), abs(joint.upper)) for joint in cell.robot.joints]
-        self.stroke = np.where(self.tree.prismatic, far, 0.0)
+        """Read the joints of every mechanism from its URDF, one after the other."""
+        self.branches: tuple[Branch, ...] = ()
+        """One for each mechanism."""
+        self.n = 0
+        for root, part in enumerate(cell.parts):
+            self.branches += (Branch(part, self.n, root),)
+            self.n += self.branches[-1].n
+        self.tree = Tree.of_all([branch.tree for branch in self.branches])
+        self.stroke = np.concatenate([branch.stroke for branch in self.branches])
         """How far each prismatic joint may be out (n,) [m]; zero for the others."""
+        self._standing = _roots([branch.T_world_base for branch in self.branches])
         self._moves = np.zeros((self.n + 1, self.n), dtype=bool)
         for j, parent in enumerate(self.tree.parent.tolist()):
             self._moves[j + 1] = self._moves[max(parent + 1, 0)]
@@ -80,62 +155,23 @@ class Forest:
             body = int(self.tree.parent[body - 1]) + 1
         return -body
 
-    def body_of(self, frame: str) -> tuple[int, Pose]:
-        """Return the body that a link of the URDF is part of, and the link's pose in it.
+    def body_of(self, link: str) -> tuple[int, Pose]:
+        """Return the body that a link is part of, and the link's pose in it.
 
-        Raises `KeyError` for a link that the URDF does not have.
+        With several mechanisms, `link` begins with the name of its own. Raises `KeyError` for a
+        link that there is not.
         """
-        if not self._model.existFrame(frame):
-            raise KeyError(frame)
-        placed = self._model.frames[self._model.getFrameId(frame)]
-        return self.carried(placed.parentJoint, placed.placement)
-
-    def carried(self, joint: int, placement: "pin.SE3") -> tuple[int, Pose]:
-        """Return the body that carries a thing at a joint of the URDF, and its pose in the body."""
-        body = self._carrier(joint)
-        T = self._data.oMi[joint] * placement
-        if body:
-            T = self._data.oMi[self._ids[body - 1]].inverse() * T
-        return body, Pose(T.rotation.copy(), T.translation.copy())
-
-    @property
-    def model(self) -> "pin.Model":
-        """Pinocchio's model of the whole URDF."""
-        return self._model
-
-    def _carrier(self, joint: int) -> int:
-        """Return the body that carries a joint of the URDF, or is moved by it; 0 for Base."""
-        supports = self._model.supports[joint].tolist()
-        return max((self._ids.index(j) + 1 for j in supports if j in self._ids), default=0)
+        for branch in self.branches:
+            own = link.removeprefix(branch.prefix)
+            if link.startswith(branch.prefix) and branch.model.existFrame(own):
+                return branch.body_of(own)
+        raise KeyError(link)
 
     def _roots(self, T_world_base: Pose | None) -> Roots:
-        return self._standing if T_world_base is None else _root(T_world_base)
-
-    def _tree(self) -> Tree:
-        """Read the tree of the joints; Base is their root."""
-        n, model, data = self.n, self._model, self._data
-        parents = np.empty(n, dtype=np.int64)
-        prismatic, parts, axes = np.zeros(n, dtype=bool), np.zeros((n, 3, 3, 4)), np.zeros((n, 3))
-        for i, j in enumerate(self._ids):
-            carrier = self._carrier(model.parents[j])
-            before = data.oMi[self._ids[carrier - 1]] if carrier else pin.SE3.Identity()
-            parents[i] = carrier - 1
-            placement = (before.inverse() * data.oMi[j]).homogeneous
-            joint_data = model.joints[j].createData()
-            model.joints[j].calc(joint_data, np.zeros(1))
-            linear, angular = np.asarray(joint_data.S).reshape(2, 3)
-            prismatic[i] = bool(linear.any())
-            axes[i] = linear if prismatic[i] else angular
-            parts[i, 0] = placement[:3]
-            if prismatic[i]:
-                parts[i, 1, :, 3] = placement[:3, :3] @ linear
-            else:
-                K = pin.skew(angular)
-                parts[i, 1, :, :3] = placement[:3, :3] @ K
-                parts[i, 2, :, :3] = placement[:3, :3] @ K @ K
-        return Tree(parents, prismatic, parts, axes)
+        """Return where the roots are; `T_world_base` is that of an only Base, which moves."""
+        return self._standing if T_world_base is None else _roots([T_world_base])
 
 
-def _root(T: Pose) -> Roots:
-    """Return the pose of the only root, at all postures."""
-    return T.R[None, None], T.p[None, None]
+def _roots(poses: Sequence[Pose]) -> Roots:
+    """Return the poses of the roots, at all postures."""
+    return np.array([[T.R for T in poses]]), np.array([[T.p for T in poses]])

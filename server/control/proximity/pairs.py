@@ -133,14 +133,20 @@ class PairSearch:
         pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         ends = capsules.place(np.zeros((1, capsules.forest.n))).ends
         apart = measured(ends, (pairs[:, 0], pairs[:, 1]), _NOTHING.segments)[0]
-        return np.asarray(pairs[apart - capsules.radius[pairs].sum(axis=1) > least])
+        meet = apart - capsules.radius[pairs].sum(axis=1) <= least
+        # Two mechanisms that meet where all joints are at zero are no such pair.
+        own = [self._root(a) == self._root(b) for a, b in pairs.tolist()]
+        return np.asarray(pairs[~(meet & np.array(own, dtype=bool))])
 
     def _part(self, i: int, j: int) -> bool:
         """Return whether enough joints move one of two capsules and not the other."""
-        capsules, forest = self.capsules, self.capsules.forest
+        capsules = self.capsules
         between = int((capsules.moves[i] ^ capsules.moves[j]).sum())
-        a, b = int(capsules.body[i]), int(capsules.body[j])
-        return between > (NEIGHBOURS if forest.root(a) == forest.root(b) else 0)
+        return between > (NEIGHBOURS if self._root(i) == self._root(j) else 0)
+
+    def _root(self, i: int) -> int:
+        """Return the root of the mechanism that a capsule belongs to."""
+        return self.capsules.forest.root(int(self.capsules.body[i]))
 
 
 @compiled(

@@ -69,14 +69,18 @@ class Limiter:
         jerk: Array,
         period_s: float,
         groups: Sequence[Sequence[int]] = (),
+        parts: Sequence[slice] = (),
     ) -> None:
-        """Build it; joints of a group (indices) stop in proportion, others as soon as they can."""
+        """Build it; joints of a group (indices) stop in proportion, others as soon as they can.
+
+        Those of each part, as of one arm, get to their rates together; all where there are none.
+        """
         self._lower = lower
         self._upper = upper
         self._acceleration = HEADROOM * acceleration
         self._jerk = HEADROOM * jerk
         self._period_s = period_s
-        self._planner = VelocityPlanner(self._acceleration, self._jerk, groups)
+        self._planner = VelocityPlanner(self._acceleration, self._jerk, groups, parts)
         self._factor = 1.0
 
     def verified_stop(self, motion: Motion) -> Stop:

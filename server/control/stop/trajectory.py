@@ -193,9 +193,15 @@ class VelocityPlanner:
     """
 
     def __init__(
-        self, acceleration: Array, jerk: Array, groups: Sequence[Sequence[int]] = ()
+        self,
+        acceleration: Array,
+        jerk: Array,
+        groups: Sequence[Sequence[int]] = (),
+        parts: Sequence[slice] = (),
     ) -> None:
         """Build it; `groups` holds the indices of freedoms that belong together.
+
+        Those of each of the `parts` arrive together, all of them where there are none.
 
         Raises `ValueError` for a freedom in two groups, and for one that there is not.
         """
@@ -207,6 +213,7 @@ class VelocityPlanner:
             raise ValueError(f"groups {groups}: there are {n} freedoms")
         self._n = n
         self._groups = [np.array(group) for group in groups]
+        self._parts = tuple(parts) if len(parts) > 1 else ()
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
         self._input.control_interface = ruckig.ControlInterface.Velocity
@@ -224,7 +231,24 @@ class VelocityPlanner:
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
         """Return the motion one period later on the way to velocities `target` (n,)."""
         try:
-            return Motion(*stepped(*motion, target, *self._bounds, period_s, synchronised))
+            if not self._parts:
+                return Motion(*stepped(*motion, target, *self._bounds, period_s, synchronised))
+            acceleration, jerk = self._bounds
+            return Motion.of_all(
+                [
+                    Motion(
+                        *stepped(
+                            *motion.of(part),
+                            target[part],
+                            acceleration[part],
+                            jerk[part],
+                            period_s,
+                            synchronised,
+                        )
+                    )
+                    for part in self._parts
+                ]
+            )
         except ValueError as error:
             raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
 

@@ -6,12 +6,10 @@ import numpy as np
 
 from .....config.load import Cell
 from .....protocols.messages.obstacles import ObstacleNews
-from .....server.control.arm.arm import Arm
 from .....server.control.spatial import Array, Pose
 from .....server.control.state import Inputs, Intent
 from .....server.control.task.paths.goals import PathGoal
 from .....server.control.tick import Control
-from .....server.daemon import guard_of
 from .....server.perception.obstacle_map import ObstacleMap
 from .....server.runtime.events import Events
 from ...tick import settings_of
@@ -35,8 +33,7 @@ class Telerobot:
         )
         cell = replace(cell, config=config)
         self._period_s = config.timing.period_s
-        arm = Arm.of(cell)
-        self._control = Control([arm], guard_of(cell, arm.p))
+        self._control = Control.of(cell)
         (self._memory,) = self._control.seed(np.array(scene.start))
         self._world = ObstacleMap.from_cell(cell, Events())
         self._moving = tuple(thing for thing in scene.things if thing.moves)
