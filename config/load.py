@@ -78,10 +78,11 @@ def shipped(kind: str) -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in (HERE / kind).glob(f"*{suffix}")))
 
 
-def load_cell(name_or_path: str | Path) -> Cell:
+def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
     """Load a cell: the path of a TOML file, or the name of one that is shipped.
 
-    Raises `ConfigError`.
+    The control computation and the physics take cells of `several` mechanisms; daemon, virtual
+    hardware and tools take those of one, so far. Raises `ConfigError`.
     """
     path = _find("cells", name_or_path, Path(), "")
     document = _whole(path)
@@ -91,6 +92,10 @@ def load_cell(name_or_path: str | Path) -> Cell:
         _part(path, part, f"mechanisms[{i}]")
         for i, part in enumerate(parts_of(path, document, _whole_cell))
     ]
+    if len(parts) > 1 and not several:
+        raise ConfigError(
+            f"{path}: mechanisms: {len(parts)} tables: a daemon drives one mechanism so far"
+        )
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
     return replace(parts[0], others=tuple(parts[1:]))

@@ -23,7 +23,7 @@ def cell(tmp_path):
     def load(text):
         path = tmp_path / "cell.toml"
         path.write_text(text)
-        return load_cell(path)
+        return load_cell(path, several=True)
 
     return load
 
@@ -106,3 +106,16 @@ def test_what_does_not_fit_is_refused_in_one_line(cell, text, words):
         cell(text)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_drives_one_mechanism_refuses_a_cell_of_two(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(PAIR)
+    with pytest.raises(ConfigError, match="2 tables: a daemon drives one mechanism so far"):
+        load_cell(path)
+
+
+def test_one_mechanism_may_stand_in_a_list_too(cell, tmp_path):
+    alone = cell(HEAD + ONE)
+    assert alone.parts == (alone,)
+    assert alone.joints == load_cell("pa10").joints
