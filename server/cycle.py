@@ -30,7 +30,7 @@ from .plant import Plant, PlantReading
 from .power import DrivePower
 from .runtime.clock import Clock
 from .supervisor import Supervisor
-from .telemetry import Telemetry, TickRecord
+from .telemetry import Telemetry, TickRecord, describe
 from .tick_inputs import tick_inputs
 from .warm_up import warm_up
 
@@ -83,7 +83,7 @@ class Cycle:
             clock.now,
             timing.tolerated_overruns,
         )
-        self._telemetry = Telemetry(cell, link, events)
+        self._telemetry = Telemetry(describe(cell), link, events)
 
     @property
     def mode(self) -> Mode:

@@ -12,6 +12,7 @@ class Why(StrEnum):
     OLD_EPOCH = "old_epoch"
     OUT_OF_ORDER = "out_of_order"
     OLD_PICTURE = "old_picture"
+    """Of the telemetry: the command was based on too old a snapshot."""
     FUTURE_PICTURE = "future_picture"
     BEFORE_ENABLE = "before_enable"
     NOT_ENABLED = "not_enabled"

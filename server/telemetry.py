@@ -75,7 +75,7 @@ class TickRecord(NamedTuple):
 def snapshot(
     record: TickRecord, commands: Commands, perception: Perception, admission: Admission
 ) -> State:
-    """Return the state of one tick."""
+    """Return the state of one tick, as operators see it."""
     reading, output = record.reading, record.output
     vision, frames, external = (
         perception.vision,
@@ -148,8 +148,8 @@ def snapshot(
 class Telemetry:
     """Publishes what one cell's daemon tells."""
 
-    def __init__(self, cell: Cell, link: Link, events: Events) -> None:
-        self._cell, self._link, self._events = cell, link, events
+    def __init__(self, description: Description, link: Link, events: Events) -> None:
+        self._description, self._link, self._events = description, link, events
 
     def publish_events(self) -> None:
         """Send the events since the last call."""
@@ -166,7 +166,7 @@ class Telemetry:
         if reflection is not None:
             self._link.publish(REFLECTION, encode(reflection))
         if record.tick % DESCRIBE_EVERY == 1:
-            self._link.publish(DESCRIPTION, encode(describe(self._cell)))
+            self._link.publish(DESCRIPTION, encode(self._description))
 
 
 def potential(reading: FieldReading) -> dict[str, float]:

@@ -155,7 +155,7 @@ class State(Message):
     position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
     origin in World axes; `twist` is the sum before limiting. `view` is the tag in the Lens as last
     accepted, and `view_age_ticks` how old that picture is. `command_age_ticks` is how old the
-    picture was that the last accepted command was based on.
+    snapshot was that the last accepted command was based on.
     `limits` names what is limiting now. `wrench_sensor` is the sensor's reading, sign turned but
     with weight and bias in it; `payload` the mass [kg] and centre of mass in the Sensor frame [m]
     that are taken off it; `gripper_closed` what the gripper was told, if it was.

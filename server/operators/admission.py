@@ -1,7 +1,7 @@
 """Admission of every command and request: proof of the lease, order, and freshness.
 
 Refused are: a command that does not prove the lease, is of an old epoch or out of order; bytes
-that are no message; a command based on a picture older than the cell allows or older than the last
+that are no message; a command based on a snapshot older than the cell allows or older than the last
 enable. So a command that was queued anywhere on its way is dead, not late; and no clocks are
 compared. Proof comes first: nothing that lacks it is decoded.
 """
@@ -50,7 +50,7 @@ class Admission:
         self.last_seq: dict[str, int] = {}
         """Of the newest message that was accepted on each key."""
         self.age_ticks: int | None = None
-        """How old the picture was that the last accepted command was based on."""
+        """Age of the telemetry snapshot that the last accepted command was based on."""
 
     def prove(self, topic: Topic, payload: bytes, attachment: bytes, now: Instant) -> Proof:
         """Return the proof that came with a payload, if it holds. Raises `Refused`.
@@ -150,7 +150,7 @@ class Admission:
         if age > self._max_age_ticks:
             raise Refused(
                 Why.OLD_PICTURE,
-                f"based on a picture {age} ticks old, at most {self._max_age_ticks}",
+                f"based on a snapshot {age} ticks old, at most {self._max_age_ticks}",
             )
 
     def _current(self, command: Command, now: Instant) -> None:
