@@ -52,14 +52,16 @@ class Spring(Source[SpringState]):
 
     def rate(self, context: Context, state: SpringState, gain: Array) -> tuple[Array, SpringState]:
         """Return the twist that leads to the fixture; `gain` (6,) is K_S [1/s], in its frame."""
-        target = np.zeros(6)
+        target, pulls = np.zeros(6), context.guided and np.count_nonzero(gain) > 0
         if not context.moving:
             state = _IDLE
-        if context.guided and np.count_nonzero(gain):
+        if state is _IDLE and not pulls:
+            return target, _IDLE
+        if pulls:
             target = twist_at(self._pull(context, gain), context.lever)
         motion = state.motion
         if motion.stands() and not np.count_nonzero(target):
-            return target, state
+            return target, _IDLE
         shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
         return (
             twist_at(shaped.dq, -context.lever),
