@@ -195,7 +195,7 @@ class Rig:
             dq=tuple(self.world.dq.tolist()),
             pose_mrf=_six(*self.world.mrf_pose()),
             contact_force=(fx, fy, fz),
-            clearance_m=self.world.clearance(),
+            clearance_m=self.world.distances.clearance(),
             drives=tuple(node.state.name.lower() for node in self.drives.values()),
             tags=self.tags.poses,
             sight=self._sight.clearances(self.tags.poses),

@@ -4,7 +4,7 @@ import numpy as np
 
 from .compiled import MATRIX, VECTOR, compiled
 from .spatial import Array, Pose, cross, sizes, skew
-from .stop.trajectory import Motion
+from .stop.motion import Motion
 
 
 def differ(a: Pose, b: Pose) -> bool:

@@ -21,7 +21,8 @@ from .mechanism.payload import Payload
 from .mechanism.wrist import WristMemory
 from .scene import Scene
 from .spatial import Array, Pose
-from .stop.trajectory import Motion, Stop
+from .stop.motion import Motion
+from .stop.trajectory import Stop
 from .task.asked import StickCommand, ViewGoal
 from .task.paths.goals import Goal
 from .task.paths.leading import Progress

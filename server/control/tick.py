@@ -25,7 +25,8 @@ from .spatial import Array
 from .state import Inputs, Intent, Memory, Output
 from .stop.gate import Gate
 from .stop.limiter import Limited, Limiter
-from .stop.trajectory import Motion, Stop
+from .stop.motion import Motion
+from .stop.trajectory import Stop
 
 
 class Control:

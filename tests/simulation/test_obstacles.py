@@ -109,9 +109,9 @@ def test_the_physics_has_every_solid_obstacle_where_the_cell_says(cluttered):
         if obstacle.shape != "sight_line":
             body = world.model.body(f"obstacle_{obstacle.name}")
             assert world.data.xpos[body.id] == pytest.approx(np.array(obstacle.xyz))
-    before = world.nearest()
+    before = world.distances.nearest()
     world.place("visitor", world.mrf_pose()[0] + np.array([0.0, 0.0, 0.2]))
-    after = world.nearest()
+    after = world.distances.nearest()
     assert after.other == "obstacle_visitor"
     assert after.distance < before.distance
     assert after.distance == pytest.approx(0.2 - 0.12 - 0.012, abs=0.03)

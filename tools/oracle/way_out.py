@@ -139,7 +139,7 @@ class _Search:
     def _gaps(self, q: Array) -> Array:
         """Return the gaps to things, and last the least between links, at most `FAR` [m]."""
         self._world.q[:] = q
-        return np.append(self._world.gaps(FAR), min(self._arm.clearance(q)[1], FAR))
+        return np.append(self._world.distances.gaps(FAR), min(self._arm.clearance(q)[1], FAR))
 
     def _slopes(self, q: Array, near: Flags) -> Array:
         """Return the slopes of the gaps (k, n) [m/rad] by differences, of those `near`; else 0."""

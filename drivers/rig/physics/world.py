@@ -6,7 +6,6 @@ otherwise; joint vectors are (n,) in the order of the cell's drives, arm after a
 """
 
 import math
-from functools import cached_property
 from typing import NamedTuple
 
 import mujoco
@@ -15,22 +14,11 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.rig.rig import RigGripper
+from .distances import Distances
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 from .solids import place
 
 Vector = NDArray[np.float64]
-
-
-class Nearest(NamedTuple):
-    """Where the arm is nearest to something."""
-
-    distance: float
-    """[m]; negative inside one another, at most 1."""
-    on_arm: Vector
-    """In World (3,) [m]."""
-    on_other: Vector
-    other: str
-    """Name of the other body."""
 
 
 class _Arm(NamedTuple):
@@ -75,6 +63,9 @@ class World:
         self._pushes: dict[int, Vector] = {}
         self._swells: dict[int, tuple[float, float]] = {}
         """When the push on a tool began, and how long it takes [s], by the tip's body."""
+        roots = [arm.root for arm in self._arms]
+        self.distances = Distances(self.model, self.data, self._fixed, roots)
+        """Of arms from what stands around them, and from each other."""
         self.q: Vector = self.data.qpos[arm]
         self.dq: Vector = self.data.qvel[arm]
         self.q[:] = [q for part in cell.parts for q in part.config.mechanism.postures["start"]]
@@ -252,64 +243,6 @@ class World:
                 most = max(most, float(np.linalg.norm(wrench[:3])))
         return most
 
-    def between_arms(self, within: float = 1.0) -> float | None:
-        """Return the least distance between two arms of the cell [m], at most `within`.
-
-        Negative inside one another; None for one arm.
-        """
-        if len(self._arms) < 2:
-            return None
-        mujoco.mj_kinematics(self.model, self.data)
-        xpos, reach, least = self.data.geom_xpos, self.model.geom_rbound, within
-        for a, b in self._arm_pairs.tolist():
-            if np.linalg.norm(xpos[a] - xpos[b]) - reach[a] - reach[b] < least:
-                distance = mujoco.mj_geomDistance(self.model, self.data, a, b, least, None)
-                least = min(least, float(distance))
-        return least
-
-    def clearance(self) -> float | None:
-        """Return the least distance of arm or tool from wall, boxes and obstacles [m].
-
-        Negative inside one another, None where there is nothing to touch.
-        """
-        nearest = self.nearest()
-        return None if nearest is None else nearest.distance
-
-    def nearest(self) -> Nearest | None:
-        """Return where arm or tool are nearest to wall, boxes and obstacles, if there are any."""
-        if not len(self._pairs):
-            return None
-        mujoco.mj_kinematics(self.model, self.data)
-        bound = self._bounds()
-        fromto = np.zeros(6)
-        found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
-        # Bounding balls tell which pairs can be the nearest at all.
-        for i in np.argsort(bound, kind="stable"):
-            if bound[i] >= found.distance:
-                break
-            arm, fixed = (int(g) for g in self._pairs[i])
-            least = found.distance
-            distance = mujoco.mj_geomDistance(self.model, self.data, arm, fixed, least, fromto)
-            if distance < least:
-                name = self.model.body(self.model.geom_bodyid[fixed]).name
-                found = Nearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
-        return found
-
-    def gaps(self, within: float) -> Vector:
-        """Return the distances (k,) of parts of arm and tool from wall, boxes and obstacles [m].
-
-        At most `within`, one for each pair, in the same order every time.
-        """
-        mujoco.mj_kinematics(self.model, self.data)
-        return np.array(
-            [
-                mujoco.mj_geomDistance(self.model, self.data, arm, fixed, within, None)
-                if bound < within
-                else within
-                for (arm, fixed), bound in zip(self._pairs.tolist(), self._bounds(), strict=True)
-            ]
-        )
-
     def place(self, obstacle: str, xyz: Vector) -> None:
         """Move an obstacle of the cell to a place in World [m]. Raises `ValueError`."""
         place(self.model, self.data, obstacle, xyz)
@@ -317,35 +250,3 @@ class World:
     def wall_travel(self) -> float:
         """Return how far the wall is pushed in, against its normal [m]. Raises `KeyError`."""
         return -float(self.data.joint(WALL_SLIDE).qpos[0])
-
-    def _bounds(self) -> Vector:
-        """Return what the distances (k,) of all pairs are at least, by their bounding balls [m]."""
-        first, second = self._pairs.T
-        way = self.data.geom_xpos[first] - self.data.geom_xpos[second]
-        reach = self.model.geom_rbound[self._pairs].sum(axis=1)
-        return np.asarray(np.sqrt((way * way).sum(axis=1)) - reach)
-
-    @cached_property
-    def _pairs(self) -> NDArray[np.int64]:
-        weld = self.model.body_weldid[self.model.geom_bodyid]
-        arm = [g for g in range(self.model.ngeom) if g not in self._fixed and weld[g] != 0]
-        pairs = [(a, f) for a in arm for f in sorted(self._fixed)]
-        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-    @cached_property
-    def _arm_pairs(self) -> NDArray[np.int64]:
-        """Pairs (p, 2) of geoms that belong to different arms."""
-        root = self.model.body_rootid[self.model.geom_bodyid]
-        touches = self.model.geom_conaffinity
-        arms = [
-            [g for g in range(self.model.ngeom) if root[g] == arm.root and touches[g]]
-            for arm in self._arms
-        ]
-        pairs = [
-            (a, b)
-            for i, first in enumerate(arms)
-            for second in arms[i + 1 :]
-            for a in first
-            for b in second
-        ]
-        return np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -14,7 +14,7 @@ from ..joints import Joints
 from ..mechanism.kinematics import Kinematics
 from ..spatial import Array, Pose
 from ..stop.gate import TOLERANCE
-from ..stop.trajectory import Motion
+from ..stop.motion import Motion
 from .torque import TorqueLaw, Torques, TorqueState
 
 

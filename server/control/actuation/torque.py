@@ -26,7 +26,7 @@ from ..mechanism.dynamics import Dynamics
 from ..mechanism.kinematics import Kinematics
 from ..rigid_body import jacobian_at, wrench_to
 from ..spatial import Array, Pose, pose_error
-from ..stop.trajectory import Motion
+from ..stop.motion import Motion
 from .believed import (
     NOTHING_LEFT_OUT,
     STANDS,

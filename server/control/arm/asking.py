@@ -14,7 +14,8 @@ from ..parameters import Parameters
 from ..proximity.capsules import Capsules, Placed
 from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory
-from ..stop.trajectory import Motion, Stop
+from ..stop.motion import Motion
+from ..stop.trajectory import Stop
 from .context import context_of, quantities, sample_of
 from .stages import Stages
 

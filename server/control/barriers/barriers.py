@@ -17,7 +17,7 @@ from ..mechanism.kinematics import Kinematics
 from ..proximity.capsules import Placed
 from ..scene import Scene
 from ..spatial import Array, Pose
-from ..stop.trajectory import Motion
+from ..stop.motion import Motion
 from .clearance import Levels, Shown
 from .collision import Guard, Situation, Tool, Watch
 from .joint_limits import JointRoom, Room

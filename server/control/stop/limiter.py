@@ -20,7 +20,8 @@ import numpy as np
 
 from ..compiled import VECTOR, compiled
 from ..spatial import Array
-from .trajectory import Motion, Stop, TrajectoryError, VelocityPlanner
+from .motion import Motion
+from .trajectory import Stop, TrajectoryError, VelocityPlanner
 
 HEADROOM = 0.9999
 """Part of each bound that is planned with, so that rounding stays inside."""

@@ -19,7 +19,8 @@ import numpy as np
 
 from ..rigid_body import twist_at, within
 from ..spatial import Array
-from ..stop.trajectory import Motion, VelocityPlanner
+from ..stop.motion import Motion
+from ..stop.trajectory import VelocityPlanner
 
 
 @dataclass(frozen=True)

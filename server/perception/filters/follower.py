@@ -16,7 +16,7 @@ import numpy as np
 
 from ...control.frame_tree import Body
 from ...control.spatial import Array, Pose, pose_error, right_jacobian, rotation_exp, vector_rate
-from ...control.stop.trajectory import Motion
+from ...control.stop.motion import Motion
 from .frame_tracking import Track, within
 
 SETTLING = 20.0

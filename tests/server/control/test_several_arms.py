@@ -103,7 +103,7 @@ def test_two_arms_under_two_sticks_never_meet(pair, seed):
         near += any(g.active for g in between)
         if i % 5 == 0:
             world.q[:] = run.sent[-1]
-            least = min(least, world.between_arms())
+            least = min(least, world.distances.between_arms())
     run.observe()
     # The capsules are around the housings, so that these are farther apart than promised.
     assert least >= promised - 1e-3

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from telerobot.server.control.barriers.collision import Situation, Tool
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.stop.trajectory import Motion, VelocityPlanner
+from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.stop.trajectory import VelocityPlanner
 
 from .test_clearance import EVERYTHING, FAR, Kept
 

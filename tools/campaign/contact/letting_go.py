@@ -121,7 +121,7 @@ def drawn(seed: int) -> Plan:
         mode, sensed = str(draw.choice(MODES)), bool(draw.random() < 0.5)
         cell = _with(load_cell(CELL), start, mode, sensed)
         cell = _met(cell, start, rates, part, stiffness)
-        clearance = World(cell).clearance()
+        clearance = World(cell).distances.clearance()
         if clearance is not None and clearance > CLEAR:
             return Plan(f"drawn {seed}", cell, tuple(rates.tolist()))
 

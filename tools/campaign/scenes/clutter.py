@@ -159,7 +159,7 @@ def _start(
     for _ in range(TRIES):
         q = np.clip(ready + draw.uniform(-1.2, 1.2, len(ready)), low, high)
         world.q[:] = q
-        found = world.clearance()
+        found = world.distances.clearance()
         if found is not None and lowest <= found <= highest and own.clearance(q)[1] > UNFOLDED:
             postures = {**mechanism.postures, "start": tuple(q.tolist())}
             arm = mechanism.model_copy(update={"postures": postures})

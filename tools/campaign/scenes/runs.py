@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ....config.load import load_cell
-from ....drivers.rig.physics.world import Nearest
+from ....drivers.rig.physics.distances import Nearest
 from ....protocols import topics as t
 from ...oracle.way_out import AWAY, WIDER, closed_in
 from ...simulation.simulation import Simulation
@@ -119,7 +119,7 @@ class _Judge:
         if simulation.player.phase.name != "PLAYING":
             self._before[:] = world.q
             return
-        near = world.nearest()
+        near = world.distances.nearest()
         if near is None:
             return
         if not self._judging:
@@ -129,7 +129,7 @@ class _Judge:
         if 0.0 < near.distance < PROMISE and near.other in self._movers:
             now = world.q.copy()
             world.q[:] = self._before
-            before = world.nearest()
+            before = world.distances.nearest()
             world.q[:] = now
             self._closing += 0.0 if before is None else before.distance - near.distance
             self._closing = max(0.0, self._closing)
@@ -150,7 +150,7 @@ class _Judge:
         if holds and self._at_s > self._asked_s + RESUME_S:
             self._asked_s = self._at_s
             simulation.player.client.request(t.MODE, lambda _: None, action="resume")
-        near = simulation.rig.world.nearest()
+        near = simulation.rig.world.distances.nearest()
         if near is None:
             raise ValueError("a scene has something in it")
         touches = near.distance < FREE and near.other in self._movers

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...spatial import Array, Pose, pose_error, rotation_exp
-from ...stop.trajectory import Motion, PositionPlanner, TrajectoryError, VelocityPlanner
+from ...stop.motion import Motion
+from ...stop.trajectory import PositionPlanner, TrajectoryError, VelocityPlanner
 from .straight import along
 
 AT_REST = 1e-6

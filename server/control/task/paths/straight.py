@@ -8,7 +8,8 @@ import numpy as np
 from ...compiled import NUMBER, VECTOR, compiled
 from ...evolve import evolve
 from ...spatial import Array, Pose, from_target, turned
-from ...stop.trajectory import Motion, PositionPlanner, Profile, TrajectoryError
+from ...stop.motion import Motion
+from ...stop.trajectory import PositionPlanner, Profile, TrajectoryError
 from .goals import PathGoal
 
 LONGEST_S = 5000.0

@@ -11,7 +11,8 @@ import numpy as np
 from .....config.schema.sources.joystick import Joystick as Section
 from ...rigid_body import motion_at
 from ...spatial import Array, rotate_twist
-from ...stop.trajectory import Motion, VelocityPlanner
+from ...stop.motion import Motion
+from ...stop.trajectory import VelocityPlanner
 from ..source import Context, Redefined, Shaping, Source
 
 

@@ -17,7 +17,7 @@ from ...compiled import MATRIX, VECTOR, compiled
 from ...evolve import evolve
 from ...rigid_body import differ, motion_at, twist_at
 from ...spatial import Array, Pose, pose_error, rotate_twist
-from ...stop.trajectory import Motion
+from ...stop.motion import Motion
 from ..asked import Asked
 from ..paths.free import Free
 from ..paths.goals import Goal

@@ -18,7 +18,8 @@ from .....config.schema.sources.spring import Spring as Section
 from ...compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
 from ...rigid_body import twist_at
 from ...spatial import Array, Pose
-from ...stop.trajectory import Motion, VelocityPlanner
+from ...stop.motion import Motion
+from ...stop.trajectory import VelocityPlanner
 from ..source import Context, Shaping, Source
 
 _WORLD = Pose.identity()

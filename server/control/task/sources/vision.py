@@ -21,7 +21,8 @@ from .....config.schema.sources.vision import Vision as Section
 from ...compiled import MATRIX, NUMBER, VECTOR, compiled
 from ...rigid_body import twist_at
 from ...spatial import Array, Pose, pose_error
-from ...stop.trajectory import Motion, VelocityPlanner
+from ...stop.motion import Motion
+from ...stop.trajectory import VelocityPlanner
 from ..asked import ViewGoal
 from ..source import Context, Shaping, Source
 

@@ -58,12 +58,12 @@ def test_what_is_done_to_one_arm_leaves_the_other_alone(pair):
 
 def test_the_distance_between_arms_is_told_and_arms_collide(pair):
     world = World(pair)
-    assert world.between_arms() > 0.3
-    assert World(load_cell("pa10")).between_arms() is None
+    assert world.distances.between_arms() > 0.3
+    assert World(load_cell("pa10")).distances.between_arms() is None
     # Turned at the shoulder they reach out for each other.
     world.q[0], world.q[7] = -1.57, 1.07
     world.q[1] = world.q[8] = 1.2
     world.q[3] = world.q[10] = 0.5
-    assert world.between_arms() < 0.0
+    assert world.distances.between_arms() < 0.0
     world.step(np.zeros(world.n))
     assert world.own_contact_force() > 10.0

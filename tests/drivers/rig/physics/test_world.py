@@ -158,7 +158,7 @@ def test_pressing_loads_the_sensor_with_the_opposite_of_the_contact_force(presse
 def test_clearance_shrinks_to_nothing_in_contact(cell: Cell, pressed: Pressed) -> None:
     world = World(cell)
     world.q[:] = cell.config.mechanism.postures["ready"]
-    far, near = world.clearance(), pressed.world.clearance()
+    far, near = world.distances.clearance(), pressed.world.distances.clearance()
     assert far == pytest.approx(0.10 - 0.012, abs=2e-3)
     assert near is not None
     assert abs(near) < 5e-4
@@ -168,7 +168,11 @@ def test_gaps_are_those_of_which_the_least_is_the_clearance(cell: Cell) -> None:
     world, rng = World(cell), np.random.default_rng(5)
     for _ in range(20):
         world.q[:] = rng.uniform(-2, 2, world.n)
-        gaps, near, clearance = world.gaps(1.0), world.gaps(0.1), world.clearance()
+        gaps, near, clearance = (
+            world.distances.gaps(1.0),
+            world.distances.gaps(0.1),
+            world.distances.clearance(),
+        )
         assert gaps.min() == pytest.approx(clearance, abs=1e-9)
         np.testing.assert_allclose(near, np.minimum(gaps, 0.1), atol=1e-9)
 

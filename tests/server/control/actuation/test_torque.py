@@ -10,7 +10,7 @@ from telerobot.server.control.mechanism.dynamics import Dynamics
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.rigid_body import wrench_to
 from telerobot.server.control.spatial import Pose, pose_error
-from telerobot.server.control.stop.trajectory import Motion
+from telerobot.server.control.stop.motion import Motion
 
 T, STEPS = 0.01, 50
 START = np.array([0.0, 0.785398, 0.0, 1.570796, 0.0, -0.785398, 0.0])

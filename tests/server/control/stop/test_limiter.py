@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 from telerobot.server.control.stop.limiter import Limiter
-from telerobot.server.control.stop.trajectory import Motion, VelocityPlanner
+from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.stop.trajectory import VelocityPlanner
 
 T = 0.01
 N = 4

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.stop.trajectory import Motion
+from telerobot.server.control.stop.motion import Motion
 
 
 @pytest.mark.parametrize("value", [1e-8, -1e-8, np.nan, np.inf])

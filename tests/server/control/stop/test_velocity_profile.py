@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 import ruckig
-from telerobot.server.control.stop.trajectory import Motion, TrajectoryError, VelocityPlanner
+from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.stop.trajectory import TrajectoryError, VelocityPlanner
 from telerobot.server.control.stop.velocity_profile import stepped
 
 

@@ -1,0 +1,127 @@
+"""Distances in the physics: of arms from what stands around them, and from each other."""
+
+from collections.abc import Collection, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+
+class Nearest(NamedTuple):
+    """Where the arm is nearest to something."""
+
+    distance: float
+    """[m]; negative inside one another, at most 1."""
+    on_arm: Vector
+    """In World (3,) [m]."""
+    on_other: Vector
+    other: str
+    """Name of the other body."""
+
+
+class Distances:
+    """Finds distances of one world's geoms; `roots` are the arms' bases, `fixed` what stands."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        fixed: Collection[int],
+        roots: Sequence[int],
+    ) -> None:
+        self._model, self._data = model, data
+        self._fixed, self._roots = fixed, tuple(roots)
+
+    def between_arms(self, within: float = 1.0) -> float | None:
+        """Return the least distance between two arms of the cell [m], at most `within`.
+
+        Negative inside one another; None for one arm.
+        """
+        if len(self._roots) < 2:
+            return None
+        mujoco.mj_kinematics(self._model, self._data)
+        xpos, reach, least = self._data.geom_xpos, self._model.geom_rbound, within
+        for a, b in self._arm_pairs.tolist():
+            if np.linalg.norm(xpos[a] - xpos[b]) - reach[a] - reach[b] < least:
+                distance = mujoco.mj_geomDistance(self._model, self._data, a, b, least, None)
+                least = min(least, float(distance))
+        return least
+
+    def clearance(self) -> float | None:
+        """Return the least distance of arm or tool from wall, boxes and obstacles [m].
+
+        Negative inside one another, None where there is nothing to touch.
+        """
+        nearest = self.nearest()
+        return None if nearest is None else nearest.distance
+
+    def nearest(self) -> Nearest | None:
+        """Return where arm or tool are nearest to wall, boxes and obstacles, if there are any."""
+        if not len(self._pairs):
+            return None
+        mujoco.mj_kinematics(self._model, self._data)
+        bound = self._bounds()
+        fromto = np.zeros(6)
+        found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
+        # Bounding balls tell which pairs can be the nearest at all.
+        for i in np.argsort(bound, kind="stable"):
+            if bound[i] >= found.distance:
+                break
+            arm, fixed = (int(g) for g in self._pairs[i])
+            least = found.distance
+            distance = mujoco.mj_geomDistance(self._model, self._data, arm, fixed, least, fromto)
+            if distance < least:
+                name = self._model.body(self._model.geom_bodyid[fixed]).name
+                found = Nearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
+        return found
+
+    def gaps(self, within: float) -> Vector:
+        """Return the distances (k,) of parts of arm and tool from wall, boxes and obstacles [m].
+
+        At most `within`, one for each pair, in the same order every time.
+        """
+        mujoco.mj_kinematics(self._model, self._data)
+        return np.array(
+            [
+                mujoco.mj_geomDistance(self._model, self._data, arm, fixed, within, None)
+                if bound < within
+                else within
+                for (arm, fixed), bound in zip(self._pairs.tolist(), self._bounds(), strict=True)
+            ]
+        )
+
+    def _bounds(self) -> Vector:
+        """Return what the distances (k,) of all pairs are at least, by their bounding balls [m]."""
+        first, second = self._pairs.T
+        way = self._data.geom_xpos[first] - self._data.geom_xpos[second]
+        reach = self._model.geom_rbound[self._pairs].sum(axis=1)
+        return np.asarray(np.sqrt((way * way).sum(axis=1)) - reach)
+
+    @cached_property
+    def _pairs(self) -> NDArray[np.int64]:
+        weld = self._model.body_weldid[self._model.geom_bodyid]
+        arm = [g for g in range(self._model.ngeom) if g not in self._fixed and weld[g] != 0]
+        pairs = [(a, f) for a in arm for f in sorted(self._fixed)]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
+    def _arm_pairs(self) -> NDArray[np.int64]:
+        """Pairs (p, 2) of geoms that belong to different arms."""
+        root = self._model.body_rootid[self._model.geom_bodyid]
+        touches = self._model.geom_conaffinity
+        arms = [
+            [g for g in range(self._model.ngeom) if root[g] == base and touches[g]]
+            for base in self._roots
+        ]
+        pairs = [
+            (a, b)
+            for i, first in enumerate(arms)
+            for second in arms[i + 1 :]
+            for a in first
+            for b in second
+        ]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
