@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.schema.sources.spring import Spring as Section
+from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.frame_tree import Body, Moved
 from telerobot.server.control.rigid_body import twist_at
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_rpy
@@ -121,7 +122,7 @@ def fixed(pa10, start, **section):
     at = start(pa10, "ready").pose.p
     given = {"point": tuple(at), "shape": "plane", "direction": (1.0, 0.0, 0.0), **section}
     sources = p.sources.model_copy(update={"spring": Section(**given)})
-    arm = replace(pa10, control=Control(replace(p, sources=sources), pa10.mechanism))
+    arm = replace(pa10, control=Control([ArmControl(replace(p, sources=sources), pa10.mechanism)]))
     run = start(arm, "ready")
     run.set(gains=pa10.gains(spring=2.0, position=0.0))
     return run, at
