@@ -18,7 +18,7 @@ def test_a_tool_on_its_fixture_glides_along_a_line_and_an_operator_lets_go_of_it
         {"at_s": 0.2, "cmd/joystick": stick},
         {"at_s": 3.2, "operator/gain": {"source": "spring", "gain": [99.0] * 6}},
         {"at_s": 3.3, "operator/switch": {"source": "spring", "on": False}},
-        {"at_s": 4.8, "silence": "cmd/joystick"},
+        {"at_s": 4.8, "silence": ["cmd/joystick"]},
         {"at_s": 5.2, "operator/switch": {"source": "spring", "on": True}},
         seconds=8.5,
         cell=dataclasses.replace(pa10, config=config),
