@@ -3,17 +3,18 @@
 import dataclasses
 import struct
 
+import can
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.bus import Bus
 from telerobot.tools.checks.findings import Status
 from telerobot.tools.commands.check import judge
-from telerobot.tools.scripts.script import load_script
+from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.observer import Observer
 from telerobot.tools.simulation.simulation import Simulation, simulate
 
-from .conftest import STICK
+from .conftest import STICK, Run
 
 MOVING = {"at_s": 0.3, "cmd/joystick": STICK}
 BUSES = (Bus(name="left", channel="239.0.0.1"), Bus(name="right", channel="239.0.0.2"))
@@ -59,6 +60,29 @@ def test_a_bus_that_is_unplugged_in_motion_stops_the_whole_arm(play, split, bus)
     assert "operation_enabled" not in run.truths[-1].drives
     assert run.summary["mode"] == "fault"
     assert run.summary["limit_violations"] == 0
+
+
+def test_a_bus_whose_interface_fails_stops_the_drives_of_the_other(split):
+    script = Script.model_validate({"duration_s": 2.5, "step": [MOVING]})
+    simulation = Simulation(split, script)
+    left, right = simulation.cycle.plant.buses
+
+    def fail(_message, timeout=None):
+        raise can.CanOperationError("Network is down [Error Code 100]")
+
+    def on_tick(now):
+        if now.player.start_s is not None and now.clock.time_s > now.player.start_s + 1.2:
+            right.bus.send = fail
+
+    simulation.on_tick = on_tick
+    run = Run(simulation, simulation.run())
+    (fault,) = run.events("fault")
+    assert (fault.values["device"], fault.values["cause"]) == ("bus right", "bus_error")
+    assert "Network is down" in fault.detail
+    assert left.trouble is None
+    assert np.abs(run.speeds(1.1, 1.2)).max() > 0.02
+    assert np.abs(run.speeds(2.0, 2.5)).max() < 1e-3
+    assert "operation_enabled" not in run.truths[-1].drives
 
 
 def test_an_arm_is_reset_and_enabled_once_its_bus_is_plugged_in_again(play, split):

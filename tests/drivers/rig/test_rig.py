@@ -3,9 +3,11 @@
 import dataclasses
 import hashlib
 
+import can
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
+from telerobot.config.schema.bus import Bus
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig, RigError
 from telerobot.protocols.canopen import can301
@@ -158,3 +160,23 @@ def test_truth_is_the_physics_own(enabled: Master) -> None:
     x, _, _, roll, pitch, yaw = truth.pose_mrf
     assert 0.6 < x < 0.7
     np.testing.assert_allclose([roll, pitch, yaw][1], np.pi / 2, atol=0.01)
+
+
+def test_frames_of_several_buses_are_handled_in_the_order_they_were_sent(cell: Cell) -> None:
+    named = tuple(Bus(name=name, channel=f"239.0.0.{i}") for i, name in enumerate("ab"))
+    config = cell.config.model_copy(update={"buses": named})
+    hubs = Hub(), Hub()
+    masters = [InProcessBus(hub) for hub in hubs]
+    rig = Rig(dataclasses.replace(cell, config=config), *(InProcessBus(hub) for hub in hubs))
+    for k in range(3):  # the rig comes to see three periods at once
+        for i, (hub, master) in enumerate(zip(hubs, masters, strict=True)):
+            hub.time_s = 0.01 * k + 1e-4 * i
+            master.send(can.Message(arbitration_id=can301.SYNC_ID, is_extended_id=False))
+    heard = []
+    while (frame := rig.receive()) is not None:
+        heard.append((frame[0].name, round(frame[1].timestamp, 4)))
+        rig.handle(*frame)
+    assert heard == [(n, t) for k in range(3) for n, t in (("a", k / 100), ("b", k / 100 + 1e-4))]
+    assert rig.sync_count == len(rig.sync_stamps) == 3
+    for hub in hubs:
+        hub.close()

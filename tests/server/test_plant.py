@@ -1,0 +1,128 @@
+"""The plant knows its devices by their contract alone."""
+
+from importlib import import_module
+from types import SimpleNamespace
+
+import pytest
+from telerobot.config.schema import cell as schema
+from telerobot.config.schema.on_bus import CanOpenNode, OnBus
+from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.device import Cause, Device, DeviceError, Trouble
+from telerobot.drivers.fieldbus import Fieldbus
+from telerobot.drivers.fieldbuses import Fieldbuses
+from telerobot.drivers.kinds import KINDS
+from telerobot.drivers.roles import JointDrive, Output
+from telerobot.drivers.servo_status import ServoReading
+from telerobot.server.plant import Plant
+
+log = []
+
+
+class Known(Device):
+    """A device that nobody has heard of, and what it says."""
+
+    def __init__(self, name, vital=True):
+        self.name, self.bus, self.vital = name, "bus", vital
+        self.trouble = self.reason = self.refuses = None
+        self.told = {}
+
+    def open(self):
+        log.append(("open", self.name))
+        if self.refuses:
+            raise DeviceError(f"{self.name}: {self.refuses}")
+
+    def read(self):
+        return SimpleNamespace(trouble=self.trouble)
+
+    def stop(self):
+        log.append(("stop", self.name))
+
+    def close(self):
+        log.append(("close", self.name))
+
+    def interlock(self):
+        return self.reason
+
+    def values(self):
+        return self.told
+
+
+class Lamp(Known, Output):
+    def write(self, command):
+        log.append((self.name, command))
+        return command
+
+
+class Drive(Known, JointDrive):
+    answer_stamp, answered = 0.0, True
+
+    def read(self):
+        return ServoReading.of_none(0, self.trouble)
+
+    def write(self, command):
+        log.append((self.name, command))
+
+    request_enable = request_disable = request_fault_reset = make_room = lambda self: None
+
+
+@pytest.fixture
+def plant():
+    log.clear()
+    hub = Hub()
+    devices = (Drive("j1"), Known("quiet", vital=False), Lamp("lamp"))
+    yield Plant(Fieldbuses(Fieldbus(InProcessBus(hub), lambda: 0.0)), devices)
+    hub.close()
+
+
+def test_every_device_is_opened_in_order_and_stopped_before_it_is_closed(plant):
+    plant.open()
+    plant.close()
+    names = ["j1", "quiet", "lamp"]
+    assert log == [(step, name) for step in ("open", "stop", "close") for name in names]
+
+
+def test_one_that_cannot_be_opened_keeps_the_plant_closed(plant):
+    plant.devices[1].refuses = "no answer"
+    with pytest.raises(DeviceError, match="quiet: no answer"):
+        plant.open()
+    assert not plant.opened
+    assert ("open", "lamp") not in log
+
+
+def test_trouble_of_vital_devices_only_is_the_plants(plant):
+    plant.open()
+    plant.devices[1].trouble = Trouble(Cause.PDO_LOST, "quiet", "")
+    assert plant.read(0.0).trouble is None
+    plant.devices[2].trouble = Trouble(Cause.EMERGENCY, "lamp", "")
+    assert plant.read(0.0).trouble.device == "lamp"
+    plant.devices[0].trouble = Trouble(Cause.DRIVE_FAULT, "j1", "")
+    assert plant.read(0.0).trouble.device == "j1"
+
+
+def test_interlocks_and_values_are_handed_on(plant):
+    plant.open()
+    assert (plant.read(0.0).interlock, plant.read(0.0).values) == (None, {})
+    plant.devices[1].reason, plant.devices[2].told = "quiet is moved", {"warm": 3.5}
+    assert plant.read(0.0).interlock == "quiet is moved"
+    assert plant.read(0.0).values == {"lamp": {"warm": 3.5}}
+
+
+def test_outputs_are_switched_by_name_and_others_left_alone(plant):
+    plant.switch({})
+    plant.switch({"lamp": True})
+    assert log == [("lamp", True)]
+
+
+def tables(section):
+    """Yield the classes of all devices' tables."""
+    for kind in section.__subclasses__():
+        yield from [kind] if kind is not CanOpenNode else tables(kind)
+
+
+def test_every_devices_table_has_a_driver_and_a_simulated_node():
+    assert schema  # its import brings all of them in
+    assert set(tables(OnBus)) == set(KINDS)
+    for kind in KINDS.values():
+        module, name = kind.node.split(":")
+        node = getattr(import_module(f"telerobot.drivers.rig.nodes.{module}"), name)
+        assert callable(node.from_bench)
