@@ -184,11 +184,12 @@ class Plant:
 
     def _find_trouble(self, readings: list[ServoReading]) -> Trouble | None:
         """Return the first trouble that no device can go on with: of a bus, drives, others."""
-        if self.buses.trouble is not None:
-            return self.buses.trouble
-        for drive, reading in zip(self.drives, readings, strict=True):
+        for bus in self.buses:
+            if bus.trouble is not None:
+                return bus.trouble
+        for i, reading in enumerate(readings):
             if reading.trouble is not None:
-                return self._silent_bus(drive, readings) or reading.trouble
+                return self._silent_bus(self.drives[i], readings) or reading.trouble
         for device in self._others:
             if device.vital:
                 trouble = device.read().trouble
@@ -221,7 +222,9 @@ class Plant:
 
 def _together(readings: list[ServoReading]) -> float | None:
     """Return when the drives sampled, if all did at one instant [s]."""
-    times = [r.sampled_s for r in readings if r.sampled_s is not None]
-    if len(times) < len(readings) or max(times) - min(times) > TOGETHER_S:
-        return None
-    return times[0]
+    first = readings[0].sampled_s
+    for reading in readings:
+        at_s = reading.sampled_s
+        if first is None or at_s is None or abs(at_s - first) > TOGETHER_S:
+            return None
+    return first

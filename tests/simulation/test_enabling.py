@@ -64,7 +64,7 @@ def arm(pa10):
         simulation.step()
     yield simulation
     simulation.cycle.close()
-    simulation.hubs[0].close()
+    simulation.buses.hubs[0].close()
 
 
 def test_disable_is_answered_once_the_drives_have_said_that_they_are_off(arm):

@@ -174,7 +174,7 @@ def test_a_dead_daemon_leaves_drives_that_stop_by_themselves(pa10):
     simulation.rig.advance(0.5)
     assert all(s != "operation_enabled" for s in simulation.rig.truth().drives)
     simulation.cycle.close()
-    simulation.hubs[0].close()
+    simulation.buses.hubs[0].close()
 
 
 def test_a_stale_sensor_silences_the_force_source_and_says_so(play):
@@ -276,7 +276,7 @@ def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
 
     script = Script.model_validate({"duration_s": 2.0, "step": [MOVING]})
     simulation = Simulation(pa10, script)
-    intruder = InProcessBus(simulation.hubs[0])
+    intruder = InProcessBus(simulation.buses.hubs[0])
 
     def intrude(s):
         if s.cycle.tick == 120:

@@ -246,7 +246,7 @@ def test_in_cst_a_dead_daemon_leaves_drives_that_stop_by_themselves(hand):
         if sim.clock.time_s > sim.player.start_s + 1.2 and sim.cycle.mode == "enabled":
             for _ in range(60):
                 sim.rig.advance(0.01)
-                sim.hubs[0].time_s = sim.rig.time_s
+                sim.buses.hubs[0].time_s = sim.rig.time_s
                 speeds.append(np.abs(sim.rig.world.dq).max())
 
     simulation.on_tick = lambda sim: die(sim) if not speeds else None

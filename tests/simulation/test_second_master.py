@@ -20,7 +20,7 @@ class OtherMaster:
 
     def __init__(self, simulation):
         self.simulation = simulation
-        self.bus = InProcessBus(simulation.hubs[0])
+        self.bus = InProcessBus(simulation.buses.hubs[0])
         simulation.on_tick = self.run
         self.plan = []
 
@@ -101,7 +101,7 @@ def test_a_reset_that_the_other_master_speaks_into_fails_at_once_and_the_next_on
             spoken.append(message)
             other.send(SYNC_ID, b"")
 
-    InProcessBus(simulation.hubs[0], interrupt)
+    InProcessBus(simulation.buses.hubs[0], interrupt)
     assert_driven_again(simulation, refused=1)
     assert spoken
 

@@ -133,7 +133,7 @@ class Asking:
     def close(self) -> None:
         """End the simulation."""
         self.simulation.cycle.close()
-        self.simulation.hubs[0].close()
+        self.simulation.buses.hubs[0].close()
 
     def _judge(self, before: int) -> None:
         meant = self.mode.energised

@@ -8,15 +8,12 @@ import hashlib
 import struct
 import sys
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 from ...config.load import Cell, ConfigError, load_cell
-from ...drivers.bus import CanMessage, Hub, InProcessBus
+from ...drivers.bus import CanMessage
 from ...drivers.device import DeviceError
-from ...drivers.fieldbus import Fieldbus
-from ...drivers.fieldbuses import Fieldbuses
 from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
 from ...protocols.codec import decode_as, encode
@@ -35,9 +32,7 @@ from .result import Result, contact_force, event_rows, least_clearance, least_si
 from .seeded_keys import seeded_keys
 from .tool_judge import ToolJudge
 from .view_judge import ViewJudge
-
-PUMP_STEPS = 500
-"""A device that is silent for this many physics steps does not answer [1]."""
+from .virtual_buses import VirtualBuses
 
 ENABLE_WITHIN_S = 10.0
 """A script whose arm is not enabled by then has failed [s]."""
@@ -69,19 +64,13 @@ class Simulation:
         if self._recorder is not None:
             self._recorder.about(cell=str(cell.path.resolve()), script=script.description)
         self.cell = cell
-        self.hubs = tuple(Hub() for _ in cell.config.fieldbuses)
         self.clock = VirtualClock()
-        buses = [InProcessBus(hub) for hub in self.hubs]
-        self.rig = Rig(cell, *(InProcessBus(hub) for hub in self.hubs))
-        for i, hub in enumerate(self.hubs):
-            hub.pump = partial(self._pump, buses[i])
-            InProcessBus(hub, partial(self._on_frame, i))
+        self.buses = VirtualBuses(cell, self.clock.now, self._pump)
+        self.rig = Rig(cell, *self.buses.of_rig)
+        self.buses.listen(self._on_frame)
         self.link = MemoryLink()
-        labels = [bus.label for bus in cell.config.fieldbuses]
-        fieldbuses = Fieldbuses(
-            *(Fieldbus(b, self.clock.now, label) for b, label in zip(buses, labels, strict=True))
-        )
-        self.cycle = build(cell, fieldbuses, self.link, self.clock, seeded_keys("daemon"))
+        daemon = seeded_keys("daemon")
+        self.cycle = build(cell, self.buses.of_daemon, self.link, self.clock, daemon)
         self.player = Player(
             script,
             cell.config.name,
@@ -109,8 +98,7 @@ class Simulation:
         """Called after every physics step, for one that must not miss a spike."""
         self._hash = hashlib.sha256()
         self._compute: list[float] = []
-        for i, fieldbus in enumerate(fieldbuses):
-            fieldbus.taps.append(partial(self._on_sent, i))
+        self.buses.listen_to_daemon(self._on_sent)
         self.link.listen(self._on_telemetry)
 
     def run(self, until: Callable[[], bool] | None = None) -> Result:
@@ -127,8 +115,7 @@ class Simulation:
             return self._result()
         finally:
             self.cycle.close()
-            for hub in self.hubs:
-                hub.close()
+            self.buses.close()
             if self._cameras is not None:
                 self._cameras.close()
             if self._recorder is not None:
@@ -147,8 +134,7 @@ class Simulation:
         self.cycle.finish()
         self._compute.append(self.cycle.compute_s)
         for _ in range(round(period / self.rig.dt)):
-            for hub in self.hubs:  # nodes send at the end of a step
-                hub.time_s = self.rig.time_s + self.rig.dt
+            self.buses.set_time(self.rig.time_s + self.rig.dt)  # nodes send at a step's end
             self.rig.step()
             if self.on_physics is not None:
                 self.on_physics(self)
@@ -169,26 +155,25 @@ class Simulation:
             print(f"telerobot: no pictures: {error}", file=sys.stderr)
             return None
 
-    def _pump(self, bus: InProcessBus) -> None:
-        """Let virtual time pass while the daemon waits for a bus, as it may in BOOT."""
-        for _ in range(PUMP_STEPS):
-            if bus.waiting:
+    def _pump(self, done: Callable[[], bool], steps: int) -> None:
+        """Let virtual time pass until the daemon hears what it waits for."""
+        for _ in range(steps):
+            if done():
                 return
             self.rig.poll()
-            if not bus.waiting:
+            if not done():
                 self.rig.step()
             self._tell_time()
 
     def _tell_time(self) -> None:
         self.clock.time_s = self.rig.time_s
-        for hub in self.hubs:
-            hub.time_s = self.rig.time_s
+        self.buses.set_time(self.rig.time_s)
 
     # --- listening ---------------------------------------------------------------------------
 
-    def _on_frame(self, bus: int, message: CanMessage) -> None:
+    def _on_frame(self, bus: int, time_s: float, message: CanMessage) -> None:
         """Every frame on a bus, whoever sent it."""
-        data, time_s = bytes(message.data), self.hubs[bus].time_s
+        data = bytes(message.data)
         self.observer.frame(time_s, message.arbitration_id, data, bus)
         if self._recorder is not None:
             self._recorder.frame(time_s, message.arbitration_id, data, sent=False, bus=bus)

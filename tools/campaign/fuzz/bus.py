@@ -28,7 +28,7 @@ def play(seed: int) -> Outcome:
     stick = {"at_s": 0.3, "cmd/joystick": {"twist": [0.0, 0.03, 0.02, 0.0, 0.0, 0.1]}}
     script = Script.model_validate({"duration_s": SECONDS, "step": [stick]})
     simulation = Simulation(cell, script, cameras=lambda _s: Blind())
-    stranger = InProcessBus(simulation.hubs[0], lambda _message: None)
+    stranger = InProcessBus(simulation.buses.hubs[0], lambda _message: None)
     on_it = (None, cell.config.fieldbuses[0].name)
     nodes = [d.node for d in cell.config.mechanism.drives if d.bus in on_it]
     own = {can301.heartbeat_id(n) for n in nodes}  # heard by the rig: a second rig on the bus
