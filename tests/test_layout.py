@@ -38,9 +38,6 @@ CROWDED = {"server", "server/commands", "server/operators"}
 
 LONG = {
     "drivers/rig/nodes/servo_node.py",
-    "drivers/rig/physics/world.py",
-    "drivers/servo.py",
-    "protocols/canopen/cia402.py",
 }
 """Files that are still to be split."""
 

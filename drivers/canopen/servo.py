@@ -11,7 +11,7 @@ from canopen.sdo.exceptions import SdoError
 
 from ...config.schema.cell import Timing
 from ...config.schema.mechanism import Drive
-from ...protocols.canopen import can301, cia402
+from ...protocols.canopen import can301, cia402, cia402_pdo
 from ...protocols.canopen.can301 import EmcyCode, FrameError, NmtState
 from ...protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
 from ..device import Cause, DeviceError, Trouble
@@ -75,7 +75,7 @@ class ServoDrive(JointDrive):
         self._forget()
 
     def _forget(self) -> None:
-        self._feedback: cia402.Feedback | None = None
+        self._feedback: cia402_pdo.Feedback | None = None
         self._state: DriveState | None = None
         self._answered_sync = self._told_sync = self._bus.sync_count
         self._sampled_s: float | None = None
@@ -272,7 +272,7 @@ class ServoDrive(JointDrive):
 
     def _on_feedback(self, data: bytes, stamp: float) -> None:
         self.answer_stamp = stamp
-        self._feedback = feedback = cia402.unpack_feedback(data)
+        self._feedback = feedback = cia402_pdo.unpack_feedback(data)
         # After a SYNC without an answer this may be the one to that, late.
         in_turn = self._bus.sync_count - self._answered_sync <= 1
         self._sampled_s = self._bus.sync_s if in_turn else None

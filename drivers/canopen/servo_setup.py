@@ -13,7 +13,7 @@ from canopen.sdo.exceptions import SdoError
 
 from ...config.schema.cell import Timing
 from ...config.schema.mechanism import Drive
-from ...protocols.canopen import can301, cia402
+from ...protocols.canopen import can301, cia402, cia402_pdo
 from ...protocols.canopen.can301 import CommunicationObject as Com
 from ...protocols.canopen.can301 import FrameError
 from ...protocols.canopen.cia402 import (
@@ -222,8 +222,8 @@ def _switch_off(node: canopen.RemoteNode, drive: Drive, wait: Callable[[float], 
 def _pdos(node: int, mode: OperationMode) -> Iterator[Step]:
     """Map RPDO1 and TPDO1, at every SYNC; disable the other default PDOs (CiA 301, 7.5.2.35 f)."""
     for base, communication, mapping, entries in (
-        (0x200, Com.RPDO_COMMUNICATION, Com.RPDO_MAPPING, cia402.COMMAND_MAPPING[mode]),
-        (0x180, Com.TPDO_COMMUNICATION, Com.TPDO_MAPPING, cia402.FEEDBACK_MAPPING),
+        (0x200, Com.RPDO_COMMUNICATION, Com.RPDO_MAPPING, cia402_pdo.COMMAND_MAPPING[mode]),
+        (0x180, Com.TPDO_COMMUNICATION, Com.TPDO_MAPPING, cia402_pdo.FEEDBACK_MAPPING),
     ):
         for number in range(can301.DEFAULT_PDOS):
             off = can301.PDO_INVALID | base + 0x100 * number + node

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from ...config.schema.mechanism import Drive
-from ...protocols.canopen import cia402
+from ...protocols.canopen import cia402_pdo
 from ...protocols.canopen.cia402 import OperationMode
 
 _I16_MAX: Final = 2**15 - 1
@@ -16,9 +16,9 @@ _MOST: Final = {
     OperationMode.CST: _I16_MAX,
 }
 _PACK: Final = {
-    OperationMode.CSP: cia402.pack_csp,
-    OperationMode.CSV: cia402.pack_csv,
-    OperationMode.CST: cia402.pack_cst,
+    OperationMode.CSP: cia402_pdo.pack_csp,
+    OperationMode.CSV: cia402_pdo.pack_csv,
+    OperationMode.CST: cia402_pdo.pack_cst,
 }
 
 

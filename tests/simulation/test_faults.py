@@ -7,7 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.protocols.canopen import can301, cia402
+from telerobot.protocols.canopen import can301, cia402_pdo
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -257,7 +257,7 @@ def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
 
     def on_sent(can_id, data):
         if can_id == can301.rpdo1_id(4):
-            targets.append(cia402.unpack_csp(data).target_position)
+            targets.append(cia402_pdo.unpack_csp(data).target_position)
 
     simulation.cycle.plant.buses[0].taps.append(on_sent)
     simulation.on_tick = leap
