@@ -158,11 +158,10 @@ def rpdos(cell):
     return sent
 
 
-def test_enabling_in_cst_sags_little_and_ends_where_it_began(hand):
+def test_enabling_in_cst_moves_nothing(hand):
     run = played(hand("cst"), seconds=1.0)
     start = np.array(hand("cst").config.mechanism.postures["start"])
-    assert np.abs(np.array([truth.q for truth in run.truths]) - start).max() < 0.02
-    assert np.abs(np.array(run.truths[-1].q) - start).max() < 0.012
+    assert np.abs(np.array([truth.q for truth in run.truths]) - start).max() < 1e-3
     assert np.abs(run.truths[-1].dq).max() < 0.02
 
 

@@ -14,21 +14,16 @@ W1, S1 = 5, 0
 
 
 def standing(mode, joint, beyond, sense=1):
-    """Return a cell whose arm starts with a joint beyond a limit [rad], and where it is.
-
-    Torque stands as the brake opens: a joint's sag is no motion that anybody asked for.
-    """
+    """Return a cell whose arm starts with a joint beyond a limit [rad], and where it is."""
     cell = load_cell(CASES[mode])
-    mechanism, rig = cell.config.mechanism, cell.config.rig
+    mechanism = cell.config.mechanism
     limit = cell.robot.joints[joint]
     q = np.array(mechanism.postures["ready"])
     q[joint] = limit.upper + beyond if sense > 0 else limit.lower - beyond
     mechanism = mechanism.model_copy(
         update={"operation_mode": mode, "postures": {**mechanism.postures, "start": tuple(q)}}
     )
-    drive = rig.drive.model_copy(update={"torque_delay_s": 0.0})
-    rig = rig.model_copy(update={"drive": drive})
-    config = cell.config.model_copy(update={"mechanism": mechanism, "rig": rig})
+    config = cell.config.model_copy(update={"mechanism": mechanism})
     return dataclasses.replace(cell, config=config), q
 
 

@@ -19,8 +19,14 @@ class RigDrive(Section):
     torque_filter_s: float = Field(
         0.005, ge=0, le=0.1, description="time constant of the torque that it reports [s]"
     )
+    brake_delay_s: float = Field(
+        0.02, ge=0, le=0.5, description="brake opens this long after the drive holds the joint [s]"
+    )
     torque_delay_s: float = Field(
-        0.02, ge=0, le=0.5, description="brake opens this long before torque stands: the sag [s]"
+        0.0,
+        ge=0,
+        le=0.5,
+        description="a wrongly set drive: its brake opens this long before it holds the joint [s]",
     )
 
 

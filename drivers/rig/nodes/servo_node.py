@@ -1,9 +1,10 @@
 """The simulated CiA 402 servo drive in CSP, CSV and CST, with a holding brake.
 
-What it does beside the profile, as real drives do: the brake opens a little before torque stands,
-so the joint sags when it is enabled (in CST that torque is the setpoint that stands by then); a
-quick stop and a fault's ramp are run by the drive's own loops, whatever the mode, from the torque
-that it gives; the mode is not changed while the power is on; the setpoint timeout 2F00h (see the
+What it does beside the profile, as real drives do: it holds the joint before it opens the brake, in
+CST with the torque that it is sent, and follows once the brake is open (one that is set wrongly
+opens the brake first, and the joint sags); a quick stop and a fault's ramp are run by the drive's
+own loops, whatever the mode, from the torque that it gives; the mode is not changed while the power
+is on; the setpoint timeout 2F00h (see the
 device's EDS); a fault is reset only when its cause has gone.
 """
 
@@ -12,6 +13,7 @@ from typing import Self, cast
 
 from ....config.schema.mechanism import Drive
 from ....config.schema.on_bus import Entry
+from ....config.schema.rig.rig import RigDrive
 from ....protocols.canopen import cia402
 from ....protocols.canopen.can301 import EmcyCode, NmtState
 from ....protocols.canopen.cia402 import (
@@ -51,7 +53,7 @@ class SimulatedDrive(CanNode):
         link: NodeLink,
         loop: DriveLoops,
         world: World,
-        torque_delay_s: float,
+        physics: RigDrive,
         clock: Callable[[], float],
     ) -> None:
         super().__init__(drive.node, link, clock)
@@ -60,12 +62,12 @@ class SimulatedDrive(CanNode):
         self._joint = joint
         self._loop = loop
         self._world = world
-        self._torque_delay_s = torque_delay_s
+        self._sag_s, self._release_s = physics.torque_delay_s, physics.brake_delay_s
         self._scale = drive.direction * drive.counts_per_radian
         self._broken = False
         self._controlword = 0
         self._error = EmcyCode.NO_ERROR
-        self._torque_at_s = NEVER
+        self._follows_at_s = NEVER
         self._setpoint_s = 0.0
         self._cut = False
         live = self.objects.live
@@ -85,9 +87,9 @@ class SimulatedDrive(CanNode):
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the drive of one of the bench's joints."""
-        drive, delay_s = cast(Drive, entry.section), bench.rig.drive.torque_delay_s
+        drive, physics = cast(Drive, entry.section), bench.rig.drive
         joint, link = bench.joint(drive.joint), bench.link()
-        return cls(drive, joint, link, bench.loop, bench.world, delay_s, bench.clock)
+        return cls(drive, joint, link, bench.loop, bench.world, physics, bench.clock)
 
     def inject(self, fault: RigFault) -> None:
         """Break the drive or send an emergency message; other faults are the joint's."""
@@ -172,11 +174,11 @@ class SimulatedDrive(CanNode):
             self.emergency(EmcyCode.NO_ERROR)
 
     def tick(self) -> None:
-        """Do what is due: torque after the brake, ends of ramps, watches."""
+        """Do what is due: brake and torque, ends of ramps, watches."""
         super().tick()
         now = self.clock() + 1e-7
-        if now >= self._torque_at_s:
-            self._torque_stands()
+        if now >= self._follows_at_s:
+            self._begin()
         if self._loop.steps_beyond[self._joint]:
             self._watch_following()
         if self.state is _ENABLED:
@@ -188,17 +190,16 @@ class SimulatedDrive(CanNode):
         if self.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE):
             self._end_of_ramp()
             self.due_s = 0.0
-        self.due_s = min(self.due_s, self._torque_at_s)
+        self.due_s = min(self.due_s, self._follows_at_s)
 
     def _obey(self, word: int) -> None:
         before, previous = self.state, self._controlword
         self._controlword = word
         wanted = cia402.apply_controlword(before, previous, word)
-        if self._torque_at_s < NEVER:
+        if self._follows_at_s < NEVER:
             if wanted is _ENABLED:
                 return
-            self._torque_at_s = NEVER
-            self._world.set_brake(self._joint, closed=True)
+            self._power_off()
         if wanted is before:
             return
         if before is DriveState.FAULT:
@@ -213,15 +214,26 @@ class SimulatedDrive(CanNode):
     def _enable(self) -> None:
         if self._mode not in _MODES:
             return
-        self._world.set_brake(self._joint, closed=False)
-        self._torque_at_s = self.clock() + self._torque_delay_s
+        sags = self._sag_s > 0.0
+        if sags:
+            self._world.set_brake(self._joint, closed=False)
+        else:
+            self._hold()
+        self._follows_at_s = self.clock() + (self._sag_s if sags else self._release_s)
 
-    def _torque_stands(self) -> None:
-        joint = self._joint
-        self._torque_at_s = NEVER
-        self._loop.engage(joint, float(self._world.q[joint]))
+    def _hold(self) -> None:
+        self._loop.engage(self._joint, float(self._world.q[self._joint]))
         if self._mode == OperationMode.CST:
             self._follow()
+
+    def _begin(self) -> None:
+        self._follows_at_s = NEVER
+        if self._sag_s > 0.0:
+            self._hold()
+        else:
+            self._world.set_brake(self._joint, closed=False)
+            if self._mode == OperationMode.CST:
+                self._follow()
         self._setpoint_s = self.clock()
         self.state = _ENABLED
 
@@ -230,7 +242,7 @@ class SimulatedDrive(CanNode):
         self.state = state
 
     def _power_off(self) -> None:
-        self._torque_at_s = NEVER
+        self._follows_at_s = NEVER
         self._loop.release(self._joint)
         self._world.set_brake(self._joint, closed=True)
 
@@ -278,7 +290,7 @@ class SimulatedDrive(CanNode):
         return self.objects[Object.MODE_DISPLAY, 0]
 
     def _select(self, mode: int) -> None:
-        if mode != self._mode and (self.state is _ENABLED or self._torque_at_s < NEVER):
+        if mode != self._mode and (self.state is _ENABLED or self._follows_at_s < NEVER):
             raise WrongStateError
         self.objects[Object.MODE_DISPLAY, 0] = mode if mode in _MODES else 0
 

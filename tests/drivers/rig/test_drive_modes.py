@@ -96,6 +96,8 @@ def test_in_cst_a_moving_joint_is_braked_by_the_drives_own_ramp(
 
 
 def test_a_quick_stop_in_cst_starts_from_the_torque_that_stands(torques: Master) -> None:
+    # An arm that stands has ramped down at once: told to stay, its drives hold it then.
+    torques.write(JOINT, Object.QUICK_STOP_OPTION, 0, "<h", 6)
     for _ in range(10):
         hold(torques)
         torques.cycle()

@@ -2,9 +2,11 @@
 
 import math
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from telerobot.config.load import Cell
 from telerobot.protocols.canopen import can301, cia402
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
 from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, Status
@@ -14,6 +16,14 @@ from ..conftest import PERIOD_S, Master
 
 JOINT = "e1"
 ABORTED = 0x80
+
+
+def sagging(cell: Cell) -> Cell:
+    """Return the cell with drives that open their brakes before they hold their joints."""
+    rig = cell.config.rig
+    assert rig is not None
+    rig = rig.model_copy(update={"drive": rig.drive.model_copy(update={"torque_delay_s": 0.02})})
+    return replace(cell, config=cell.config.model_copy(update={"rig": rig}))
 
 
 def move(master: Master, joint: str, speed: float, periods: int) -> None:
@@ -105,7 +115,16 @@ def test_heartbeats_keep_their_period_in_physics_time(master: Master) -> None:
 # --- the drive ----------------------------------------------------------------------------------
 
 
-def test_enabling_sags_a_little_and_holds_without_a_jump(master: Master) -> None:
+def test_a_drive_holds_its_joint_before_it_opens_the_brake(master: Master) -> None:
+    start = master.rig.world.q.copy()
+    master.enable()
+    assert {master.state(j) for j in master.drives} == {DriveState.OPERATION_ENABLED}
+    master.cycle(50)
+    assert np.abs(master.rig.world.q - start).max() < 1e-3
+
+
+def test_a_wrongly_set_drive_sags_a_little_and_holds_without_a_jump(cell: Cell) -> None:
+    master = Master(sagging(cell))
     start = master.rig.world.q.copy()
     master.enable()
     assert {master.state(j) for j in master.drives} == {DriveState.OPERATION_ENABLED}
@@ -114,9 +133,10 @@ def test_enabling_sags_a_little_and_holds_without_a_jump(master: Master) -> None
     held = master.rig.world.q.copy()
     master.cycle(50)
     assert np.abs(master.rig.world.q - held).max() < 5e-3
+    master.close()
 
 
-def test_enabled_is_reported_only_once_torque_stands(master: Master) -> None:
+def test_enabled_is_reported_only_once_the_brake_is_open(master: Master) -> None:
     master.configure()
     master.cycle(2)
     master.seed()
