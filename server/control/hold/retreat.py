@@ -7,10 +7,12 @@ path; where the push leads off the path, as that of a wall does along which the 
 goes where it is pushed, but not forward again.
 
 The motion goes one way only, is slow, and ends with the push, where another one is met, or when it
-has used up its leash: an estimate that is wrong makes it neither swing nor drift.
+has used up its leash, from where the push was felt: an estimate that is wrong makes it neither
+swing nor drift.
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,9 @@ LOOKBACK_S = 0.2
 
 FASTEST, SLOWEST = 0.2, 0.05
 """Rates of the joint that moves most, back to where the arm was free and from there on [rad/s]."""
+
+WITHIN_S = 0.5
+"""A longer way back to where the arm was free is gone faster than that: within so long [s]."""
 
 APPROACH = 8.0
 """Rate per distance, to where the arm was free and to the end of the leash [1/s]."""
@@ -83,8 +88,14 @@ class RetreatState(NamedTuple):
     """Command (n,) one tick ago, while the arm gives way [rad]; None before."""
     overrun: int = 0
     """Postures until one of a time when the arm was free [1]."""
+    ahead: int = 0
+    """Postures until the one at which the push was felt [1]: the stop went beyond it."""
     travelled: float = 0.0
-    """How far the joint that moved most has gone since [rad]."""
+    """How far the joint that moved most has gone from there [rad]."""
+    stride: float = STEP
+    """How far the postures until then are apart [rad]."""
+    fastest: float = FASTEST
+    """Rate of the joint that moves most, back to where the arm was free [rad/s]."""
     opposed_s: float = 0.0
     """How long another push has been in the way [s]."""
     rate: float = 0.0
@@ -157,7 +168,15 @@ class Retreat:
         free_s = (time_s if state.felt_s is None else state.felt_s) - LOOKBACK_S
         since = sum(at_s > free_s for at_s in state.at_s)
         overrun = min(since + 1, len(state.way)) if since else 0
-        return state._replace(q=q, overrun=overrun)
+        ahead = 0 if state.felt_s is None else sum(at_s >= state.felt_s for at_s in state.at_s)
+        way = _length(q, state.way[::-1][:overrun])
+        return state._replace(
+            q=q,
+            overrun=overrun,
+            ahead=min(ahead, overrun),
+            stride=way / max(1, overrun),
+            fastest=max(FASTEST, way / WITHIN_S),
+        )
 
     def _direction(
         self, state: RetreatState, q: Array, back: Array | None, new: Array, pushed: Pushed
@@ -179,8 +198,8 @@ class Retreat:
                 return state, none
             rate = SLOWEST
             if state.overrun > 0:
-                to_go = float(np.abs(state.way[-1] - q).max()) + (state.overrun - 1) * STEP
-                rate = min(max(APPROACH * to_go, SLOWEST), FASTEST)
+                to_go = float(np.abs(state.way[-1] - q).max()) + (state.overrun - 1) * state.stride
+                rate = min(max(APPROACH * to_go, SLOWEST), state.fastest)
             return state._replace(rate=min(rate, end)), back
         way = _off_path(pushed, back)
         if way is None:
@@ -201,16 +220,31 @@ def _beyond(torque: Array, pushed: Pushed) -> Array:
 
 def _moved(state: RetreatState, q: Array) -> RetreatState:
     """Return the state without what of the way was gone back by now."""
-    way, overrun, travelled = state.way, state.overrun, state.travelled
+    way, gone = state.way, 0.0
     if state.q is not None and state.rate > 0.0:
-        travelled += float(np.abs(q - state.q).max())
+        gone = float(np.abs(q - state.q).max())
         if state.off_path:
             way = tuple(posture + (q - state.q) for posture in way)
     while way and _passed(way, q):
-        way, overrun = way[:-1], max(0, overrun - 1)
+        way = way[:-1]
+    passed = len(state.way) - len(way)
+    travelled = state.travelled + gone
+    if state.ahead > passed:
+        travelled = 0.0
+    elif state.ahead > 0:
+        travelled = float(np.abs(q - state.way[-state.ahead]).max())
     return state._replace(
-        way=way, at_s=state.at_s[: len(way)], overrun=overrun, travelled=travelled
+        way=way,
+        at_s=state.at_s[: len(way)],
+        overrun=max(0, state.overrun - passed),
+        ahead=max(0, state.ahead - passed),
+        travelled=travelled,
     )
+
+
+def _length(q: Array, way: tuple[Array, ...]) -> float:
+    """Return the length of a way from q (n,) [rad], by the joint that moves most."""
+    return sum(float(np.abs(a - b).max()) for a, b in pairwise((q, *way)))
 
 
 def _passed(way: tuple[Array, ...], q: Array) -> bool:

@@ -11,7 +11,7 @@ control presses on a table, since the payload is 5 kg heavier than the daemon kn
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import product, takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from ....config.load import Cell, load_cell
 from ....config.schema.rig.rig import Wall
 from ....drivers.rig.physics.world import Vector, World
+from ....protocols.messages.messages import State
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 
@@ -80,7 +81,7 @@ class LetGo:
     pressed_n: float
     """Greatest force from `WITHIN_S` after the stop on [N]."""
     gave_way_rad: float
-    """Farthest that a joint's command was from where HOLD began [rad]."""
+    """How far a joint's command ended from where it was when contact was felt [rad]."""
     reasons: list[str] = field(default_factory=list)
 
 
@@ -161,7 +162,8 @@ def play(plan: Plan, held_s: float = HELD_S, hold_s: float | None = None) -> Let
     stopped_s = felt[0] if felt else 0.0
     pressed = force[(t > stopped_s + WITHIN_S) & (t < resumed_s)].max()
     held = [np.array(s.q_command) for s in result.states if s.mode == "hold"]
-    travel = max((float(np.abs(q - held[0]).max()) for q in held), default=0.0)
+    met = [np.array(s.q_command) for s in takewhile(_before_the_stop, result.states)]
+    travel = float(np.abs(held[-1] - met[-1]).max()) if held and met else 0.0
     reasons = []
     if not felt:
         reasons.append("not felt")
@@ -192,6 +194,10 @@ def lines(runs: Sequence[LetGo]) -> list[str]:
         f"{WITHIN_S:g} s later {run.pressed_n:3.0f} N, gave way by {run.gave_way_rad:.4f} rad"
         for run in runs
     ]
+
+
+def _before_the_stop(state: State) -> bool:
+    return state.mode != "stopping"
 
 
 _TOLD = ("touched", "gave_way", "request_refused")

@@ -90,6 +90,22 @@ def test_a_push_that_does_not_end_takes_the_leash_and_no_more(retreat):
     assert retreat.used_up(state)
 
 
+def test_the_stops_own_way_takes_nothing_off_the_leash(retreat):
+    """At 1.5 rad/s a stop goes further beyond contact than the leash is long."""
+    rate = np.array([1.5, 0.0])
+    state, q, now = came(retreat, speed=1.5, seconds=0.5)
+    q = felt = q + T * rate
+    while rate[0] > 0.0:
+        state, _ = retreat.step(state, q, FREE, J, push(-50.0, 0.0), now, False)
+        rate = rate - np.array([10.0 * T, 0.0])
+        q, now = q + T * np.maximum(rate, 0.0), now + T
+    assert q[0] - felt[0] > LEASH
+    state, way = held(retreat, state, q, now, lambda at: push(-50.0, 0.0))
+    assert felt[0] - LEASH <= way[-1, 0] < felt[0] - 0.9 * LEASH
+    back = int(np.argmax(way[:, 0] < felt[0]))
+    assert 0 < back * T < 0.7
+
+
 def test_where_the_push_leads_off_the_path_it_goes_there_and_never_forward(retreat):
     state, q, now = came(retreat, seconds=4.0)
 
