@@ -91,6 +91,10 @@ def steps(
     yield Step(Object.INTERPOLATION_PERIOD, 1, U8, value)
     yield Step(Object.INTERPOLATION_PERIOD, 2, I8, exponent)
     yield Step(Object.SETPOINT_TIMEOUT, 0, U16, _ms(timing.setpoint_timeout_s))
+    # Another master's, which drives add to every setpoint.
+    yield Step(Object.POSITION_OFFSET, 0, I32, 0, optional=True)
+    yield Step(Object.VELOCITY_OFFSET, 0, I32, 0, optional=True)
+    yield Step(Object.TORQUE_OFFSET, 0, I16, 0, optional=True)
     yield from _pdos(drive.node, mode)
     yield Step(Object.MODE_OF_OPERATION, 0, I8, mode)
 

@@ -21,9 +21,10 @@ def follow(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive:
         period_s = value * 10.0 ** objects[Object.INTERPOLATION_PERIOD, 2]
         return loop.aim(joint, drive.zero_rad + kept / scale, period_s) or kept != counts
     if mode == OperationMode.CSV:
-        return loop.run(joint, objects[Object.TARGET_VELOCITY, 0] / scale)
-    share = objects[Object.TARGET_TORQUE, 0] * 1e-3 * drive.direction
-    return loop.pull(joint, share * drive.rated_torque)
+        counts = objects[Object.TARGET_VELOCITY, 0] + objects[Object.VELOCITY_OFFSET, 0]
+        return loop.run(joint, counts / scale)
+    share = (objects[Object.TARGET_TORQUE, 0] + objects[Object.TORQUE_OFFSET, 0]) * 1e-3
+    return loop.pull(joint, share * drive.direction * drive.rated_torque)
 
 
 def window(mode: int, objects: ObjectStore, drive: Drive) -> float:
