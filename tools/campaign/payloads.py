@@ -19,6 +19,7 @@ from ..checks.loops.following import following
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
 from .part import Part, Selection
+from .runs import Runs
 
 CELL = "pa10_hand"
 MORE_AT = 0.10
@@ -110,23 +111,13 @@ class Run:
     reasons: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Grid:
+class Grid(Runs[Run]):
     """Summary of all runs."""
-
-    runs: Sequence[Run]
-
-    @property
-    def kept(self) -> bool:
-        """True when every tool came to rest or was refused."""
-        return not any(run.reasons for run in self.runs)
 
     def figures(self) -> dict[str, object]:
         """Return everything as plain values."""
-        return {
-            "runs": len(self.runs),
+        return super().figures() | {
             "refused": sum(run.refused for run in self.runs),
-            "failed": sum(bool(run.reasons) for run in self.runs),
             "fastest_at_the_end": max((run.speed for run in self.runs), default=0.0),
         }
 
@@ -135,7 +126,9 @@ class Grid:
         f = self.figures()
         return [
             f"payloads under a hand: {f['runs']} runs, {f['refused']} refused by check, "
-            f"{f['failed']} not at rest; at the end at most {f['fastest_at_the_end']:.4f} m/s"
+            f"{len(self.failing)} not at rest; at the end at most "
+            f"{f['fastest_at_the_end']:.4f} m/s",
+            *super().lines(),
         ]
 
 

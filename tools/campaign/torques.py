@@ -7,7 +7,6 @@ bus. A payload that is told wrong is a promise, too, and no abuse: the law does 
 rest (`load_doubt.py`), and what steers by the sensor waits once it is found (`load_unexplained`).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +17,7 @@ from ..oracle.poses import Array
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
 from .part import Part, Selection
+from .runs import Runs
 from .steps import Draw
 
 CELL = "pa10_hand_torque"
@@ -40,22 +40,12 @@ class Run:
     reasons: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Kept:
+class Kept(Runs[Run]):
     """Summary of all runs."""
-
-    runs: Sequence[Run]
-
-    @property
-    def kept(self) -> bool:
-        """True when nothing was refused, and no run ended in a fault."""
-        return not any(run.reasons for run in self.runs)
 
     def figures(self) -> dict[str, object]:
         """Return everything as plain values."""
-        return {
-            "runs": len(self.runs),
-            "failed": sum(bool(run.reasons) for run in self.runs),
+        return super().figures() | {
             "runs_held_back": sum(run.held_back_ticks > 0 for run in self.runs),
             "most_ticks_held_back": max((run.held_back_ticks for run in self.runs), default=0),
         }
@@ -64,8 +54,10 @@ class Kept:
         """Return the report."""
         f = self.figures()
         return [
-            f"pushes, stops and payloads at torque level: {f['runs']} runs, {f['failed']} failed; "
-            f"torques held back in {f['runs_held_back']}, at most {f['most_ticks_held_back']} ticks"
+            f"pushes, stops and payloads at torque level: {f['runs']} runs, {len(self.failing)} "
+            f"failed; torques held back in {f['runs_held_back']}, at most "
+            f"{f['most_ticks_held_back']} ticks",
+            *super().lines(),
         ]
 
 

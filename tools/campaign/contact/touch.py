@@ -6,7 +6,6 @@ and quickly, pressed gently and hard, in all directions. A push at the elbow whi
 every side. And contact that the arm runs into, of which it must let go (`letting_go.py`).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -18,6 +17,7 @@ from ....config.schema.mechanism import Payload
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 from ..part import Part, Selection
+from ..runs import Runs
 from . import letting_go
 from .letting_go import LetGo
 from .sliding import MADE_S, SLIDES, sliding
@@ -54,16 +54,8 @@ class Run:
     reasons: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Feeling:
-    """Summary of all runs."""
-
-    runs: Sequence[Run | LetGo]
-
-    @property
-    def kept(self) -> bool:
-        """True when every push was felt in time, nothing else was, and contact was let go of."""
-        return not any(run.reasons for run in self.runs)
+class Feeling(Runs[Run | LetGo]):
+    """Summary of all runs: pushes were felt in time, nothing else was, contact was let go of."""
 
     def figures(self) -> dict[str, object]:
         """Return everything as plain values."""
@@ -73,7 +65,7 @@ class Feeling:
         free = [run for run in motions if run.kind == "free"]
         slides = [run for run in motions if run.kind == "slide"]
         contacts = self._contacts()
-        return {
+        return super().figures() | {
             "contacts": len(contacts),
             "let_go": sum(not run.reasons for run in contacts),
             "pressed_n": round(max((run.pressed_n for run in contacts), default=0.0), 1),
@@ -99,6 +91,7 @@ class Feeling:
             f"contact let go of: {f['let_go']} of {f['contacts']}, pressed with at most "
             f"{f['pressed_n']} N from {letting_go.WITHIN_S:g} s after the stop on",
             *letting_go.lines(self._contacts()),
+            *super().lines(),
         ]
 
     def _contacts(self) -> list[LetGo]:

@@ -7,12 +7,12 @@ stop by the table of stops; the report counts it.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ....config.load import load_cell
 from ...simulation.simulation import Simulation
 from ..part import Part, Selection
+from ..runs import Runs
 from .sights import ComputedSights
 from .wild import equipped, wild
 
@@ -38,35 +38,29 @@ class Wild:
     reasons: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Wilds:
+class Wilds(Runs[Wild]):
     """Summary of all runs."""
-
-    runs: Sequence[Wild]
-
-    @property
-    def kept(self) -> bool:
-        """True when nothing speaks against any run."""
-        return not any(run.reasons for run in self.runs)
 
     def figures(self) -> dict[str, object]:
         """Return everything as plain values."""
-        return {
-            "runs": len(self.runs),
+        return super().figures() | {
             "enabled_s": round(sum(run.enabled_s for run in self.runs), 1),
             "touched": sum(run.touched for run in self.runs),
-            "stopped_by_touch": [run.name for run in self.runs if run.stopped_by_touch],
-            "failing": {run.name: run.reasons for run in self.runs if run.reasons},
+            "stopped_by_touch": self.stopped,
         }
+
+    @property
+    def stopped(self) -> list[str]:
+        """Runs that ended in a quick stop at what the arm ran into."""
+        return [run.name for run in self.runs if run.stopped_by_touch]
 
     def lines(self) -> list[str]:
         """Return the report."""
         f = self.figures()
-        stopped = [run.name for run in self.runs if run.stopped_by_touch]
         return [
             f"{f['runs']} runs, {f['enabled_s']} s enabled; {f['touched']} ran into something, "
-            f"{len(stopped)} of them to a quick stop",
-            *(f"{run.name}: {reason}" for run in self.runs for reason in run.reasons),
+            f"{len(self.stopped)} of them to a quick stop",
+            *super().lines(),
         ]
 
 
