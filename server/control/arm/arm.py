@@ -162,20 +162,16 @@ class Arm:
             "stop": limited.stop,
             "quickness": max(sizes(k.J @ limited.motion.ddq)[0], LATELY * memory.quickness),
             "sent": (limited.motion.q, memory.sent[0], memory.sent[1]),
-            "task": evolve(
-                self.stages.task.advanced(
-                    memory.task,
-                    Granted(
-                        granted,
-                        0.0 if limited.stopped else pace,
-                        scale < SLID * pace,
-                        asked.twist,
-                        k.T_world_mrf,
-                    ),
+            "task": self.stages.task.advanced(
+                memory.task,
+                Granted(
+                    granted,
+                    0.0 if limited.stopped else pace,
+                    scale < SLID * pace,
+                    asked.twist,
+                    k.T_world_mrf,
                 ),
-                off_path=advance_offset(
-                    memory.task.off_path, asked.give_way, granted * self.p.period_s
-                ),
+                advance_offset(memory.task.off_path, asked.give_way, granted * self.p.period_s),
             ),
         }
 

@@ -10,6 +10,7 @@ from ..mechanism.joint_rates import Around, Wish
 from ..mechanism.kinematics import Kinematics, Mechanism
 from ..mechanism.null_space.potential_field import FieldReading
 from ..mechanism.null_space.redundancy import SelfMotion
+from ..mechanism.wrist import WristMemory
 from ..parameters import Parameters
 from ..proximity.capsules import Capsules, Placed
 from ..spatial import Array, Pose, sizes
@@ -78,30 +79,30 @@ class Asking:
         T_world_wrist_measured = self.mechanism.pose_wrist(
             inputs.q_measured, None if moved is None else moved.T_world_base_measured
         )
-        memory = self._measure(memory, inputs, T_world_wrist_measured)
+        wrist = self._measured(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
             q = inputs.q_measured
             if inputs.energised is not None:
                 q = np.where(inputs.energised, memory.motion.q, q)
-            memory = evolve(self.seed(q), torque=memory.torque, wrist=memory.wrist)
+            memory = evolve(self.seed(q), torque=memory.torque)
         base, mrf = None if moved is None else moved.base.T, inputs.settings.T_wrist_mrf
         kinematics = self.mechanism.kinematics(memory.motion.q, mrf, base)
-        memory = self._tune(memory, inputs, kinematics)
+        memory = self._tune(memory, inputs, kinematics, wrist)
         placed = None
         if self.shared is not None and inputs.settings.avoid:
             placed = self.shared.place(memory.motion.q[None], base)
         wrench = self.stages.wrist.wrench_mrf(memory.wrist, mrf)
         hand = self.stages.wrist.hand_mrf(memory.wrist, mrf)
         memory, asked = self._ask(memory, inputs, kinematics, placed, wrench, hand)
-        memory, dq = self._give_way(memory, inputs, kinematics, asked.dq)
+        memory, asked = self._give_way(memory, inputs, kinematics, asked)
         error = memory.sent[1] - inputs.q_measured
         seen = Seen(kinematics, placed, T_world_wrist_measured, error, wrench, hand)
-        return memory, seen, asked._replace(dq=dq)
+        return memory, seen, asked
 
-    def _measure(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> Memory:
-        """Return the memory with the newest wrench in it; the Wrist was measured at a pose."""
+    def _measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
+        """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
         wrist, settings = self.stages.wrist, inputs.settings
-        measured = wrist.measure(
+        return wrist.measure(
             memory.wrist,
             sample_of(inputs),
             wrist.load(settings.payload, settings.wrench_bias),
@@ -111,19 +112,21 @@ class Asking:
             memory.quickness,
             at_once=inputs.intent is Intent.SEED,
         )
-        return evolve(memory, wrist=measured)
 
     # --- gains -------------------------------------------------------------------------------
 
-    def _tune(self, memory: Memory, inputs: Inputs, k: Kinematics) -> Memory:
-        """Return the memory with the gains in effect: scheduled, and ramped while moving."""
+    def _tune(self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory) -> Memory:
+        """Return the memory with the gains in effect: scheduled, and ramped while moving.
+
+        And with what the `wrist` remembers.
+        """
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
         objectives = settings.objectives or self.stages.redundancy.objectives
         since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
         task = self.stages.task.tuned(
             memory.task,
             settings.gains,
-            lambda: quantities(memory, inputs, k, inputs.time_s - since_s),
+            lambda: quantities(wrist, inputs, k, inputs.time_s - since_s),
             moving,
             settings.at_once,
         )
@@ -132,7 +135,11 @@ class Asking:
                 memory.objectives, objectives, self.stages.task.part
             )
         return evolve(
-            memory, task=task, objectives=objectives, moving_since_s=since_s if moving else None
+            memory,
+            wrist=wrist,
+            task=task,
+            objectives=objectives,
+            moving_since_s=since_s if moving else None,
         )
 
     # --- what is asked for -------------------------------------------------------------------
@@ -148,14 +155,14 @@ class Asking:
     ) -> tuple[Memory, Asked]:
         """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
         base = None if inputs.moved is None else inputs.moved.base.T
+        near = memory.near
         if self.p.priority is not None:
-            near = self.p.priority.look(memory.motion.q, inputs.scene, memory.near, base)
-            memory = evolve(memory, near=near)
+            near = self.p.priority.look(memory.motion.q, inputs.scene, near, base)
         context = context_of(
-            memory, inputs, k, self.stages.wrist, self.p.T_wrist_tool.p, wrench, hand
+            memory, near, inputs, k, self.stages.wrist, self.p.T_wrist_tool.p, wrench, hand
         )
         task, twists = self.stages.task.twists(memory.task, context)
-        memory = evolve(memory, task=task)
+        memory = evolve(memory, task=task, near=near)
         twist = np.zeros(6)
         for part in twists.values():
             twist = twist + part
@@ -201,16 +208,18 @@ class Asking:
         )
 
     def _give_way(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, dq: Array
-    ) -> tuple[Memory, Array]:
-        """Add what gives way after a touch to joint rates dq (n,)."""
+        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Asked
+    ) -> tuple[Memory, Asked]:
+        """Add what gives way after a touch to the joint rates asked for."""
         if self.stages.retreat is None or memory.retreat is None:
-            return memory, dq
+            return memory, asked
         held = inputs.intent is Intent.HOLD
         state, dq = self.stages.retreat.step(
-            memory.retreat, memory.motion.q, dq, k.J, inputs.pushed, inputs.time_s, held
+            memory.retreat, memory.motion.q, asked.dq, k.J, inputs.pushed, inputs.time_s, held
         )
-        return memory if state is memory.retreat else evolve(memory, retreat=state), dq
+        if state is not memory.retreat:
+            memory = evolve(memory, retreat=state)
+        return memory, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.

@@ -4,7 +4,8 @@ import math
 from functools import partial
 
 from ..mechanism.kinematics import Kinematics
-from ..mechanism.wrist import Sample, Wrist
+from ..mechanism.null_space.priority import Near
+from ..mechanism.wrist import Sample, Wrist, WristMemory
 from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory
 from ..task.asked import Asked
@@ -19,6 +20,7 @@ def sample_of(inputs: Inputs) -> Sample:
 
 def context_of(
     memory: Memory,
+    near: Near | None,
     inputs: Inputs,
     k: Kinematics,
     wrist: Wrist,
@@ -26,7 +28,7 @@ def context_of(
     wrench: Array | None,
     hand: Array | None,
 ) -> Context:
-    """Return what the sources see.
+    """Return what the sources see; `near` is what is near the control points now.
 
     `p_wrist_tool` (3,) is where the MRF was at start, in the Wrist [m]; `wrench` and `hand` (6,)
     are what the arm exerts, at and in the MRF, of the newest and of the mean readings.
@@ -63,14 +65,14 @@ def context_of(
         hand=hand,
         wrench_at=partial(wrist.wrench_mrf, memory.wrist),
         load=memory.wrist.load,
-        precedence=0.0 if memory.near is None else memory.near.alpha,
+        precedence=0.0 if near is None else near.alpha,
         off_path=memory.task.off_path,
     )
 
 
-def quantities(memory: Memory, inputs: Inputs, k: Kinematics, time_s: float) -> Quantities:
+def quantities(wrist: WristMemory, inputs: Inputs, k: Kinematics, time_s: float) -> Quantities:
     """Return what gains may depend on."""
-    wrench = memory.wrist.wrench.wrench
+    wrench = wrist.wrench.wrench
     target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
     way = None
     if target is not None:

@@ -121,7 +121,8 @@ class Allow:
         `guard` keeps clearances.
         """
         self._names = tuple(arm.names for arm in joints)
-        self._velocity = joined([arm.velocity for arm in joints])
+        self._velocities = tuple(arm.velocity for arm in joints)
+        self._velocity = joined(self._velocities)
         self._length = length
         self.guard = guard
         self.rooms = tuple(
@@ -151,7 +152,7 @@ class Allow:
         limits = [b.limits for b in bounded]
         dq = joined([b.dq for b in bounded])
         watch, rows, broken = None, None, None
-        beyond = any(b.beyond for b in bounded)
+        beyond = max(b.beyond for b in bounded)
         if guard is not None and around.keep_clear:
             watch = guard.watch(_situation(arms, around, self.parts), dq, around.levels)
             for i, slow in enumerate(guard.tool_shares(watch)):
@@ -189,7 +190,7 @@ class Allow:
     def _bounded(self, i: int, arm: Arm, factor: float) -> _Bounded:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
         room, q = self.rooms[i], arm.motion.q
-        V = factor * self._velocity[self.parts[i]]
+        V = factor * self._velocities[i]
         dq, share, low, high, beyond = room.within(arm.dq, V, q, arm.error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
         leash = room.leash(arm.error) if beyond else None
@@ -210,9 +211,10 @@ class Allow:
         rows: Rows | None,
     ) -> tuple[Allowed, ...]:
         """Return the rates of mechanisms that nothing holds up: else they slow as a whole."""
+        each = [dq] if len(arms) == 1 else [dq[part] for part in self.parts]
         found = [
-            room.resisted(dq[part], arm.motion.dq, arm.way, arm.error, arm.resistance)
-            for room, arm, part in zip(self.rooms, arms, self.parts, strict=True)
+            room.resisted(rates, arm.motion.dq, arm.way, arm.error, arm.resistance)
+            for room, arm, rates in zip(self.rooms, arms, each, strict=True)
         ]
         # An arm that may not move gives way at most, and is not held up.
         left = [f.share if arm.may_move else 1.0 for f, arm in zip(found, arms, strict=True)]
@@ -224,13 +226,13 @@ class Allow:
             left = [min(left)] * len(arms)
         return tuple(
             Allowed(
-                dq[part] if left[i] == 1.0 else left[i] * dq[part],
+                rates if left[i] == 1.0 else left[i] * rates,
                 left[i] * shares[i],
                 limits[i],
                 left[i] * paces[i],
                 found[i].memory,
             )
-            for i, part in enumerate(self.parts)
+            for i, rates in enumerate(each)
         )
 
     def _reasons(self, i: int, which: list[int], name: str) -> tuple[str, ...]:

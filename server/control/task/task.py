@@ -96,7 +96,7 @@ class Task:
         gains = self._gains.scheduled(target, quantities)
         if moving and memory.gains.keys() == gains.keys():
             gains = self._gains.ramped(memory.gains, gains, at_once)
-        return evolve(memory, gains=gains)
+        return memory if gains is memory.gains else evolve(memory, gains=gains)
 
     def twists(self, memory: TaskMemory, context: Context) -> tuple[TaskMemory, dict[str, Array]]:
         """Return each source's twist (6,) in World axes, and last the ground's own motion.
@@ -147,13 +147,18 @@ class Task:
             if name not in self._no_orders
         )
 
-    def advanced(self, memory: TaskMemory, granted: Granted) -> TaskMemory:
-        """Return the memory after a tick that granted so much of what was asked for."""
+    def advanced(
+        self, memory: TaskMemory, granted: Granted, off_path: Array | None = None
+    ) -> TaskMemory:
+        """Return the memory after a tick that granted so much of what was asked for.
+
+        `off_path` (3,) is where the virtual link has the tool off its path now.
+        """
         states = {
             name: source.advance(memory.states[name], granted)
             for name, source in self._sources.items()
         }
-        return evolve(memory, states=states)
+        return evolve(memory, states=states, off_path=off_path)
 
     def _jump(
         self,
