@@ -50,11 +50,13 @@ def test_the_twist_is_the_sum_of_every_sources(run, stick):
             "force",
             "frames",
             "following",
+            "spring",
         }
         total = sum(output.twists.values())
         np.testing.assert_allclose(output.twist, total, rtol=0, atol=1e-16)
     assert not output.twists.pop("frames").any()  # nothing moves, nothing was redefined
-    assert not output.twists.pop("following").any()  # it is off
+    for off in ("following", "spring"):
+        assert not output.twists.pop(off).any()
     assert all(np.linalg.norm(twist) > 1e-3 for twist in output.twists.values())
 
 

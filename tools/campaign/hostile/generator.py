@@ -10,7 +10,7 @@ the arm mostly hits: this server does not avoid obstacles.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -138,32 +138,32 @@ def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
 def _restored(cell: Cell, at_s: float) -> list[Step]:
     """Return what brings order back, whatever state the hostile part has left behind."""
     sources, mrf = cell.config.sources, cell.config.mechanism.T_wrist_mrf
-    besides = grounds.order(cell) + equipment.order(cell)
-    wait = iter(np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, 21 + len(besides)).tolist())
-    steps = [
-        step(at_s, {"link": {}}),
-        step(at_s, {"rig/fault": {"kind": "silence", "target": "force_torque", "on": False}}),
-        step(at_s + 0.02, {"silence": ["cmd/joystick", "cmd/jog", "cmd/master_pose"]}),
-        step(next(wait), {"operator/lease": {}}),
-        step(next(wait), {"operator/protective_clear": {}}),
-        step(next(wait), {"operator/speed": {"factor": 1.0}}),
-        step(next(wait), {"operator/frame": {"frame": "mrf", "xyz": mrf.xyz, "rpy": mrf.rpy}}),
+    whats: list[dict[str, Any]] = [
+        {"operator/lease": {}},
+        {"operator/protective_clear": {}},
+        {"operator/speed": {"factor": 1.0}},
+        {"operator/frame": {"frame": "mrf", "xyz": mrf.xyz, "rpy": mrf.rpy}},
     ]
     for name, gain in (
         ("joystick", sources.joystick.gain),
         ("position", sources.position.gain),
         ("force", sources.force.gain),
     ):
-        steps.append(step(next(wait), {"operator/gain": {"source": name, "gain": gain}}))
-        steps.append(step(next(wait), {"operator/switch": {"source": name, "on": True}}))
+        whats.append({"operator/gain": {"source": name, "gain": gain}})
+        whats.append({"operator/switch": {"source": name, "on": True}})
     for name, pull in cell.config.redundancy.gains.items():
-        steps.append(step(next(wait), {"operator/redundancy": {"objective": name, "gain": pull}}))
-    steps += [step(next(wait), what) for what in besides]
-    whole = {"engaged": True, "translation": 1.0, "rotation": 1.0}
-    steps.append(step(next(wait), {"operator/clutch": whole}))
-    steps += [step(next(wait), {"operator/mode": {"action": "enable"}}) for _ in range(3)]
-    steps.append(step(next(wait), {"cmd/cancel": {}}))
-    return steps
+        whats.append({"operator/redundancy": {"objective": name, "gain": pull}})
+    whats += grounds.order(cell) + equipment.order(cell)
+    whats.append({"operator/clutch": {"engaged": True, "translation": 1.0, "rotation": 1.0}})
+    whats += [{"operator/mode": {"action": "enable"}}] * 3
+    whats.append({"cmd/cancel": {}})
+    times = np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, len(whats)).tolist()
+    return [
+        step(at_s, {"link": {}}),
+        step(at_s, {"rig/fault": {"kind": "silence", "target": "force_torque", "on": False}}),
+        step(at_s + 0.02, {"silence": ["cmd/joystick", "cmd/jog", "cmd/master_pose"]}),
+        *(step(when_s, what) for when_s, what in zip(times, whats, strict=True)),
+    ]
 
 
 def _posture(draw: Draw, cell: Cell, judge: Judge) -> Array:
