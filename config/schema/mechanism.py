@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from .on_bus import CanId, CanOpenNode, Frames, OnBus
-from .section import Name, Pose, Section, Vector3, Vector6
+from .section import Name, Pose, Section, Vector6
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
 """Controlword, and the setpoint of each operation mode."""
@@ -88,11 +88,17 @@ class Drive(CanOpenNode):
         return f"mechanism.drives[{index if self._table is None else self._table}]"
 
 
+Lever = Annotated[float, Field(ge=-2, le=2)]
+"""From the sensor to a payload's centre of mass along an axis [m]; farther is on no arm."""
+
+
 class Payload(Section):
     """Everything outboard of the force/torque sensor: its weight is taken off the reading."""
 
     mass: float = Field(0.0, ge=0, le=500, description="mass [kg]")
-    com: Vector3 = Field((0.0, 0.0, 0.0), description="centre of mass in the Sensor frame [m]")
+    com: tuple[Lever, Lever, Lever] = Field(
+        (0.0, 0.0, 0.0), description="centre of mass in the Sensor frame [m]"
+    )
 
 
 class ForceTorque(OnBus):

@@ -7,12 +7,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Command, Count, Gains, Identifier, Key, Message, OperatorName, Place
+from .messages import Command, Count, Gains, Identifier, Key, Message, OperatorName
 
 _BiasForce = Annotated[float, Field(ge=-100, le=100)]
 _BiasMoment = Annotated[float, Field(ge=-10, le=10)]
 Bias = tuple[_BiasForce, _BiasForce, _BiasForce, _BiasMoment, _BiasMoment, _BiasMoment]
 """Reading of a sensor without load [N, N·m]: one that is further off is broken."""
+
+_Lever = Annotated[float, Field(ge=-2, le=2)]
+CentreOfMass = tuple[_Lever, _Lever, _Lever]
+"""Of a payload, in the Sensor frame [m]: one that is further off is on no arm."""
 
 
 class LeaseRequest(Message):
@@ -92,7 +96,7 @@ class PayloadRequest(Command):
 
     name: str | None = Field(None, max_length=32)
     mass: float | None = Field(None, ge=0, le=500)
-    com: Place = (0.0, 0.0, 0.0)
+    com: CentreOfMass = (0.0, 0.0, 0.0)
     bias: Bias | None = None
     unknown: bool = False
 

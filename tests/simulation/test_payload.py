@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from telerobot.config.errors import ConfigError
 from telerobot.config.schema.mechanism import Gripper, Payload
 from telerobot.config.schema.rig.rig import RigGripper
 from telerobot.server.control.task.gains import GAIN_TIME_S
@@ -163,3 +164,12 @@ def test_a_gripper_that_falls_silent_is_a_fault_that_names_it(pa10):
 def test_a_cell_without_a_gripper_says_so(play):
     run = play(CLOSE, seconds=1.5)
     assert "not_now" in run.summary["refused"][0]
+
+
+def test_a_centre_of_mass_that_is_on_no_arm_is_refused(pa10, play):
+    with pytest.raises(ConfigError, match="com: .* less than or equal to 2"):
+        play(
+            {"at_s": 1.0, "operator/payload": {"mass": 0.1, "com": [71.0, 0.0, 0.0]}},
+            cell=pa10,
+            seconds=2.0,
+        )

