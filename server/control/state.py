@@ -13,7 +13,8 @@ from .actuation.torque import TorqueState
 from .barriers.clearance import Gap, Levels, Shown
 from .barriers.resisted import Resistance
 from .frame_tree import Moved
-from .hold.retreat import Pushed, RetreatState
+from .hold.pushed import Pushed
+from .hold.retreat import RetreatState
 from .mechanism.null_space.potential_field import FieldReading
 from .mechanism.null_space.priority import Near
 from .mechanism.null_space.redundancy import ObjectiveGains, SelfMotion

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...config.schema.touch import Touch
 from ..control.frame_tree import Moved
-from ..control.hold.retreat import Pushed
+from ..control.hold.pushed import Pushed
 from ..control.mechanism.dynamics import Dynamics
 from ..control.mechanism.kinematics import Mechanism
 from ..control.parameters import Parameters

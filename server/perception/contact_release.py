@@ -5,7 +5,8 @@ from enum import Enum, auto
 
 import numpy as np
 
-from ..control.hold.retreat import LOOKBACK_S, Pushed, released
+from ..control.hold.pushed import Pushed, released
+from ..control.hold.retreat import LOOKBACK_S
 from ..control.parameters import Parameters
 from ..control.spatial import Array
 from ..control.state import Memory, Output

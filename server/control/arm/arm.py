@@ -9,8 +9,7 @@ from typing import Any, Self
 
 from ....config.load import Cell
 from ..actuation.actuation import Now
-from ..barriers.barriers import Allowed, Clear
-from ..barriers.barriers import Arm as Bounds
+from ..barriers.barriers import Allowed, BarrierInputs, Clear
 from ..evolve import evolve
 from ..mechanism.joint_motion import at_posture
 from ..mechanism.kinematics import Kinematics, Mechanism
@@ -20,7 +19,7 @@ from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory, Output, Settings
 from ..stop.limiter import Limited
 from ..task.source import Granted
-from .asking import Asked, Asking, Seen
+from .asking import Asking, Seen, Wanted
 from .context import path_of_mrf
 from .stages import Stages
 
@@ -62,10 +61,10 @@ class Arm:
         return self.stages.wrist.weight(T_world_mrf, mrf, payload, bias)
 
     def before_barriers(
-        self, memory: Memory, inputs: Inputs, seen: Seen, asked: Asked, beside: bool
-    ) -> Bounds:
+        self, memory: Memory, inputs: Inputs, seen: Seen, asked: Wanted, beside: bool
+    ) -> BarrierInputs:
         """Return what the barriers have to know; `beside` tells whether clearances are kept."""
-        return Bounds(
+        return BarrierInputs(
             dq=asked.dq,
             kinematics=seen.kinematics,
             motion=memory.motion,
@@ -84,7 +83,7 @@ class Arm:
         memory: Memory,
         inputs: Inputs,
         seen: Seen,
-        asked: Asked,
+        asked: Wanted,
         allowed: Allowed,
         clear: Clear,
         limited: Limited,
@@ -150,7 +149,7 @@ class Arm:
         self,
         memory: Memory,
         limited: Limited,
-        asked: Asked,
+        asked: Wanted,
         scale: float,
         pace: float,
         k: Kinematics,

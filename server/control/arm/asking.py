@@ -21,7 +21,7 @@ from .context import context_of, quantities, sample_of
 from .stages import Stages
 
 
-class Asked(NamedTuple):
+class Wanted(NamedTuple):
     """Joint rates asked for, the twists behind them, and what they were computed from."""
 
     dq: Array
@@ -73,7 +73,7 @@ class Asking:
             retreat=None if self.stages.retreat is None else self.stages.retreat.start,
         )
 
-    def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Seen, Asked]:
+    def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Seen, Wanted]:
         """Return what the task asks of the joints, and what that was computed from."""
         moved = inputs.moved
         T_world_wrist_measured = self.mechanism.pose_wrist(
@@ -152,7 +152,7 @@ class Asking:
         placed: Placed | None,
         wrench: Array | None,
         hand: Array | None,
-    ) -> tuple[Memory, Asked]:
+    ) -> tuple[Memory, Wanted]:
         """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
         base = None if inputs.moved is None else inputs.moved.base.T
         near = memory.near
@@ -179,7 +179,7 @@ class Asking:
         self_motion = self.stages.redundancy.none()
         if joint_rates is not None:
             dq = s_tool * joint_rates
-            return memory, Asked(
+            return memory, Wanted(
                 dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True
             )
         wish = Wish(
@@ -195,7 +195,7 @@ class Asking:
         found = self.stages.resolver.rates(memory.motion.q, k, wish, around)
         if found.singular:
             limits += ("singularity",)
-        return memory, Asked(
+        return memory, Wanted(
             found.dq,
             twists,
             twist,
@@ -208,8 +208,8 @@ class Asking:
         )
 
     def _give_way(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Asked
-    ) -> tuple[Memory, Asked]:
+        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Wanted
+    ) -> tuple[Memory, Wanted]:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.stages.retreat is None or memory.retreat is None:
             return memory, asked

@@ -26,7 +26,7 @@ from .resisted import Resistance
 from .velocity_damper import Rows
 
 
-class Arm(NamedTuple):
+class BarrierInputs(NamedTuple):
     """What barriers have to know of one mechanism in one tick."""
 
     dq: Array
@@ -143,7 +143,7 @@ class Allow:
         self._tool = np.repeat(np.arange(len(joints)), [arm.n for arm in joints])
 
     def nearest(
-        self, arms: Sequence[Arm], around: Surroundings
+        self, arms: Sequence[BarrierInputs], around: Surroundings
     ) -> tuple[tuple[Allowed, ...], Clear]:
         """Return the rates nearest to those of each mechanism that all bounds allow."""
         factor, guard = around.speed_factor, self.guard
@@ -187,7 +187,7 @@ class Allow:
             return allowed, Clear()
         return allowed, Clear(watch, guard.shown(watch, broken))
 
-    def _bounded(self, i: int, arm: Arm, factor: float) -> _Bounded:
+    def _bounded(self, i: int, arm: BarrierInputs, factor: float) -> _Bounded:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
         room, q = self.rooms[i], arm.motion.q
         V = factor * self._velocities[i]
@@ -203,7 +203,7 @@ class Allow:
 
     def _held_up(
         self,
-        arms: Sequence[Arm],
+        arms: Sequence[BarrierInputs],
         dq: Array,
         shares: list[float],
         paces: list[float],
@@ -250,7 +250,9 @@ def joined(arrays: Sequence[Array], axis: int = 0) -> Array:
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)
 
 
-def _situation(arms: Sequence[Arm], around: Surroundings, parts: Sequence[slice]) -> Situation:
+def _situation(
+    arms: Sequence[BarrierInputs], around: Surroundings, parts: Sequence[slice]
+) -> Situation:
     """Return what the guard has to know."""
     return Situation(
         joined([arm.motion.q for arm in arms]),

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..compiled import NUMBER, VECTOR, compiled
 from ..spatial import Array
+from .pushed import Pushed, beyond, leads_into, magnitude, relieves, seen_torques
 
 STEP = 2e-3
 """The path is remembered in steps of this, by the joint that moves most [rad]."""
@@ -38,41 +39,14 @@ APPROACH = 8.0
 USED_UP = 0.02
 """Part of the leash that is left when it counts as used up [1]."""
 
-RELEASE = 0.7
-"""A joint is pushed no longer below this part of its bound [1]."""
-
 ALONG = 0.3
 """A push along the path: cosine between it and the way back, in joint space [1]."""
 
 OPPOSED_S = 0.05
 """Another push must last so long to end the retreat [s]."""
 
-NEW = 0.5
-"""Contact that the sensor sees came with the touch where more than this part of it is new [1]."""
-
 ACROSS = 0.1
 """Bleeding off goes forward on the path where the cosine between them is above this [1]."""
-
-
-class Pushed(NamedTuple):
-    """Unseen contact as the watch over the drives' torques estimates it (n,) [N·m]."""
-
-    external: Array
-    """Torques that nothing explains."""
-    excused: Array
-    """What of that friction and inertia may be."""
-    bound: Array
-    """What means contact beyond that."""
-    touched: bool = False
-    """The arm was stopped for it, and is to give way."""
-    lasting: bool = False
-    """It has not been released since."""
-    free: Array | None = None
-    """`external` before it was touched; None where that is not known."""
-    wrench: Array | None = None
-    """What the force/torque sensor sees push the tool (6,), at the MRF in World axes [N, N·m]."""
-    free_wrench: Array | None = None
-    """The same before it was touched; None where that is not known."""
 
 
 class RetreatState(NamedTuple):
@@ -135,14 +109,14 @@ class Retreat:
         bleeding off asks for while the arm is `held`.
         """
         if not held or pushed is None or not pushed.touched:
-            if held and pushed is not None and _into(dq, pushed):
+            if held and pushed is not None and leads_into(dq, pushed):
                 dq = np.zeros_like(dq)
             return self._remembered(state, q, pushed, time_s), dq
         state = _moved(self._begun(state, q, time_s), q)
         back = _way_back(state, q)
-        seen, new = _seen(pushed, J)
+        seen, new = seen_torques(pushed, J)
         state, way = self._direction(state, q, back, new, pushed)
-        if _into(dq, pushed) or (_forward(dq, back) and not _relieves(dq, seen, new, pushed)):
+        if leads_into(dq, pushed) or (_forward(dq, back) and not relieves(dq, seen, new, pushed)):
             dq = np.zeros_like(dq)
         return state._replace(q=q), dq + state.rate * way
 
@@ -182,17 +156,17 @@ class Retreat:
         self, state: RetreatState, q: Array, back: Array | None, new: Array, pushed: Pushed
     ) -> tuple[RetreatState, Array]:
         """Return the state with the rate to give way at, and the direction (n,) for that rate."""
-        push, none = _beyond(pushed.external, pushed), np.zeros(len(q))
+        push, none = beyond(pushed.external, pushed), np.zeros(len(q))
         state = state._replace(rate=0.0, off_path=False)
         if back is not None:
-            needed = _size(back * (pushed.bound + pushed.excused))
+            needed = magnitude(back * (pushed.bound + pushed.excused))
             met = min(float(pushed.external @ back), float(new @ back))
             opposed = met < -needed
             state = state._replace(opposed_s=state.opposed_s + self._T if opposed else 0.0)
         if self.used_up(state):
             return state, none
         end = APPROACH * (self.leash - state.travelled)
-        along = back is not None and float(push @ back) > ALONG * _size(push) * _size(back)
+        along = back is not None and float(push @ back) > ALONG * magnitude(push) * magnitude(back)
         if back is not None and (state.overrun > 0 or (along and pushed.lasting)):
             if state.opposed_s > OPPOSED_S:
                 return state, none
@@ -205,17 +179,6 @@ class Retreat:
         if way is None:
             return state, none
         return state._replace(rate=min(SLOWEST, end), off_path=True, shifted=True), way
-
-
-def released(pushed: Pushed) -> bool:
-    """Return whether nothing pushes any more."""
-    return not _beyond(pushed.external, pushed).any()
-
-
-def _beyond(torque: Array, pushed: Pushed) -> Array:
-    """Return by how much torques (n,) are beyond what releases each joint (n,) [N·m]."""
-    rest = np.abs(torque) - pushed.excused - RELEASE * pushed.bound
-    return np.asarray(np.sign(torque) * np.maximum(rest, 0.0))
 
 
 def _moved(state: RetreatState, q: Array) -> RetreatState:
@@ -262,30 +225,9 @@ def _way_back(state: RetreatState, q: Array) -> Array | None:
     return np.asarray(way / np.abs(way).max())
 
 
-def _into(dq: Array, pushed: Pushed) -> bool:
-    """Return whether rates dq (n,) lead into what pushes unseen."""
-    return -float(pushed.external @ dq) > _size(dq * (pushed.bound + pushed.excused))
-
-
-def _seen(pushed: Pushed, J: Array) -> tuple[Array, Array]:
-    """Return the joint torques (n,) of contact that the sensor sees, and what came with the touch.
-
-    What it reads by a payload or a bias that is wrong was there before.
-    """
-    if pushed.wrench is None:
-        return np.zeros(J.shape[1]), np.zeros(J.shape[1])
-    seen = pushed.wrench @ J
-    return seen, seen - pushed.free_wrench @ J if pushed.free_wrench is not None else 0.0 * seen
-
-
-def _relieves(dq: Array, seen: Array, new: Array, pushed: Pushed) -> bool:
-    """Return whether rates dq (n,) give way to contact that the sensor saw with the touch."""
-    return float(new @ dq) > max(_size(dq * pushed.bound), NEW * float(seen @ dq))
-
-
 def _forward(dq: Array, back: Array | None) -> bool:
     """Return whether rates dq (n,) lead forward on the path, away from the way `back` (n,)."""
-    return back is not None and -float(dq @ back) > ACROSS * _size(dq) * _size(back)
+    return back is not None and -float(dq @ back) > ACROSS * magnitude(dq) * magnitude(back)
 
 
 def _off_path(pushed: Pushed, back: Array | None) -> Array | None:
@@ -296,17 +238,13 @@ def _off_path(pushed: Pushed, back: Array | None) -> Array | None:
     """
     if pushed.free is None or not pushed.lasting:
         return None
-    push = _beyond(pushed.external - pushed.free, pushed)
-    size = _size(push)
+    push = beyond(pushed.external - pushed.free, pushed)
+    size = magnitude(push)
     if size == 0.0:
         return None
     if back is not None and float(push @ back) < 0.0:
         push = push - back * (float(push @ back) / float(back @ back))
-    return push / float(np.abs(push).max()) if _size(push) > ALONG * size else None
-
-
-def _size(x: Array) -> float:
-    return math.sqrt(float(x @ x))
+    return push / float(np.abs(push).max()) if magnitude(push) > ALONG * size else None
 
 
 @compiled(VECTOR, VECTOR, NUMBER)

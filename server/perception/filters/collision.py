@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...control.evolve import evolve
-from ...control.hold.retreat import Pushed
+from ...control.hold.pushed import Pushed
 from ...control.mechanism.dynamics import Dynamics
 from ...control.spatial import Array, sizes
 

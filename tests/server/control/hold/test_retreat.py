@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.hold.retreat import FASTEST, SLOWEST, STEP, Pushed, Retreat
+from telerobot.server.control.hold.pushed import Pushed
+from telerobot.server.control.hold.retreat import FASTEST, SLOWEST, STEP, Retreat
 
 T = 0.01
 LEASH = 0.1
