@@ -12,6 +12,7 @@ from ...config.schema.null_space.redundancy import Redundancy
 from ...config.schema.sources.schedule import Schedule
 from ...config.schema.sources.sources import Sources
 from ...config.schema.torque import Torque
+from ...config.schema.touch import Touch
 from .joints import Joints
 from .mechanism.null_space.priority import Priority
 from .mechanism.payload import Payload
@@ -76,7 +77,7 @@ class Parameters:
     max_torque_rate: Array
     """Bound of what a torque changes by (n,) [N·m/s]; infinite where the cell says none."""
     retreat_leash: float | None
-    """How far joints give way after a touch [rad]; None in a cell without `[touch]`."""
+    """How far joints give way after a touch [rad]; None where nothing feels one."""
 
     @property
     def n(self) -> int:
@@ -147,5 +148,15 @@ class Parameters:
             friction=np.array([d.friction for d in ordered]),
             max_torque=np.array([d.max_torque for d in ordered]),
             max_torque_rate=np.array([d.max_torque_rate or np.inf for d in ordered]),
-            retreat_leash=None if c.touch is None else c.touch.leash,
+            retreat_leash=_retreat_leash(c),
         )
+
+
+def _retreat_leash(c: CellConfig) -> float | None:
+    """Return how far joints give way [rad]: without `[touch]` a sensor's tool is felt all the same.
+
+    That is so while its load is not explained.
+    """
+    if c.touch is not None:
+        return c.touch.leash
+    return None if c.mechanism.force_torque is None else float(Touch.model_fields["leash"].default)

@@ -15,13 +15,17 @@ from ..plant import PlantReading
 from ..runtime.events import Events
 from .contact_release import ContactRelease
 from .filters.collision import CollisionDetector, DetectorState, LoadUncertainty, SensorLoad
+from .tool_contact import ToolContact
+
+UNWATCHED = 1.0
+"""Where the drives' torques are not watched, this and friction are no push [N·m]."""
 
 LOST_S = 0.5
 """Without an estimate for longer than this, it is said that nothing is felt [s]."""
 
 
 class CollisionMonitor:
-    """Collision detection of one cell; idle where the cell does not ask for it."""
+    """Collision detection of one cell; without `[touch]` the tool alone is felt, by the sensor."""
 
     def __init__(
         self, section: Touch | None, p: Parameters, mechanism: Mechanism, events: Events
@@ -34,6 +38,7 @@ class CollisionMonitor:
         self._blind_ticks = 0
         self._giving = ContactRelease(p, events)
         self._carried_within = p.friction + (0.0 if section is None else np.array(section.torque))
+        self._unwatched = Pushed(np.zeros(p.n), np.zeros(p.n), p.friction + UNWATCHED)
 
     @property
     def external(self) -> Array | None:
@@ -64,13 +69,15 @@ class CollisionMonitor:
         moved: Moved,
         mode: Mode,
         doubt: LoadUncertainty | None = None,
+        tool: ToolContact | None = None,
     ) -> None:
         """Take in a reading, and what the tick before made of the one before.
 
-        `doubt` is what the sensor's load may be off by. What pushes an arm that is long at rest in
-        HOLD may stay until it is to move.
+        `doubt` is what the sensor's load may be off by, `tool` the tool's contact meanwhile. What
+        pushes an arm that is long at rest in HOLD may stay until it is to move.
         """
         if self._detector is None:
+            self._giving.update(None, tool, self._unwatched, mode, memory, output)
             return
         if reading.q is None or not reading.enabled or memory is None or memory.wrist.load is None:
             self._state, self._blind_ticks = DetectorState(), 0
@@ -86,7 +93,7 @@ class CollisionMonitor:
         )
         self._tell_blind(self._state.external is before)
         found, pushed = self._detector.touched(self._state), self._detector.pushed(self._state)
-        self._giving.update(found, pushed, mode, memory, output)
+        self._giving.update(found, tool, pushed, mode, memory, output)
 
     def _carried(self, reading: PlantReading, load: Array) -> SensorLoad | None:
         """Return what the sensor reads; while it is stale, its payload is what the arm carries.

@@ -5,14 +5,15 @@ from enum import Enum, auto
 
 import numpy as np
 
-from ..control.hold.pushed import Pushed, released
+from ..control.hold.pushed import Pushed, released, tool_released
 from ..control.hold.retreat import LOOKBACK_S
 from ..control.parameters import Parameters
-from ..control.spatial import Array
+from ..control.spatial import Array, sizes
 from ..control.state import Memory, Output
 from ..mode import Mode
 from ..runtime.events import Events
 from .filters.collision import JointContact
+from .tool_contact import MARGIN_N, ToolContact
 
 OVER_S = 0.2
 """A touch is over once nothing has pushed for so long [s]."""
@@ -48,30 +49,45 @@ class ContactRelease:
             maxlen=round(LOOKBACK_S / p.period_s)
         )
         self._free: tuple[Array, Output | None] | None = None
+        self._tool_free: Output | None = None
+        """The newest before the tool was touched."""
         self._rested_s = np.inf
-        self._free_s = self._settled_s = 0.0
+        self._free_s = self._settled_s = self._tool_free_s = 0.0
+        self._tool = self._tool_lasting = False
         self._told = _Told.NOTHING
 
     def update(
         self,
         found: JointContact | None,
+        tool: ToolContact | None,
         pushed: Pushed | None,
         mode: Mode,
-        memory: Memory,
+        memory: Memory | None,
         output: Output | None,
     ) -> None:
         """Take in whether contact was `found` in this tick, and the estimate behind it.
 
-        `memory` and `output` are the tick's before.
+        `tool` is contact of the tool while its load is not explained. `memory` and `output` are the
+        tick's before.
         """
-        if not mode.energised:
+        if not mode.energised or memory is None:
             self.reset()
             return
         self._rested_s = self._rested_s + self._T if memory.motion.stands() else 0.0
-        if mode is Mode.ENABLED and not self.touched:
-            self._giving, self._told = False, _Told.NOTHING
+        touched = self.touched or (tool is not None and tool.touched and self._tool)
+        if mode is Mode.ENABLED and not touched:
+            self._giving = self._tool = self._tool_lasting = False
+            self._told = _Told.NOTHING
         if found is not None and not self.touched:
             self._found(found, mode)
+        if tool is None or not tool.free:
+            self._tool_free = self._tool_free if tool is not None else None
+        elif self._past and not self._giving:
+            self._tool_free = self._past[0][1]
+        # The reading changes with what is told of the load: then the change is nobody's push.
+        self._tool &= tool is not None
+        if tool is not None and tool.found and not self._tool:
+            self._found(tool, mode)
         if self.touched:
             free = pushed is None or released(pushed)
             self._free_s = self._free_s + self._T if free else 0.0
@@ -85,22 +101,25 @@ class ContactRelease:
             external, at = (None, None) if self._free is None else self._free
             self.pushed = pushed._replace(
                 touched=True,
-                lasting=self.touched,
                 free=external,
                 wrench=_seen(output),
                 free_wrench=_seen(at),
+                tool_bound=MARGIN_N if self._tool else None,
             )
+            self._tool_free_s = self._tool_free_s + self._T if tool_released(self.pushed) else 0.0
+            self._tool_lasting = self._tool and self._tool_free_s <= OVER_S
+            self.pushed = self.pushed._replace(lasting=self.touched or self._tool_lasting)
         if self._giving and mode is Mode.HOLD:
-            self._tell(pushed.external, memory)
+            self._tell(self.pushed, memory)
 
     def reset(self) -> None:
         """Forget everything: the drives are off, or nothing is known."""
-        self.touched = self._giving = False
-        self.pushed = self._free = None
+        self.touched = self._giving = self._tool = self._tool_lasting = False
+        self.pushed = self._free = self._tool_free = None
         self._past.clear()
         self._free_s, self._rested_s, self._told = 0.0, np.inf, _Told.NOTHING
 
-    def _found(self, found: JointContact, mode: Mode) -> None:
+    def _found(self, found: JointContact | ToolContact, mode: Mode) -> None:
         """Stop for contact that the arm ran into, and give way to it."""
         if not self._giving:
             if mode is not Mode.ENABLED and self._rested_s >= COMING_TO_REST_S:
@@ -108,10 +127,17 @@ class ContactRelease:
             self._tell_touched(found)
             known = len(self._past) == self._past.maxlen
             self._free = self._past[0] if known else None
-        self.touched = self._giving = True
-        self._free_s = 0.0
+            if isinstance(found, ToolContact) and known and self._tool_free is not None:
+                # Its bound is wider than a joint's, and contact may have begun long ago.
+                self._free = self._past[0][0], self._tool_free
+        self._giving = True
+        if isinstance(found, ToolContact):
+            # It may be more load: resume stays allowed.
+            self._tool, self._tool_free_s = True, 0.0
+        else:
+            self.touched, self._free_s = True, 0.0
 
-    def _tell(self, external: Array, memory: Memory) -> None:
+    def _tell(self, pushed: Pushed, memory: Memory) -> None:
         state = memory.retreat
         if state is None:
             return
@@ -122,22 +148,42 @@ class ContactRelease:
         elif self._settled_s < SETTLED_S:
             return
         else:
-            now = _Told.STUCK if self.touched else _Told.GAVE
+            now = _Told.STUCK if pushed.lasting else _Told.GAVE
         if now is self._told:
             return
         self._told = now
-        j = int(np.argmax(np.abs(external)))
-        joint, torque, way = self._joints[j], float(external[j]), state.travelled
-        values: dict[str, str | float] = {"joint": joint, "torque_nm": torque, "travelled_rad": way}
-        left = f"by {way:.4f} rad of {self._leash:g}; {joint} is left with {torque:+.1f} N·m"
+        what, push, values = self._push(pushed)
+        way = values["travelled_rad"] = state.travelled
+        left = f"by {way:.4f} rad of {self._leash:g}; {what} is left with {push}"
         if now is _Told.GIVING:
-            self._events.info("giving_way", f"to {torque:+.1f} N·m at {joint}", **values)
+            self._events.info("giving_way", f"to {push} at {what}", **values)
         elif now is _Told.GAVE:
             self._events.info("gave_way", left, **values)
         else:
             self._events.warning("still_pushed", f"gave way {left}, and is still pushed", **values)
 
-    def _tell_touched(self, found: JointContact) -> None:
+    def _push(self, pushed: Pushed) -> tuple[str, str, dict[str, str | float]]:
+        """Return what is pushed, by how much, and the values of an event that says so."""
+        if self._tool and not self.touched:
+            force = 0.0
+            if pushed.wrench is not None and pushed.free_wrench is not None:
+                force = sizes(pushed.wrench - pushed.free_wrench)[0]
+            return "the tool", f"{force:.1f} N", {"joint": "tool", "force_n": force}
+        j = int(np.argmax(np.abs(pushed.external)))
+        joint, torque = self._joints[j], float(pushed.external[j])
+        return joint, f"{torque:+.1f} N·m", {"joint": joint, "torque_nm": torque}
+
+    def _tell_touched(self, found: JointContact | ToolContact) -> None:
+        if isinstance(found, ToolContact):
+            self._events.warning(
+                "touched",
+                f"tool: {found.off_n:.1f} N off the load of {found.known_n:.1f} N, "
+                f"contact means {found.bound_n:.1f}",
+                joint="tool",
+                force_n=found.off_n,
+                bound_n=found.bound_n,
+            )
+            return
         joint = self._joints[found.joint]
         self._events.warning(
             "touched",

@@ -49,7 +49,8 @@ class Perception:
             self.sensor.update(reading, weight, twists)
             self.load.update(output, mode, now_s, self.sensor.unloaded, self.collisions.carried)
         moved = commands.frames.moved
-        self.collisions.update(reading, memory, output, moved, mode, self.load.doubt)
+        load = self.load
+        self.collisions.update(reading, memory, output, moved, mode, load.doubt, load.tool)
 
     def remember(self, tick: int, output: Output) -> None:
         """Store the pose of the arm in a tick, for pictures that were exposed in it."""

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from ..control.spatial import GRAVITY, Array
+from ..control.spatial import GRAVITY, Array, sizes
 from ..control.state import Output
 from .filters.collision import UNKNOWN_LOAD
 
@@ -12,6 +12,12 @@ LASTS = 3
 """Contact of the tool must last for so many ticks [1]."""
 MARGIN_N = 2.0 * UNKNOWN_LOAD.force
 """A bias turns round as the tool does [N]."""
+SETTLED_S = 0.3
+"""So long what is measured may change after the load was said to be unexplained [s]."""
+MEAN_OF = 4
+"""The tool's acceleration is measured as a mean of so many ticks [1]."""
+SEEN_WITHIN = 8
+"""What is commanded is measured within so many ticks [1]."""
 
 
 class ToolContact:
@@ -19,41 +25,58 @@ class ToolContact:
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
-        self.touched = self.told = False
-        self.off_n = self.bound_n = 0.0
+        self.touched = self.found = False
+        """`touched` is a reason to stop; `found` says that in this tick something touches."""
+        self.known_n = self.off_n = self.bound_n = 0.0
         self._lasting = 0
-        self._excused_n = 0.0
+        self._excused_n = self._told_s = 0.0
         self._moving = False
-        self._places: deque[Array] = deque(maxlen=4)
+        self._measured: deque[Array] = deque(maxlen=MEAN_OF + 2)
+        self._told: deque[Array] = deque(maxlen=SEEN_WITHIN + 2)
+
+    @property
+    def free(self) -> bool:
+        """True while nothing touches the tool for all that the sensor says."""
+        return self.off_n <= UNKNOWN_LOAD.force + self._excused_n
 
     def rest(self) -> None:
         """Forget: the load is explained."""
-        self.touched, self._excused_n, self._lasting = False, 0.0, 0
-        self._places.clear()
+        self.touched = self.found = False
+        self._excused_n, self._lasting, self._told_s = 0.0, 0, 0.0
+        self._measured.clear()
+        self._told.clear()
 
     def update(
         self, known_n: float, size_n: float, weight_n: float, output: Output, moving: bool
     ) -> None:
         """Compare the size of a force with that of the load [N], of which `weight_n` is told."""
+        self.known_n = known_n
         began, self._moving = moving and not self._moving, moving
-        self.told = False
-        self._places.append(output.T_world_mrf_measured.p)
+        self._measured.append(output.T_world_mrf_measured.p)
+        self._told.append(output.T_world_mrf.p)
         self.off_n = abs(size_n - known_n)
         if began:
             self._excused_n = self.off_n
-        self._excused_n = min(self._excused_n, self.off_n)
+        # An arm whose load was told wrong may still sink as that is noticed.
+        settled, self._told_s = self._told_s > SETTLED_S, self._told_s + self._period_s
+        keep = min if settled else max
+        self._excused_n = keep(self._excused_n, self.off_n)
         self.bound_n = MARGIN_N + UNKNOWN_LOAD.angle * (known_n + weight_n) + self._excused_n
         # What is moved needs a force as well.
         self.bound_n += 1.5 * known_n / -float(GRAVITY[2]) * self._acceleration()
         beyond = self.off_n > self.bound_n
         self._lasting = self._lasting + 1 if beyond else 0
-        found = self._lasting >= LASTS and moving
-        self.told = found and not self.touched
-        self.touched = found or (self.touched and beyond and moving)
+        self.found = self._lasting >= LASTS
+        self.touched = moving and (self.found or (self.touched and beyond))
 
     def _acceleration(self) -> float:
-        if len(self._places) < 3:
+        """Return what the tool accelerates by, or was told to lately [m/s²].
+
+        As a mean of some ticks: where it chatters on something, each is the contact's own.
+        """
+        if len(self._measured) < MEAN_OF + 2:
             return 0.0
-        places = np.array(self._places)
-        second = np.diff(places, n=2, axis=0)
-        return float(np.sqrt((second**2).sum(axis=1).max())) / self._period_s**2
+        steps = np.diff(np.array(self._measured), axis=0)
+        mean = sizes(np.append(steps[-1] - steps[0], (0.0, 0.0, 0.0)))[0] / (len(steps) - 1)
+        told = np.diff(np.array(self._told), n=2, axis=0)
+        return max(mean, float(np.sqrt((told**2).sum(axis=1).max()))) / self._period_s**2

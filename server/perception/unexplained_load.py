@@ -114,6 +114,11 @@ class LoadMonitor:
         return LoadUncertainty(force, moment + self._lever * force, turned)
 
     @property
+    def tool(self) -> ToolContact | None:
+        """Contact of the tool, by the size of a load; None while that is explained, or judged."""
+        return self._contact if self.trust in LATCHED else None
+
+    @property
     def touched(self) -> bool:
         """True while something touches the tool, by the size of a load that is not explained."""
         return self._contact.touched
@@ -151,7 +156,7 @@ class LoadMonitor:
             # Once it was explained, what comes while a source was off, or the sensor, is contact.
             anew = (stale or not self._using) and not self._vouched
             if using and (began or anew):
-                self._begin(time_s + (0.0 if before.energised else SETTLE_S))
+                self._begin(time_s, before.energised)
             self._using = using
         self._hear(output, time_s)
         if self._using and self._measured.known:
@@ -163,15 +168,6 @@ class LoadMonitor:
             return
         known, weight = float(self._known[0]), self._weight()
         self._contact.update(known, sizes(self._measured.now())[0], weight, output, moving)
-        if self._contact.told:
-            self._events.warning(
-                "touched",
-                f"tool: {self._contact.off_n:.1f} N off the load of {self._known[0]:.1f} N, "
-                f"contact means {self._contact.bound_n:.1f}",
-                joint="tool",
-                force_n=self._contact.off_n,
-                bound_n=self._contact.bound_n,
-            )
 
     def _waits(self) -> bool:
         """Return whether force control is not to act now."""
@@ -205,17 +201,21 @@ class LoadMonitor:
                 self.trust, self._until_s = LoadTrust.SETTLING, time_s + RAMPED_S
                 self._settings.load_settles = quiet
 
-    def _begin(self, until_s: float) -> None:
-        """Begin to judge, from a moment on."""
+    def _begin(self, time_s: float, energised: bool) -> None:
+        """Begin to judge; brakes of an arm that was not `energised` have just opened."""
         if self.trust is LoadTrust.UNKNOWN:
             return
         if self._measured.quiet():
             self.trust = LoadTrust.EXPLAINED
+        elif energised and self.trust is LoadTrust.UNEXPLAINED:
+            # Nothing was told of it, whatever the arm has touched since: it is not tried again.
+            self._say(None)
         elif self.trust in (LoadTrust.UNEXPLAINED, LoadTrust.ACKNOWLEDGED) and self._met_again():
             if self.trust is LoadTrust.UNEXPLAINED:
                 self._say(None)
         else:
-            self.trust, self._until_s = LoadTrust.SETTLING, until_s
+            self.trust = LoadTrust.SETTLING
+            self._until_s = time_s + (0.0 if energised else SETTLE_S)
 
     def _judge(self, output: Output, time_s: float, unloaded: Array | None) -> None:
         if self.trust is LoadTrust.SETTLING and (

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.tools.campaign.contact import letting_go
+from telerobot.tools.campaign.contact import doubted, letting_go
 
 STIFF = {
     "forearm csp": (0, 2e5, "csp", True),
@@ -33,6 +33,20 @@ def test_a_wrist_that_a_wrong_payload_presses_on_a_table_lets_go():
     run = letting_go.play(letting_go.laden(letting_go.LADEN.index((2e5, "csp"))))
     assert run.reasons == []
     assert run.peak_n > 4 * letting_go.GENTLE_N
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        ("pa10", "csp", 2e5, 5.0, ("stick", 0.1)),
+        ("pa10_hand_torque", "cst", 2e5, 5.0, ("stick", 0.1)),
+    ],
+    ids=["csp", "cst, without [touch]"],
+)
+def test_a_tool_whose_load_nobody_acknowledged_lets_go_of_a_table(row):
+    run = letting_go.play(doubted.doubted(doubted.TABLE.index(row)), held_s=1.5)
+    assert run.reasons == []
+    assert run.peak_n > 3 * letting_go.GENTLE_N
 
 
 def test_a_push_that_lasts_is_given_way_to_inside_the_leash_and_told(play, pa10):

@@ -1,14 +1,14 @@
-"""What pushes an arm that holds: unseen contact by its joints' torques, and what a sensor sees."""
+"""What pushes an arm that holds: unseen at its joints, or seen by a sensor."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ..spatial import Array
+from ..spatial import Array, sizes
 
 RELEASE = 0.7
-"""A joint is pushed no longer below this part of its bound [1]."""
+"""A joint, or the tool, is pushed no longer below this part of its bound [1]."""
 
 NEW = 0.5
 """Contact that the sensor sees came with the touch where more than this part of it is new [1]."""
@@ -33,11 +33,28 @@ class Pushed(NamedTuple):
     """What the force/torque sensor sees push the tool (6,), at the MRF in World axes [N, N·m]."""
     free_wrench: Array | None = None
     """The same before it was touched; None where that is not known."""
+    tool_bound: float | None = None
+    """Change of that force that means contact of the tool [N]; None: the tool was not touched."""
 
 
 def released(pushed: Pushed) -> bool:
-    """Return whether nothing pushes any more."""
+    """Return whether nothing pushes the joints any more."""
     return not beyond(pushed.external, pushed).any()
+
+
+def tool_released(pushed: Pushed) -> bool:
+    """Return whether the tool is no longer pushed by more than before it was touched.
+
+    The weight of a payload that was told wrong is the same before and after, in World axes.
+    """
+    if pushed.tool_bound is None or pushed.wrench is None or pushed.free_wrench is None:
+        return True
+    return sizes(pushed.wrench - pushed.free_wrench)[0] <= RELEASE * pushed.tool_bound
+
+
+def tool_push(pushed: Pushed, new: Array) -> Array:
+    """Return the joint torques (n,) of the tool's contact: `new` as long as it lasts [N·m]."""
+    return np.zeros(len(new)) if tool_released(pushed) else new
 
 
 def beyond(torque: Array, pushed: Pushed) -> Array:
@@ -58,8 +75,8 @@ def seen_torques(pushed: Pushed, J: Array) -> tuple[Array, Array]:
     """
     if pushed.wrench is None:
         return np.zeros(J.shape[1]), np.zeros(J.shape[1])
-    seen = pushed.wrench @ J
-    return seen, seen - pushed.free_wrench @ J if pushed.free_wrench is not None else 0.0 * seen
+    now = pushed.wrench @ J
+    return now, now - pushed.free_wrench @ J if pushed.free_wrench is not None else 0.0 * now
 
 
 def relieves(dq: Array, seen: Array, new: Array, pushed: Pushed) -> bool:
@@ -68,5 +85,5 @@ def relieves(dq: Array, seen: Array, new: Array, pushed: Pushed) -> bool:
 
 
 def magnitude(x: Array) -> float:
-    """Return the length of a vector (n,)."""
+    """Return the Euclidean norm."""
     return math.sqrt(float(x @ x))

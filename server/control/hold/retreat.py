@@ -19,7 +19,7 @@ import numpy as np
 
 from ..compiled import NUMBER, VECTOR, compiled
 from ..spatial import Array
-from .pushed import Pushed, beyond, leads_into, magnitude, relieves, seen_torques
+from .pushed import Pushed, beyond, leads_into, magnitude, relieves, seen_torques, tool_push
 
 STEP = 2e-3
 """The path is remembered in steps of this, by the joint that moves most [rad]."""
@@ -113,9 +113,12 @@ class Retreat:
                 dq = np.zeros_like(dq)
             return self._remembered(state, q, pushed, time_s), dq
         state = _moved(self._begun(state, q, time_s), q)
-        back = _way_back(state, q)
         seen, new = seen_torques(pushed, J)
-        state, way = self._direction(state, q, back, new, pushed)
+        tool = tool_push(pushed, new)
+        back = _way_back(state, q)
+        if back is not None:
+            state, back = _unopposed(state, q, back, tool, pushed)
+        state, way = self._direction(state, q, back, new, tool, pushed)
         if leads_into(dq, pushed) or (_forward(dq, back) and not relieves(dq, seen, new, pushed)):
             dq = np.zeros_like(dq)
         return state._replace(q=q), dq + state.rate * way
@@ -153,10 +156,17 @@ class Retreat:
         )
 
     def _direction(
-        self, state: RetreatState, q: Array, back: Array | None, new: Array, pushed: Pushed
+        self,
+        state: RetreatState,
+        q: Array,
+        back: Array | None,
+        new: Array,
+        tool: Array,
+        pushed: Pushed,
     ) -> tuple[RetreatState, Array]:
         """Return the state with the rate to give way at, and the direction (n,) for that rate."""
-        push, none = beyond(pushed.external, pushed), np.zeros(len(q))
+        none = np.zeros(len(q))
+        push = beyond(pushed.external, pushed) + tool
         state = state._replace(rate=0.0, off_path=False)
         if back is not None:
             needed = magnitude(back * (pushed.bound + pushed.excused))
@@ -175,7 +185,7 @@ class Retreat:
                 to_go = float(np.abs(state.way[-1] - q).max()) + (state.overrun - 1) * state.stride
                 rate = min(max(APPROACH * to_go, SLOWEST), state.fastest)
             return state._replace(rate=min(rate, end)), back
-        way = _off_path(pushed, back)
+        way = _off_path(pushed, tool, back)
         if way is None:
             return state, none
         return state._replace(rate=min(SLOWEST, end), off_path=True, shifted=True), way
@@ -225,20 +235,38 @@ def _way_back(state: RetreatState, q: Array) -> Array | None:
     return np.asarray(way / np.abs(way).max())
 
 
+def _unopposed(
+    state: RetreatState, q: Array, back: Array, tool: Array, pushed: Pushed
+) -> tuple[RetreatState, Array]:
+    """Return the direction `back` (n,) without the joints that would press the tool on.
+
+    `tool` (n,) is what the tool's contact turns them with [N·m]. A tool that came straight presses
+    one joint back and another one forth: that may have met its torque limit, or the end of its
+    leash, and would hold up all. So the rest of the way leads on from where it is.
+    """
+    out = -tool * back > pushed.bound * np.abs(back)
+    if not out.any() or float(tool @ back) <= 0.0:
+        return state, back
+    off, free = np.where(out, q - state.way[-1], 0.0), np.where(out, 0.0, back)
+    state = state._replace(way=tuple(posture + off for posture in state.way), shifted=True)
+    return state, free / float(np.abs(free).max())
+
+
 def _forward(dq: Array, back: Array | None) -> bool:
     """Return whether rates dq (n,) lead forward on the path, away from the way `back` (n,)."""
     return back is not None and -float(dq @ back) > ACROSS * magnitude(dq) * magnitude(back)
 
 
-def _off_path(pushed: Pushed, back: Array | None) -> Array | None:
+def _off_path(pushed: Pushed, tool: Array, back: Array | None) -> Array | None:
     """Return where the arm is pushed off its path (n,), 1 for the joint that moves most.
 
     Only what was not felt before the touch counts: the weight of a payload that nobody told of
-    would lead down, whatever is there. None where there is no such push, or it leads forward.
+    would lead down, whatever is there. `tool` (n,) is what came of the tool's [N·m]. None where
+    there is no such push, or it leads forward.
     """
     if pushed.free is None or not pushed.lasting:
         return None
-    push = beyond(pushed.external - pushed.free, pushed)
+    push = beyond(pushed.external - pushed.free, pushed) + tool
     size = magnitude(push)
     if size == 0.0:
         return None

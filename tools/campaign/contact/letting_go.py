@@ -28,8 +28,8 @@ GENTLE_N = 60.0
 WITHIN_S, HELD_S = 1.0, 10.0
 HIT_S = 1.0
 """The plate is met after so much jogging [s]."""
-SEARCH_S = 3.0
-"""The arm is told to go on until this time of the script [s]."""
+SEARCH_S = 2.7
+"""The arm is told to go on for so long [s]."""
 AWAY_S = 1.2
 """Length of the motion away at the end [s]."""
 PLATE = 0.05
@@ -66,7 +66,18 @@ class Plan(NamedTuple):
     name: str
     cell: Cell
     rates: tuple[float, ...] | None
-    """Joint rates that lead to the plate [rad/s]; None: force control does."""
+    """Joint rates that lead to the plate [rad/s]; None: a stick or force control does."""
+    twist: tuple[float, ...] | None = None
+    """What the stick asks for instead (6,), in Base [m/s, rad/s]."""
+    begun_s: float = 0.3
+    """When that begins, from the script's start [s]."""
+    said: str = ""
+    """Event that has to be told before the touch."""
+
+    @property
+    def driven(self) -> bool:
+        """True where an operator leads the arm to the plate."""
+        return self.rates is not None or self.twist is not None
 
 
 @dataclass(frozen=True)
@@ -99,8 +110,8 @@ def listed(number: int) -> Plan:
     start = np.array(cell.config.mechanism.postures["ready"])
     rates = np.zeros(len(start))
     rates[joint] = rate
-    cell = _with(cell, start, mode, sensed)
-    cell = _met(cell, start, rates, part, stiffness)
+    cell = prepared(cell, start, mode, sensed)
+    cell = met(cell, start, rates, part, stiffness)
     jogged, sensor = cell.robot.joints[joint].name, "" if sensed else ", no sensor"
     name = f"{part} by {jogged} {stiffness / 1e3:g} kN/m {mode}{sensor}"
     return Plan(name, cell, tuple(rates.tolist()))
@@ -120,8 +131,8 @@ def drawn(seed: int) -> Plan:
         rates = np.round(way / np.abs(way).max() * size, 4)
         stiffness = float(np.exp(draw.uniform(*np.log(STIFFNESSES))))
         mode, sensed = str(draw.choice(MODES)), bool(draw.random() < 0.5)
-        cell = _with(load_cell(CELL), start, mode, sensed)
-        cell = _met(cell, start, rates, part, stiffness)
+        cell = prepared(load_cell(CELL), start, mode, sensed)
+        cell = met(cell, start, rates, part, stiffness)
         clearance = World(cell).distances.clearance()
         if clearance is not None and clearance > CLEAR:
             return Plan(f"drawn {seed}", cell, tuple(rates.tolist()))
@@ -132,10 +143,12 @@ def laden(number: int) -> Plan:
     stiffness, mode = LADEN[number]
     cell = load_cell(CELL)
     start = np.array(cell.config.mechanism.postures["ready"])
-    cell = _with(cell, start, mode, sensed=True)
+    cell = prepared(cell, start, mode, sensed=True)
     down = np.array([0.0, 0.0, -1.0])
     at = _place(cell, start, "wrist") + (PARTS["wrist"][2] + ABOVE) * down
-    cell = _rig(cell, wall=_plate(at, down, stiffness), payload_mass=LOAD_KG, payload_com=LOAD_AT)
+    cell = surrounded(
+        cell, wall=plate(at, down, stiffness), payload_mass=LOAD_KG, payload_com=LOAD_AT
+    )
     return Plan(f"laden wrist {stiffness / 1e3:g} kN/m {mode}", cell, None)
 
 
@@ -144,8 +157,8 @@ def play(plan: Plan, held_s: float = HELD_S, hold_s: float | None = None) -> Let
 
     All in seconds.
     """
-    resumed_s = HIT_S + 1.0 + WITHIN_S + held_s
-    simulation = Simulation(plan.cell, _script(plan.rates, resumed_s, hold_s))
+    resumed_s = plan.begun_s + HIT_S + 0.7 + WITHIN_S + held_s
+    simulation = Simulation(plan.cell, _script(plan, resumed_s, hold_s))
     times: list[float] = []
     forces: list[float] = []
 
@@ -169,10 +182,12 @@ def play(plan: Plan, held_s: float = HELD_S, hold_s: float | None = None) -> Let
         reasons.append("not felt")
     if not pressed < GENTLE_N:
         reasons.append(f"pressed with {pressed:.0f} N after the stop")
+    if plan.said and not any(e.name == plan.said for e in simulation.events):
+        reasons.append(f"{plan.said} was not told")
     if felt and not events["gave_way"]:
         reasons.append("the arm did not tell that it gave way")
     touch = plan.cell.config.touch
-    if plan.rates is not None:
+    if plan.driven:
         if touch is not None and travel > touch.leash:
             reasons.append(f"gave way by {travel:.3f} rad")
         if result.summary["mode"] != "enabled" or len(felt) > 1:
@@ -190,7 +205,7 @@ def play(plan: Plan, held_s: float = HELD_S, hold_s: float | None = None) -> Let
 def lines(runs: Sequence[LetGo]) -> list[str]:
     """Return the report: a line for each contact."""
     return [
-        f"  {run.name:36s} felt at {run.touched_s} s, at most {run.peak_n:4.0f} N, "
+        f"  {run.name:46s} felt at {run.touched_s} s, at most {run.peak_n:4.0f} N, "
         f"{WITHIN_S:g} s later {run.pressed_n:3.0f} N, gave way by {run.gave_way_rad:.4f} rad"
         for run in runs
     ]
@@ -203,25 +218,32 @@ def _before_the_stop(state: State) -> bool:
 _TOLD = ("touched", "gave_way", "request_refused")
 
 
-def _script(rates: tuple[float, ...] | None, resumed_s: float, hold_s: float | None) -> Script:
+def _script(plan: Plan, resumed_s: float, hold_s: float | None) -> Script:
     steps: list[dict[str, object]] = [{"at_s": resumed_s, "operator/mode": {"action": "resume"}}]
     if hold_s is not None:
         steps.append({"at_s": hold_s, "operator/mode": {"action": "hold"}})
-    if rates is None:
+    if not plan.driven:
         # Said to be unexplained, force control would not act on it.
         steps.append({"at_s": SAID_S, "operator/acknowledge_load": {}})
     else:
-        back = [-rate for rate in rates]
+        topic = "cmd/joystick" if plan.rates is None else "cmd/jog"
         steps += [
-            {"at_s": 0.3, "cmd/jog": {"rates": list(rates)}},
-            {"at_s": SEARCH_S, "silence": ["cmd/jog"]},
-            {"at_s": resumed_s + 0.1, "cmd/jog": {"rates": back}},
+            {"at_s": plan.begun_s, topic: _asked(plan, 1.0)},
+            {"at_s": plan.begun_s + SEARCH_S, "silence": [topic]},
+            {"at_s": resumed_s + 0.1, topic: _asked(plan, -1.0)},
         ]
-    seconds = resumed_s + (0.1 if rates is None else AWAY_S)
+    seconds = resumed_s + (AWAY_S if plan.driven else 0.1)
     return Script.model_validate({"duration_s": seconds, "step": steps})
 
 
-def _with(cell: Cell, start: Vector, mode: str, sensed: bool) -> Cell:
+def _asked(plan: Plan, share: float) -> dict[str, object]:
+    """Return the message that leads to the plate, or with −1 away from it."""
+    if plan.rates is not None:
+        return {"rates": [share * rate for rate in plan.rates]}
+    return {"twist": [share * x for x in plan.twist or ()], "expressed_in": "base"}
+
+
+def prepared(cell: Cell, start: Vector, mode: str, sensed: bool) -> Cell:
     """Return the cell with another start, operation mode and sensor, and nothing around it."""
     mechanism = cell.config.mechanism
     changes: dict[str, object] = {
@@ -231,28 +253,30 @@ def _with(cell: Cell, start: Vector, mode: str, sensed: bool) -> Cell:
     if not sensed:
         changes["force_torque"] = None
     config = cell.config.model_copy(update={"mechanism": mechanism.model_copy(update=changes)})
-    return _rig(replace(cell, config=config), wall=None, boxes=())
+    return surrounded(replace(cell, config=config), wall=None, boxes=())
 
 
-def _rig(cell: Cell, **changes: object) -> Cell:
+def surrounded(cell: Cell, **changes: object) -> Cell:
+    """Return the cell with changes of its `[rig]`."""
     if cell.config.rig is None:
         raise ValueError(f"cell {cell.config.name}: needs a rig")
     rig = cell.config.rig.model_copy(update=changes)
     return replace(cell, config=cell.config.model_copy(update={"rig": rig}))
 
 
-def _met(cell: Cell, start: Vector, rates: Vector, part: str, stiffness: float) -> Cell:
+def met(cell: Cell, start: Vector, rates: Vector, part: str, stiffness: float) -> Cell:
     """Return the cell with a plate that a part of the arm runs into after `HIT_S`, head-on."""
     q, small = start + HIT_S * rates, 1e-4
     at, before = (_place(cell, q - back * rates, part) for back in (0.0, small))
     way = (at - before) / np.linalg.norm(at - before)
-    return _rig(cell, wall=_plate(at + PARTS[part][2] * way, way, stiffness))
+    return surrounded(cell, wall=plate(at + PARTS[part][2] * way, way, stiffness))
 
 
-def _plate(at: Vector, way: Vector, stiffness: float) -> Wall:
+def plate(at: Vector, way: Vector, stiffness: float, half_size: float = PLATE) -> Wall:
+    """Return a sprung plate at a place (3,) [m] across a way (3,), of so many N/m."""
     x, y, z = at.tolist()
     a, b, c = (-way).tolist()
-    return Wall(xyz=(x, y, z), normal=(a, b, c), half_size=PLATE, stiffness=stiffness)
+    return Wall(xyz=(x, y, z), normal=(a, b, c), half_size=half_size, stiffness=stiffness)
 
 
 def _place(cell: Cell, q: Vector, part: str) -> Vector:

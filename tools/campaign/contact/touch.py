@@ -18,7 +18,7 @@ from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 from ..part import Part, Selection
 from ..runs import Runs
-from . import letting_go
+from . import doubted, letting_go
 from .letting_go import LetGo
 from .sliding import MADE_S, SLIDES, sliding
 
@@ -32,11 +32,12 @@ MOTIONS = ((0.0, 0.05, 0.02, 0.0, 0.0, 0.1), (0.0, -0.08, 0.05, 0.0, 0.0, 0.0))
 SIDES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 Job = tuple[str, int]
-"""`free` and a seed, `push` or `slide` and its number; of contacts `contact` or `laden` and its
-number, or `drawn` and a seed."""
+"""`free` and a seed, `push` or `slide` and its number; of contacts `contact`, `laden` or `doubted`
+and its number, or `drawn` and a seed."""
 CONTACTS = {
     "contact": letting_go.listed,
     "laden": letting_go.laden,
+    "doubted": doubted.doubted,
     "drawn": letting_go.drawn,
 }
 
@@ -203,6 +204,7 @@ def jobs(selection: Selection) -> list[Job]:
         "slide": len(SLIDES),
         "contact": len(letting_go.TABLE),
         "laden": len(letting_go.LADEN),
+        "doubted": len(doubted.TABLE),
     }
     made = [(kind, number) for kind, count in counts.items() for number in range(count)]
     return made + [("free" if seed % 5 < 2 else "drawn", seed) for seed in selection.seeds]

@@ -135,6 +135,37 @@ def test_an_arm_that_stood_and_is_not_pushed_any_more_stays(retreat):
     assert np.abs(way - q).max() == 0.0
 
 
+def test_a_tool_that_a_wrong_load_hangs_on_lets_go_of_what_it_met_since(retreat):
+    state, q, now = came(retreat, seconds=4.0)
+    load = np.array([0.0, -50.0])
+
+    def met(at):
+        wall = np.array([-900.0 * max(0.0, at[0] - 0.35), 0.0])
+        return push(0.0, 0.0, seen=load + wall, seen_before=load, tool_bound=10.0)
+
+    state, way = held(retreat, state, q, now, met)
+    assert way[-1, 0] < 0.35 + 10.0 / 900.0
+    assert way[-1, 0] > 0.33
+    assert np.abs(way[:, 1]).max() < 1e-9
+
+
+def test_a_joint_that_its_way_back_would_press_on_is_left_out(retreat):
+    """A straight way of the tool takes one joint forth and another back."""
+    state, q = retreat.start, np.zeros(2)
+    for k in range(300):
+        q = q + T * np.array([0.1, 0.05])
+        state, _ = retreat.step(state, q, FREE, J, None, k * T, False)
+
+    def met(at):
+        force = 900.0 * max(0.0, at[0] - 0.25)
+        return push(0.0, 0.0, seen=(-force, force), tool_bound=10.0)
+
+    state, way = held(retreat, state, q, 3.0, met)
+    assert way[-1, 0] < 0.25 + 10.0 / 900.0
+    pressed = way[:, 0] > 0.25 + 10.0 / 900.0
+    assert np.abs(way[pressed, 1] - q[1]).max() < 1e-9
+
+
 @pytest.mark.parametrize(
     ("pushed", "goes"),
     [
