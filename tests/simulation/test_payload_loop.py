@@ -33,7 +33,7 @@ def played(cell: Cell, force=(0.0, 4.0, 0.0), seconds=1.0, *more) -> Run:
         ("csp", 0.0, 0.5, 15.0),
         ("csp", 5.0, 0.5, 10.0),
         ("csv", 5.0, 0.5, 60.0),
-        ("csv", 3.0, 5.0, 10.0),
+        ("csv", 3.0, 5.0, 12.0),  # at 10 its own M / B = 0.5 s leaves just 0.01 m/s
         ("cst", 5.0, 0.5, 10.0),
         ("cst", 3.0, 1.0, 20.0),
     ],

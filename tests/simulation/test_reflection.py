@@ -32,7 +32,7 @@ def test_without_protection_a_reflecting_stick_bounces_at_a_tenth_of_a_second(ce
 
 def test_without_protection_a_reflecting_master_bounces_and_gives_out_energy(cell):
     found = trial(cell, "pose", 0.1, protected=False, stiffness=150.0, seed=SEED)
-    assert found.ripple > 0.5
+    assert found.ripple > 0.3  # 0.44 to 1.3 by the seed; protected 0.07 at most
     assert found.least_energy_j < -0.05
 
 
