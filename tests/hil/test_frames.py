@@ -20,11 +20,12 @@ ABOVE = [0.0, 0.0, 0.05]
 
 PUBLISHER = """
 import sys, time
-from telerobot.protocols import messages as m, topics as t
+from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
-from telerobot.protocols.moving import FrameNews
-from telerobot.protocols.rig import RigTruth
-from telerobot.tools.session import Session
+from telerobot.protocols.messages import messages as m
+from telerobot.protocols.messages.moving import FrameNews
+from telerobot.protocols.messages.rig import RigTruth
+from telerobot.tools.operator.client.session import Session
 
 session = Session("pa10_platform", sys.argv[1])
 truths, states = session.subscribe(t.RIG_TRUTH, 1), session.subscribe(t.STATE, 1)
