@@ -40,16 +40,7 @@ class Stages:
         self.resolver = Resolver(
             joints, p.resolve, p.T_wrist_tool, mechanism.rank, self.redundancy, field, p.priority
         )
-        room = JointRoom(
-            joints.lower,
-            joints.upper,
-            joints.acceleration,
-            joints.jerk,
-            joints.velocity,
-            joints.leash,
-            T,
-            joints.following_window,
-        )
+        room = JointRoom.of(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
         self.actuate = actuation(p, mechanism)

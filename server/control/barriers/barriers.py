@@ -125,19 +125,7 @@ class Allow:
         self._velocity = joined(self._velocities)
         self._length = length
         self.guard = guard
-        self.rooms = tuple(
-            JointRoom(
-                arm.lower,
-                arm.upper,
-                arm.acceleration,
-                arm.jerk,
-                arm.velocity,
-                arm.leash,
-                period_s,
-                arm.following_window,
-            )
-            for arm in joints
-        )
+        self.rooms = tuple(JointRoom.of(arm, period_s) for arm in joints)
         self.parts = parts_of([arm.n for arm in joints])
         """Where each mechanism's joints are among all."""
         self._tool = np.repeat(np.arange(len(joints)), [arm.n for arm in joints])

@@ -8,11 +8,12 @@ limits may stay there or come in, and is not led: enabling an arm moves nothing.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from ..compiled import VECTOR, compiled
+from ..joints import Joints
 from ..scene import Index
 from ..spatial import Array
 from .resisted import Resistance, Resisted, slowed
@@ -68,6 +69,20 @@ class JointRoom:
         self._leash = leash
         self._window = 2.0 * leash if window is None else window
         self._period_s = period_s
+
+    @classmethod
+    def of(cls, joints: Joints, period_s: float) -> Self:
+        """Build that of one mechanism's joints."""
+        return cls(
+            joints.lower,
+            joints.upper,
+            joints.acceleration,
+            joints.jerk,
+            joints.velocity,
+            joints.leash,
+            period_s,
+            joints.following_window,
+        )
 
     def within(self, dq: Array, most: Array, q: Array, error: Array) -> Within:
         """Return rates dq (n,) scaled to the bounds `most` (n,), and what all bounds allow.
