@@ -7,6 +7,7 @@ and bound. What needs numbers to judge (bus load, stability) is `telerobot check
 import json
 import re
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -14,10 +15,13 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from .agree.agree import check_agreement
+from .agree.cell import check_cell
+from .devices import devices_of, shared_devices
 from .errors import ConfigError, nearest
 from .joint_ranges import expand
 from .parts import on_top, parts_of
 from .schema.cell import CellConfig
+from .schema.on_bus import Entry
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
 
@@ -52,7 +56,10 @@ class Cell:
     others: tuple["Cell", ...] = ()
     """The other parts, in the order of the file."""
     prefix: str = ""
-    """Names of this part's joints and links begin so where the cell has several: `MECHANISM.`"""
+    """Names of this part's joints, links and devices begin so where the cell has several:
+    `MECHANISM.`"""
+    place: str = "mechanism"
+    """Where this part's mechanism stands in the file."""
 
     @property
     def parts(self) -> tuple["Cell", ...]:
@@ -65,6 +72,17 @@ class Cell:
         return tuple(
             f"{part.prefix}{joint.name}" for part in self.parts for joint in part.robot.joints
         )
+
+    @property
+    def devices(self) -> tuple[Entry, ...]:
+        """Every device on a bus, in the order of booting: mechanism by mechanism, shared ones last.
+
+        Those of a mechanism are its drives, as the chain's joints, then its sensor and gripper.
+        """
+        each = (
+            devices_of(part.config, part.place, part.prefix, i) for i, part in enumerate(self.parts)
+        )
+        return (*chain.from_iterable(each), *shared_devices(self.config))
 
     @property
     def default_script(self) -> Path:
@@ -87,7 +105,7 @@ def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
     path = _find("cells", name_or_path, Path(), "")
     document = _whole(path)
     if "mechanisms" not in document:
-        return _part(path, document, "mechanism")
+        return _agreed(_part(path, document, "mechanism"))
     parts = [
         _part(path, part, f"mechanisms[{i}]")
         for i, part in enumerate(parts_of(path, document, _whole_cell))
@@ -98,7 +116,13 @@ def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
         )
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
-    return replace(parts[0], others=tuple(parts[1:]))
+    return _agreed(replace(parts[0], others=tuple(parts[1:])))
+
+
+def _agreed(cell: Cell) -> Cell:
+    """Return a cell whose parts agree with each other. Raises `ConfigError`."""
+    check_cell(cell.path, [(part.place, part.config) for part in cell.parts], cell.devices)
+    return cell
 
 
 def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
@@ -119,7 +143,7 @@ def _part(path: Path, document: dict[str, Any], place: str) -> Cell:
     order = {joint.name: i for i, joint in enumerate(robot.joints)}
     drives = tuple(sorted(mechanism.drives, key=lambda drive: order[drive.joint]))
     mechanism = mechanism.model_copy(update={"drives": drives})
-    return Cell(path, config.model_copy(update={"mechanism": mechanism}), robot)
+    return Cell(path, config.model_copy(update={"mechanism": mechanism}), robot, place=place)
 
 
 def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:

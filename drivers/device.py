@@ -69,9 +69,11 @@ class Device(ABC):
     """Its trouble stops every drive at once."""
 
     name: str
-    """Name that events and errors use: the joint's, or the sensor's."""
+    """Name that events and errors use, unique in the cell: the joint's, or the sensor's."""
     bus: str
     """Name of the fieldbus that it is on."""
+    part: int | None = None
+    """Place of its mechanism among the cell's; None for a device that the cell has once."""
 
     @abstractmethod
     def open(self) -> None:

@@ -30,16 +30,16 @@ class Kind:
     """Maker of a device's driver, and the class of its simulated node."""
 
     driver: Callable[[Any, Entry, Fieldbus, Cell], Device]
-    """Takes the device's table, its entry, its bus and the cell."""
+    """Takes the device's table, its entry, its bus, and the cell of its mechanism."""
     node: str
     """Module in `rig/nodes/` and class, which keeps the contract `nodes/node.py`."""
 
 
-def _servo(drive: Drive, _entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+def _servo(drive: Drive, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
     joint = next(j for j in cell.robot.joints if j.name == drive.joint)
     return ServoDrive(
         fieldbus,
-        drive,
+        drive.model_copy(update={"joint": entry.name}),
         cell.config.timing,
         lower=joint.lower,
         upper=joint.upper,
@@ -52,8 +52,9 @@ def _sensor(sensor: ForceTorque, entry: Entry, fieldbus: Fieldbus, _cell: Cell) 
     return RobotousSensor(fieldbus, sensor, entry.name)
 
 
-def _gripper(gripper: Gripper, _entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
-    return GripperOutput(fieldbus, gripper, cell.config.timing, EDS / "simulated_output.eds")
+def _gripper(gripper: Gripper, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+    eds = EDS / "simulated_output.eds"
+    return GripperOutput(fieldbus, gripper, cell.config.timing, eds, entry.name)
 
 
 def _switch(switch: EnablingSwitch, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
@@ -71,9 +72,13 @@ KINDS: Final[dict[type[OnBus], Kind]] = {
 
 def make_drivers(cell: Cell, buses: Fieldbuses) -> tuple[Device, ...]:
     """Return the drivers of a cell's devices, in the order of booting; none is opened yet."""
-    config = cell.config
-    by_name = {c.name: bus for c, bus in zip(config.fieldbuses, buses, strict=True)}
-    return tuple(
-        KINDS[type(entry.section)].driver(entry.section, entry, by_name[entry.bus], cell)
-        for entry in config.devices
-    )
+    by_name = {c.name: bus for c, bus in zip(cell.config.fieldbuses, buses, strict=True)}
+    parts = cell.parts
+    drivers = []
+    for entry in cell.devices:
+        part = cell if entry.part is None else parts[entry.part]
+        make = KINDS[type(entry.section)].driver
+        driver = make(entry.section, entry, by_name[entry.bus], part)
+        driver.part = entry.part
+        drivers.append(driver)
+    return tuple(drivers)

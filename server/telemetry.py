@@ -51,7 +51,7 @@ def describe(cell: Cell) -> Description:
         stream_timeout_s=config.timing.stream_timeout_s,
         max_command_age_s=config.timing.max_command_age_s,
         buses={
-            bus.name: tuple(entry.name for entry in config.devices if entry.bus == bus.name)
+            bus.name: tuple(entry.name for entry in cell.devices if entry.bus == bus.name)
             for bus in config.fieldbuses
         },
         versions={"telerobot": metadata.version("telerobot"), "protocol": str(VERSION)},

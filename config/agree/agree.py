@@ -10,7 +10,6 @@ from ..joint_bounds import joint_bounds
 from ..schema.cell import CellConfig
 from ..schema.mechanism import Drive, Mechanism
 from ..urdf import Robot, UrdfJoint
-from .buses import bus_disagreements
 from .cameras import camera_disagreements
 from .modes import mode_disagreements
 from .obstacles import obstacle_disagreements
@@ -35,9 +34,8 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from _pairing(config.mechanism.drives, robot)
     joints = {joint.name: joint for joint in robot.joints}
     for i, drive in enumerate(config.mechanism.drives):
-        yield from _drive(drive.key(i), drive, joints[drive.joint])
+        yield from _drive(f"mechanism.{drive.key(i)}", drive, joints[drive.joint])
     yield from _postures(config, robot)
-    yield from bus_disagreements(config)
     yield from _gripper(config)
     yield from _payloads(config.mechanism)
     yield from camera_disagreements(config)
@@ -77,7 +75,7 @@ def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:
     names = [j.name for j in robot.joints]
     seen: set[str] = set()
     for i, drive in enumerate(drives):
-        where = drive.key(i)
+        where = f"mechanism.{drive.key(i)}"
         if drive.joint not in names:
             hint = nearest(drive.joint, names)
             yield (

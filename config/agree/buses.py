@@ -1,11 +1,11 @@
 """What must agree between a cell's CAN buses and the devices on them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ..errors import nearest
 from ..schema.cell import CellConfig
-from ..schema.mechanism import Drive
+from ..schema.mechanism import Drive, ForceTorque
 from ..schema.on_bus import CanOpenNode, Entry
 
 MASTER_NODE: Final = 127
@@ -13,8 +13,14 @@ MASTER_NODE: Final = 127
 _MASTER_IDS: Final = {0x000: "NMT", 0x080: "SYNC", 0x700 + MASTER_NODE: "the daemon's heartbeat"}
 
 
-def bus_disagreements(config: CellConfig) -> Iterator[str]:
-    """Yield what does not fit, each in one line with its key."""
+def bus_disagreements(
+    parts: Sequence[tuple[str, CellConfig]], devices: Sequence[Entry]
+) -> Iterator[str]:
+    """Yield what does not fit, each in one line with its key.
+
+    `parts` are the cell's mechanisms: each one's place in the file, and what the file says of it.
+    """
+    _, config = parts[0]
     if config.buses and "bus" in config.model_fields_set:
         yield "buses: there is a [bus], too: give either [bus] or [[buses]]"
     yield from _buses(config)
@@ -23,16 +29,21 @@ def bus_disagreements(config: CellConfig) -> Iterator[str]:
     for name in names:
         owners |= {(name, can_id): owner for can_id, owner in _MASTER_IDS.items()}
     nodes = {(name, MASTER_NODE): "the daemon" for name in names}
+    for place, part in parts:
+        yield from _known(place, part.mechanism.bus, names)
     called: set[str] = set()
-    for entry in config.devices:
-        if entry.bus not in names:
-            hint = nearest(entry.bus, names)
-            yield f"{entry.key}.bus: value '{entry.bus}': no such bus in [[buses]]{hint}"
+    for entry in devices:
+        yield from _known(entry.key, entry.section.bus, names)
         if entry.name in called:
             yield f"{entry.key}.name: value '{entry.name}': another device has that name"
         called.add(entry.name)
         yield from _identifiers(entry, nodes, owners)
-    yield from _without_drives(config)
+    yield from _without_drives(devices)
+
+
+def _known(key: str, bus: str | None, names: list[str]) -> Iterator[str]:
+    if bus is not None and bus not in names:
+        yield f"{key}.bus: value '{bus}': no such bus in [[buses]]{nearest(bus, names)}"
 
 
 def _buses(config: CellConfig) -> Iterator[str]:
@@ -67,11 +78,11 @@ def _identifiers(
     owners |= dict.fromkeys(own, entry.owner)
 
 
-def _without_drives(config: CellConfig) -> Iterator[str]:
+def _without_drives(devices: Sequence[Entry]) -> Iterator[str]:
     """A sample is aged by the answers of a drive that shares the clock of its stamps."""
-    driven = {entry.bus for entry in config.devices if isinstance(entry.section, Drive)}
-    for entry in config.devices:
-        if entry.key == "mechanism.force_torque" and entry.bus not in driven:
+    driven = {entry.bus for entry in devices if isinstance(entry.section, Drive)}
+    for entry in devices:
+        if isinstance(entry.section, ForceTorque) and entry.bus not in driven:
             yield (
                 f"{entry.key}.bus: value '{entry.bus}': no drive is on that bus, whose answers "
                 "tell how old a sample is"

@@ -16,7 +16,6 @@ from .null_space.potential import PotentialField
 from .null_space.priority import Priority
 from .null_space.redundancy import Redundancy
 from .obstacles import Avoidance, Obstacle
-from .on_bus import Entry, OnBus
 from .reflection import Reflection
 from .rig.rig import Rig
 from .section import Name, Pose, Section
@@ -148,25 +147,3 @@ class CellConfig(Section):
     def fieldbuses(self) -> tuple[Bus, ...]:
         """The cell's CAN buses, one or several."""
         return self.buses or (self.bus,)
-
-    @property
-    def devices(self) -> tuple[Entry, ...]:
-        """Every device on a bus, in the order of booting: drives first, as the chain's joints."""
-        mechanism = self.mechanism
-        found = [
-            self._entry(drive.key(i), drive.joint, drive, f"the drive of '{drive.joint}'")
-            for i, drive in enumerate(mechanism.drives)
-        ]
-        for name in ("force_torque", "gripper"):
-            section = getattr(mechanism, name)
-            if section is not None:
-                owner = f"the {name.replace('_', '/')}"
-                found.append(self._entry(f"mechanism.{name}", name, section, owner))
-        if self.enabling_switch is not None:
-            name = "enabling_switch"
-            found.append(self._entry(name, name, self.enabling_switch, "the enabling switch"))
-        return tuple(found)
-
-    def _entry(self, key: str, name: str, section: OnBus, owner: str) -> Entry:
-        bus = self.fieldbuses[0].name if section.bus is None else section.bus
-        return Entry(key, name, section, bus, owner)

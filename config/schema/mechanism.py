@@ -84,8 +84,8 @@ class Drive(CanOpenNode):
         return drive
 
     def key(self, index: int) -> str:
-        """Return where the table of the drive of that index stands in the cell file."""
-        return f"mechanism.drives[{index if self._table is None else self._table}]"
+        """Return where the table of the drive of that index stands in its mechanism's."""
+        return f"drives[{index if self._table is None else self._table}]"
 
 
 Lever = Annotated[float, Field(ge=-2, le=2)]
@@ -178,6 +178,9 @@ class Mechanism(Section):
 
     name: Name = Field(description="name of the mechanism")
     urdf: str = Field(description="path, or the name of a URDF that is shipped")
+    bus: Name | None = Field(
+        None, description="bus of its drives, sensor and gripper; none: the first of the cell"
+    )
     T_world_base: Pose = Field(default_factory=Pose, description="Base frame in World")
     operation_mode: Literal["csp", "csv", "cst"] = Field(
         "csp",

@@ -27,7 +27,9 @@ class Frames:
 class OnBus(Section):
     """Base of a device's table."""
 
-    bus: Name | None = Field(None, description="bus that it is on; none: the first of the cell")
+    bus: Name | None = Field(
+        None, description="bus that it is on; none: its mechanism's, or the first"
+    )
 
     def identifiers(self) -> tuple[tuple[str, int], ...]:
         """Return the CAN identifiers that it uses, each with the key that sets it."""
@@ -55,9 +57,11 @@ class Entry:
     key: str
     """Place in the cell file, for errors."""
     name: str
-    """Name that events, faults and telemetry use."""
+    """Name that events, faults and telemetry use, unique in the cell."""
     section: OnBus
     bus: str
     """Bus that it is on."""
     owner: str
     """Words for its name in an error."""
+    part: int | None
+    """Place of its mechanism among the cell's; None for one that the cell has once."""

@@ -34,8 +34,15 @@ class GripperOutput(Output):
     (6206h).
     """
 
-    def __init__(self, fieldbus: Fieldbus, gripper: Gripper, timing: Timing, eds: Path) -> None:
-        self.name, self.bus, self.gripper = "gripper", fieldbus.name, gripper
+    def __init__(
+        self,
+        fieldbus: Fieldbus,
+        gripper: Gripper,
+        timing: Timing,
+        eds: Path,
+        name: str = "gripper",
+    ) -> None:
+        self.name, self.bus, self.gripper = name, fieldbus.name, gripper
         self._bus = fieldbus
         self._node = WatchedNode(self.name, gripper.node, fieldbus, timing, eds)
         self._mask = 1 << gripper.output

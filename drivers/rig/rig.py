@@ -69,7 +69,7 @@ class Rig:
         bench = Bench(cell, rig, self.world, self._loop, self.now)
         self.nodes: dict[str, Node] = {}
         """Simulated devices by name, in the order of the cell's."""
-        for entry in config.devices:
+        for entry in cell.devices:
             bench.wire = by_name[entry.bus]
             self.nodes[entry.name] = node = _node(entry, bench)
             bench.wire.add(node)

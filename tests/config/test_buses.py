@@ -27,7 +27,7 @@ def on(bus, joint):
 
 
 def devices(path):
-    return {entry.name: entry.bus for entry in load_cell(path).config.devices}
+    return {entry.name: entry.bus for entry in load_cell(path).devices}
 
 
 def refusal(small):

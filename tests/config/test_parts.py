@@ -6,12 +6,20 @@ from telerobot.config.load import ConfigError, load_cell
 PAIR = """
 name = "two"
 default_script = "pa10_tour"
+[[buses]]
+name = "left"
+channel = "239.74.163.20"
+[[buses]]
+name = "right"
+channel = "239.74.163.21"
 [[mechanisms]]
 name = "left"
+bus = "left"
 like = "pa10"
 T_world_base = { xyz = [0.0, 0.55, 0.0] }
 [[mechanisms]]
 name = "right"
+bus = "right"
 like = "ur5e"
 """
 
@@ -74,6 +82,7 @@ speed = 0.02
     assert a.config.limits.speed == b.config.limits.speed == 0.3
 
 
+SAME = ('name = "right"\nbus', 'name = "left"\nbus')
 ONE = '[[mechanisms]]\nname = "left"\nlike = "pa10"\n'
 HEAD = 'name = "two"\ndefault_script = "pa10_tour"\n'
 
@@ -82,7 +91,7 @@ HEAD = 'name = "two"\ndefault_script = "pa10_tour"\n'
     ("text", "words"),
     [
         (PAIR + "[mechanism]\nname = 'third'\n", "mechanisms: there is [mechanism] too"),
-        (PAIR.replace("right", "left"), "mechanisms[1].name: value 'left': is there already"),
+        (PAIR.replace(*SAME), "mechanisms[1].name: value 'left': is there already"),
         (PAIR.replace('"ur5e"', '"ur5"'), "mechanisms[1].like: ur5: no shipped cell of that name"),
         (PAIR.replace('"ur5e"', "5"), "mechanisms[1].like: value 5: the name or path of a cell"),
         (PAIR + "urdf = 7\n", "mechanisms[1].urdf: value 7"),

@@ -25,7 +25,7 @@ def worst_case_bits(data_bytes: int) -> int:
 def bus_load(cell: Cell) -> Iterator[Finding]:
     """Judge the cyclic traffic of each bus against its bit rate."""
     for bus in cell.config.fieldbuses:
-        on_it = [entry for entry in cell.config.devices if entry.bus == bus.name]
+        on_it = [entry for entry in cell.devices if entry.bus == bus.name]
         yield from _load(cell, bus, on_it)
 
 

@@ -17,6 +17,7 @@ import struct
 from dataclasses import dataclass, field
 
 from ...config.load import Cell
+from ...config.schema.mechanism import Drive
 
 STEPS = (1.0, 2.0, 4.0)
 """Encoder steps of tolerance on first, second and third differences [1]."""
@@ -104,11 +105,13 @@ class Observer:
         buses = [bus.name for bus in cell.config.fieldbuses]
         self._on_bus: list[dict[int, _Joint]] = [{} for _ in buses]
         """Joints by node, of each bus."""
-        for drive in cell.config.mechanism.drives:
+        for entry in cell.devices:
+            drive = entry.section
+            if not isinstance(drive, Drive):
+                continue
             joint = limits[drive.joint]
-            place = 0 if drive.bus is None else buses.index(drive.bus)
-            self._on_bus[place][drive.node] = _Joint(
-                name=drive.joint,
+            self._on_bus[buses.index(entry.bus)][drive.node] = _Joint(
+                name=entry.name,
                 scale=drive.direction / drive.counts_per_radian,
                 zero=drive.zero_rad,
                 lower=joint.lower,

@@ -15,12 +15,20 @@ T = 0.01
 PAIR = """
 name = "pair"
 default_script = "pa10_tour"
+[[buses]]
+name = "left"
+channel = "239.74.163.20"
+[[buses]]
+name = "right"
+channel = "239.74.163.21"
 [[mechanisms]]
 name = "left"
+bus = "left"
 like = "pa10"
 T_world_base = { xyz = [0.0, LEFT, 0.0] }
 [[mechanisms]]
 name = "right"
+bus = "right"
 like = "pa10"
 T_world_base = { xyz = [0.1, RIGHT, 0.0], rpy = [0.0, 0.0, 0.5] }
 [rig]

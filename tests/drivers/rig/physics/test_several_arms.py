@@ -8,12 +8,20 @@ from telerobot.drivers.rig.physics.world import World
 PAIR = """
 name = "pair"
 default_script = "pa10_tour"
+[[buses]]
+name = "left"
+channel = "239.74.163.20"
+[[buses]]
+name = "right"
+channel = "239.74.163.21"
 [[mechanisms]]
 name = "left"
+bus = "left"
 like = "pa10"
 T_world_base = { xyz = [0.0, 0.55, 0.0] }
 [[mechanisms]]
 name = "right"
+bus = "right"
 like = "pa10"
 T_world_base = { xyz = [0.1, -0.70, 0.0], rpy = [0.0, 0.0, 0.5] }
 """
