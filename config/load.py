@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -19,9 +19,12 @@ from .agree.cell import check_cell
 from .devices import devices_of, shared_devices
 from .errors import ConfigError, nearest
 from .joint_ranges import expand
-from .parts import on_top, parts_of
+from .joint_tasks import agree
+from .parts import joint_tables_of, on_top, parts_of
 from .schema.cell import CellConfig
+from .schema.joint_task import JointTask
 from .schema.on_bus import Entry
+from .schema.section import Section
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
 
@@ -55,6 +58,8 @@ class Cell:
     robot: Robot
     others: tuple["Cell", ...] = ()
     """The other parts, in the order of the file."""
+    joint_tasks: tuple[JointTask, ...] = ()
+    """Tasks that several mechanisms hold together; none in a part."""
     prefix: str = ""
     """Names of this part's joints, links and devices begin so where the cell has several:
     `MECHANISM.`"""
@@ -64,7 +69,9 @@ class Cell:
     @property
     def parts(self) -> tuple["Cell", ...]:
         """The cell of each mechanism alone; the cell itself where there is one."""
-        return (replace(self, others=()), *self.others) if self.others else (self,)
+        if not self.others:
+            return (self,)
+        return (replace(self, others=(), joint_tasks=()), *self.others)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -116,7 +123,13 @@ def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
         )
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
-    return _agreed(replace(parts[0], others=tuple(parts[1:])))
+    joint = [
+        (i, _validated(path, table, f"tasks[{i}]", JointTask))
+        for i, table in joint_tables_of(path, document)
+    ]
+    agree(path, joint, [part.config.mechanism.name for part in parts])
+    tasks = tuple(task for _, task in joint)
+    return _agreed(replace(parts[0], others=tuple(parts[1:]), joint_tasks=tasks))
 
 
 def _agreed(cell: Cell) -> Cell:
@@ -134,7 +147,7 @@ def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
 
 def _part(path: Path, document: dict[str, Any], place: str) -> Cell:
     """Return the cell of one mechanism, which stands at `place` in the file."""
-    config = expand(path, _validated(path, document, place), place)
+    config = expand(path, _validated(path, document, place, CellConfig), place)
     mechanism = config.mechanism
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: {place}.urdf: ")
     robot = read_robot(urdf, mechanism.tip_link, f"{path}: {place}.tip_link")
@@ -190,23 +203,31 @@ def _find(kind: str, name_or_path: str | Path, base: Path, where: str) -> Path:
     return HERE / kind / f"{text}{suffix}"
 
 
-def _validated(path: Path, document: dict[str, Any], place: str) -> CellConfig:
+S = TypeVar("S", bound=Section)
+
+
+def _validated(path: Path, document: dict[str, Any], place: str, kind: type[S]) -> S:
+    """Return the section that a table is, which stands at `place` but for a whole file."""
     try:
         # Through JSON, because only there strict means: no text for a number, a list for a tuple.
-        return CellConfig.model_validate_json(json.dumps(document, default=str), strict=True)
+        return kind.model_validate_json(json.dumps(document, default=str), strict=True)
     except ValidationError as error:
         # A misspelt required key shows twice, as missing and as unknown: the second helps more.
         found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        words = re.sub(r"^mechanism\b", place, _explain(found[0]))
+        words = _explain(found[0], kind)
+        if kind is CellConfig:
+            words = re.sub(r"^mechanism\b", place, words)
+        else:
+            words = place + words if words.startswith(":") else f"{place}.{words}"
         raise ConfigError(f"{path}: {words}{more}") from None
 
 
-def _explain(error: ErrorDetails) -> str:
+def _explain(error: ErrorDetails, kind: type[BaseModel]) -> str:
     loc = error["loc"]
     key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc).removeprefix(".")
     names = [p for p in loc if isinstance(p, str)]
-    section, field = _section_of(names)
+    section, field = _section_of(names, kind)
     if error["type"] == "extra_forbidden":
         known = () if section is None else section.model_fields
         return f"{key}: unknown key{nearest(names[-1], known)}"
@@ -226,9 +247,9 @@ def _short(value: object) -> str:
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
 
 
-def _section_of(names: list[str]) -> tuple[type[BaseModel] | None, str]:
+def _section_of(names: list[str], kind: type[BaseModel]) -> tuple[type[BaseModel] | None, str]:
     """Return the section that holds the last of the keys which the schema knows, and that key."""
-    section: type[BaseModel] | None = CellConfig
+    section: type[BaseModel] | None = kind
     for name in names[:-1]:
         field = None if section is None else section.model_fields.get(name)
         inner = None if field is None else _section_in(field.annotation)

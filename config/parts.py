@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from .errors import ConfigError, nearest
+from .joint_tasks import SHARED, is_joint
 
 MOST: Final = 8
 """Mechanisms in one cell [1]."""
@@ -59,6 +60,16 @@ def parts_of(path: Path, document: Document, whole: Whole) -> list[Document]:
     return parts
 
 
+def joint_tables_of(path: Path, document: Document) -> list[tuple[int, Document]]:
+    """Return the tables of tasks that several mechanisms hold, each with its place in the file.
+
+    Raises `ConfigError`.
+    """
+    shared: Document = {key: document[key] for key in SHARED if key in document}
+    tables = _tables(path, "tasks", document.get("tasks", []))
+    return [(i, on_top(shared, table)) for i, table in enumerate(tables) if is_joint(table)]
+
+
 def on_top(under: Document, over: Document) -> Document:
     """Return two documents as one, key by key; any value but a table takes the other's place."""
     both = dict(under)
@@ -90,6 +101,8 @@ def _tasks(path: Path, tables: list[Document], mechanisms: list[str]) -> dict[st
     """Return each mechanism's own sections, of the task that it has."""
     found: dict[str, Document] = {}
     for i, (name, table) in enumerate(zip(_names(path, "tasks", tables), tables, strict=True)):
+        if is_joint(table):
+            continue
         where = f"{path}: tasks[{i}]"
         by = table.get("by", [name])
         if not isinstance(by, list) or len(by) != 1 or not isinstance(by[0], str):

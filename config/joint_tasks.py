@@ -1,0 +1,35 @@
+"""Tasks that several mechanisms of a cell file hold together, and that they fit the mechanisms."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from .errors import ConfigError, nearest
+from .schema.joint_task import JointTask
+
+SHARED: Final = ("T_world_crf", "sources", "schedules")
+"""What a joint task has of the whole file where it says nothing of its own."""
+
+
+def is_joint(table: dict[str, Any]) -> bool:
+    """Return whether a table of `[[tasks]]` is for several mechanisms."""
+    by = table.get("by")
+    return isinstance(by, list) and len(by) > 1
+
+
+def agree(path: Path, tasks: Sequence[tuple[int, JointTask]], mechanisms: Sequence[str]) -> None:
+    """Raise `ConfigError` where joint tasks, each with its place in the file, do not fit the cell.
+
+    A mechanism holds one payload at a time: two tasks at start may not ask for the same.
+    """
+    holder: dict[str, str] = {}
+    for i, task in tasks:
+        for k, name in enumerate(task.by):
+            where = f"{path}: tasks[{i}].by[{k}]: value '{name}'"
+            if name not in mechanisms:
+                raise ConfigError(f"{where}: no such mechanism{nearest(name, mechanisms)}")
+            if not task.at_start:
+                continue
+            if name in holder:
+                raise ConfigError(f"{where}: holds '{holder[name]}' at start")
+            holder[name] = task.name

@@ -1,0 +1,67 @@
+"""What a cell file may say of a task that several mechanisms hold together."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from .mechanism import Payload
+from .section import Name, Pose, Positive, Section
+from .sources.schedule import Schedule
+from .sources.sources import Sources
+
+Weights = Annotated[
+    tuple[Positive, Positive, Positive, Positive, Positive, Positive],
+    Field(description="forces x, y, z, then moments x, y, z"),
+]
+
+
+class JointTask(Section):
+    """One payload held by several mechanisms, each by a grasp of its own."""
+
+    name: Name = Field(description="name of the task")
+    by: tuple[Name, ...] = Field(
+        min_length=2, max_length=8, description="mechanisms that hold the payload"
+    )
+    at_start: bool = Field(False, description="true: they hold it when the daemon starts")
+    T_wrist_mrf: tuple[Pose, ...] = Field(
+        description="the shared MRF in each mechanism's Wrist; an operator moves it in the first's"
+    )
+    payload: Payload = Field(
+        default_factory=Payload, description="what they carry; its centre of mass in the MRF"
+    )
+    shares: tuple[Weights, ...] = Field(
+        (), description="diagonals of W, one row each: the dearer, the less one carries; none: 1"
+    )
+    internal_stiffness: float = Field(
+        50_000.0, gt=0, le=1e8, description="what one arm feels of another over the grasps [N/m]"
+    )
+    internal_stiffness_rotation: float = Field(
+        1000.0, gt=0, le=1e6, description="the same about a grasp [N·m/rad]"
+    )
+    stretch: float = Field(
+        0.0005, gt=0, le=0.05, description="grasps move apart by at most, along every stop [m]"
+    )
+    most_internal: float = Field(
+        60.0, gt=0, le=1e5, description="internal force beyond which the arms stop [N]"
+    )
+    T_world_crf: Pose = Field(
+        default_factory=Pose, description="control reference frame in World, at start"
+    )
+    sources: Sources = Field(default_factory=Sources, description="who may ask for a rate")
+    schedules: tuple[Schedule, ...] = Field(
+        (), max_length=16, description="gains that change with force, distance or time"
+    )
+
+    @model_validator(mode="after")
+    def _has_one_of_each(self) -> "JointTask":
+        for i, name in enumerate(self.by):
+            if name in self.by[:i]:
+                raise ValueError(f"by[{i}]: '{name}' holds it already")
+        count = len(self.by)
+        if len(self.T_wrist_mrf) != count:
+            raise ValueError(
+                f"T_wrist_mrf: {len(self.T_wrist_mrf)} poses for {count} mechanisms: one each"
+            )
+        if self.shares and len(self.shares) != count:
+            raise ValueError(f"shares: {len(self.shares)} rows for {count} mechanisms: one each")
+        return self

@@ -1,0 +1,1 @@
+"""Several mechanisms that hold one payload: load shares, internal forces, and views of its MRF."""

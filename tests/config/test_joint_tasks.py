@@ -1,0 +1,98 @@
+"""Tasks that several mechanisms hold together, as the cell file says them."""
+
+import pytest
+from telerobot.config.load import ConfigError, load_cell
+
+TWO = """
+name = "two"
+default_script = "pa10_tour"
+[sources.joystick]
+gain = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2]
+[[buses]]
+name = "left"
+[[buses]]
+name = "right"
+port = 43211
+[[mechanisms]]
+name = "left"
+like = "pa10"
+bus = "left"
+T_world_base = { xyz = [0.0, 0.55, 0.0] }
+[[mechanisms]]
+name = "right"
+like = "pa10"
+bus = "right"
+T_world_base = { xyz = [0.0, -0.55, 0.0] }
+"""
+BEAM = """
+[[tasks]]
+name = "beam"
+by = ["left", "right"]
+at_start = true
+T_wrist_mrf = [{ xyz = [0.0, -0.55, 0.121] }, { xyz = [0.0, 0.55, 0.121] }]
+"""
+
+
+@pytest.fixture
+def cell(tmp_path):
+    """Load a cell from what its file says."""
+
+    def load(text):
+        path = tmp_path / "cell.toml"
+        path.write_text(text)
+        return load_cell(path, several=True)
+
+    return load
+
+
+def test_a_joint_task_stands_beside_the_parts_and_not_in_them(cell):
+    two = cell(TWO + BEAM + "payload = { mass = 5.0 }\n[tasks.sources.force]\nhold_threshold = 7.0")
+    (beam,) = two.joint_tasks
+    assert (beam.name, beam.by, beam.at_start) == ("beam", ("left", "right"), True)
+    assert beam.T_wrist_mrf[1].xyz == (0.0, 0.55, 0.121)
+    assert beam.payload.mass == 5.0
+    assert beam.sources.force.hold_threshold == 7.0
+    assert all(part.joint_tasks == () for part in two.parts)
+    # Alone, an arm is what it is without the joint task.
+    assert [part.config for part in two.parts] == [part.config for part in cell(TWO).parts]
+
+
+def test_the_file_speaks_for_the_joint_task_where_that_says_nothing(cell):
+    (beam,) = cell(TWO + BEAM).joint_tasks
+    assert beam.sources.joystick.gain == (0.1, 0.1, 0.1, 0.2, 0.2, 0.2)
+
+
+def test_an_arm_may_have_a_task_alone_and_one_with_another(cell):
+    two = cell(TWO + BEAM + '[[tasks]]\nname = "mine"\nby = ["left"]\n')
+    assert len(two.joint_tasks) == 1
+    assert len(two.parts) == 2
+
+
+REFUSED = [
+    (BEAM.replace('"right"]', '"rihgt"]'), "tasks[0].by[1]: value 'rihgt': no such mechanism"),
+    (BEAM.replace('"right"]', '"left"]'), "tasks[0]: by[1]: 'left' holds it already"),
+    (BEAM.replace("0.121] }, ", "0.121] }] #"), "T_wrist_mrf: 1 poses for 2 mechanisms: one each"),
+    (BEAM + "shares = [[1, 1, 1, 1, 1, 1]]", "shares: 1 rows for 2 mechanisms: one each"),
+    (BEAM + "shares = [[1, 1, 1, 1, 1], [1, 1, 1, 1, 1, 1]]", "tasks[0].shares[0][5]: missing"),
+    (
+        BEAM + "shares = [[1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 1, 1]]",
+        "tasks[0].shares[0][5]: value 0: should be greater than 0",
+    ),
+    (BEAM + BEAM.replace('"beam"', '"rod"'), "tasks[1].by[0]: value 'left': holds 'beam' at start"),
+    (BEAM + BEAM, "tasks[1].name: value 'beam': is there already"),
+    (BEAM + "strech = 0.001", "tasks[0].strech: unknown key; did you mean 'stretch'?"),
+    (BEAM + "most_internal = -1.0", "tasks[0].most_internal: value -1.0: should be greater than 0"),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), REFUSED)
+def test_what_does_not_fit_is_one_line_that_says_where(cell, text, words):
+    with pytest.raises(ConfigError) as refusal:
+        cell(TWO + text)
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_two_joint_tasks_may_take_turns(cell):
+    later = BEAM.replace('"beam"', '"rod"').replace("at_start = true", "")
+    assert [task.name for task in cell(TWO + BEAM + later).joint_tasks] == ["beam", "rod"]
