@@ -11,11 +11,11 @@ def evolve(value: T, **changes: Any) -> T:
     As `dataclasses.replace`, at a fifth of its cost; for dataclasses without slots and without
     `__post_init__`. Raises `TypeError` for a field that there is not.
     """
-    fields = value.__dict__
-    if not changes.keys() <= fields.keys():
-        unknown = ", ".join(sorted(changes.keys() - fields.keys()))
-        raise TypeError(f"{type(value).__name__} has no field {unknown}")
     copy = object.__new__(type(value))
-    copy.__dict__.update(fields)
-    copy.__dict__.update(changes)
+    fields = copy.__dict__
+    fields |= value.__dict__
+    fields |= changes
+    if len(fields) != len(value.__dict__):
+        unknown = ", ".join(sorted(changes.keys() - value.__dict__.keys()))
+        raise TypeError(f"{type(value).__name__} has no field {unknown}")
     return copy

@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Self
 
+import numpy as np
+
 from ...config.load import Cell
 from .arm.arm import Arm
 from .barriers.barriers import Allow, Allowed, Clear, Surroundings, joined
@@ -92,31 +94,28 @@ class Control:
         the gate concerns all.
         """
         beside = self.allow.guard is not None
-        asked = [
-            arm.asking.ask(memory, given)
-            for arm, memory, given in zip(self.arms, memories, inputs, strict=True)
-        ]
-        asking = [
-            arm.before_barriers(memory, given, seen, wanted, beside)
-            for arm, given, (memory, seen, wanted) in zip(self.arms, inputs, asked, strict=True)
-        ]
+        asked, before, asking = [], [], []
+        for arm, last, given in zip(self.arms, memories, inputs, strict=True):
+            memory, seen, wanted = arm.asking.ask(last, given)
+            asked.append((seen, wanted))
+            before.append(memory)
+            asking.append(arm.before_barriers(memory, given, seen, wanted, beside))
         first = inputs[0]
         around = Surroundings(
-            levels=asked[0][0].levels,
-            speed_factor=first.settings.speed_factor,
-            keep_clear=first.settings.avoid,
-            scene=first.scene,
-            base=None if first.moved is None else first.moved.base,
-            placed=asked[0][1].placed,
+            before[0].levels,
+            first.settings.speed_factor,
+            first.settings.avoid,
+            first.scene,
+            None if first.moved is None else first.moved.base,
+            asked[0][0].placed,
         )
         allowed, clear = self.allow.nearest(asking, around)
-        limited = self._limit([memory for memory, *_ in asked], first, allowed, clear)
-        refusal = self.gate.refusal(limited.motion.q, self._sent([memory for memory, *_ in asked]))
+        limited = self._limit(before, first, allowed, clear)
+        refusal = self.gate.refusal(limited.motion.q, self._sent(before))
         nexts, outputs = [], []
-        for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
-            memory, seen, wanted = asked[i]
-            own = limited if len(self.arms) == 1 else limited.of(part)
-            memory, output = arm.finish(memory, inputs[i], seen, wanted, allowed[i], clear, own)
+        for i, arm in enumerate(self.arms):
+            own = limited if len(self.arms) == 1 else limited.of(self.parts[i])
+            memory, output = arm.finish(before[i], inputs[i], *asked[i], allowed[i], clear, own)
             nexts.append(memory)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         return tuple(nexts), tuple(outputs)
@@ -143,7 +142,9 @@ class Control:
 
     def _sent(self, memories: Sequence[Memory]) -> tuple[Array, Array, Array]:
         """Return the last three commanded postures (n,), newest first."""
-        a, b, c = (joined([memory.sent[i] for memory in memories]) for i in range(3))
+        if len(memories) == 1:
+            return memories[0].sent
+        a, b, c = map(np.concatenate, zip(*(memory.sent for memory in memories), strict=True))
         return a, b, c
 
 

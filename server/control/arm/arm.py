@@ -5,7 +5,7 @@ and moves its spare joints beside. What of these rates is granted is decided for
 cell together (`tick.py`).
 """
 
-from typing import Any, Self
+from typing import Self
 
 from ....config.load import Cell
 from ..actuation.actuation import Now
@@ -19,6 +19,7 @@ from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory, Output, Settings
 from ..stop.limiter import Limited
 from ..task.source import Granted
+from ..task.task import TaskMemory
 from .asking import Asking, Seen, Wanted
 from .context import path_of_mrf
 from .stages import Stages
@@ -105,12 +106,17 @@ class Arm:
             ),
         )
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
+        accelerated = sizes(seen.kinematics.J @ limited.motion.ddq)[0]
         memory = evolve(
             memory,
             levels=clear.levels,
             torque=actuated.state,
             resistance=allowed.resistance,
-            **self._moved_on(memory, limited, asked, scale, pace, seen.kinematics),
+            motion=limited.motion,
+            stop=limited.stop,
+            quickness=max(accelerated, LATELY * memory.quickness),
+            sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
+            task=self._advanced(memory.task, limited.stopped, asked, scale, pace, seen.kinematics),
         )
         return memory, Output(
             q=limited.motion.q,
@@ -145,34 +151,22 @@ class Arm:
             off_path=memory.task.off_path,
         )
 
-    def _moved_on(
+    def _advanced(
         self,
-        memory: Memory,
-        limited: Limited,
+        memory: TaskMemory,
+        stopped: bool,
         asked: Wanted,
         scale: float,
         pace: float,
         k: Kinematics,
-    ) -> dict[str, Any]:
-        """Return what the step changes; the tool did `scale` of what was asked, a path `pace`."""
-        granted = 0.0 if limited.stopped else scale
-        return {
-            "motion": limited.motion,
-            "stop": limited.stop,
-            "quickness": max(sizes(k.J @ limited.motion.ddq)[0], LATELY * memory.quickness),
-            "sent": (limited.motion.q, memory.sent[0], memory.sent[1]),
-            "task": self.stages.task.advanced(
-                memory.task,
-                Granted(
-                    granted,
-                    0.0 if limited.stopped else pace,
-                    scale < SLID * pace,
-                    asked.twist,
-                    k.T_world_mrf,
-                ),
-                advance_offset(memory.task.off_path, asked.give_way, granted * self.p.period_s),
-            ),
-        }
+    ) -> TaskMemory:
+        """Return the task's next memory; the tool did `scale` of what was asked, a path `pace`."""
+        share = 0.0 if stopped else scale
+        granted = Granted(
+            share, 0.0 if stopped else pace, scale < SLID * pace, asked.twist, k.T_world_mrf
+        )
+        off_path = advance_offset(memory.off_path, asked.give_way, share * self.p.period_s)
+        return self.stages.task.advanced(memory, granted, off_path)
 
     def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
         if inputs.intent is not Intent.MOVE:

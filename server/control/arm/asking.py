@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..evolve import evolve
+from ..hold.retreat import RetreatState
 from ..mechanism.joint_rates import Around, Wish
 from ..mechanism.kinematics import Kinematics, Mechanism
 from ..mechanism.null_space.potential_field import FieldReading
-from ..mechanism.null_space.redundancy import SelfMotion
+from ..mechanism.null_space.redundancy import ObjectiveGains, SelfMotion
 from ..mechanism.wrist import WristMemory
 from ..parameters import Parameters
 from ..proximity.capsules import Capsules, Placed
@@ -17,6 +18,7 @@ from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory
 from ..stop.motion import Motion
 from ..stop.trajectory import Stop
+from ..task.task import TaskMemory
 from .context import context_of, quantities, sample_of
 from .stages import Stages
 
@@ -85,19 +87,36 @@ class Asking:
             if inputs.energised is not None:
                 q = np.where(inputs.energised, memory.motion.q, q)
             memory = evolve(self.seed(q), torque=memory.torque)
-        base, mrf = None if moved is None else moved.base.T, inputs.settings.T_wrist_mrf
-        kinematics = self.mechanism.kinematics(memory.motion.q, mrf, base)
-        memory = self._tune(memory, inputs, kinematics, wrist)
-        placed = None
+        motion, base = memory.motion, None if moved is None else moved.base.T
+        mrf = inputs.settings.T_wrist_mrf
+        k = self.mechanism.kinematics(motion.q, mrf, base)
+        task, objectives, since_s = self._tuned(memory, inputs, k, wrist)
+        placed, near = None, memory.near
         if self.shared is not None and inputs.settings.avoid:
-            placed = self.shared.place(memory.motion.q[None], base)
-        wrench = self.stages.wrist.wrench_mrf(memory.wrist, mrf)
-        hand = self.stages.wrist.hand_mrf(memory.wrist, mrf)
-        memory, asked = self._ask(memory, inputs, kinematics, placed, wrench, hand)
-        memory, asked = self._give_way(memory, inputs, kinematics, asked)
+            placed = self.shared.place(motion.q[None], base)
+        if self.p.priority is not None:
+            near = self.p.priority.look(motion.q, inputs.scene, near, base)
+        wrench = self.stages.wrist.wrench_mrf(wrist, mrf)
+        hand = self.stages.wrist.hand_mrf(wrist, mrf)
+        context = context_of(
+            motion.dq, task.off_path, wrist, near, inputs, k,
+            self.stages.wrist, self.p.T_wrist_tool.p, wrench, hand,
+        )  # fmt: skip
+        task, twists = self.stages.task.twists(task, context)
+        around = Around(inputs.scene, near, base, placed)
+        asked = self._resolved(motion.q, twists, objectives, task.off_path, inputs, k, around)
+        retreat, asked = self._giving_way(memory, inputs, k, asked)
+        memory = evolve(
+            memory,
+            wrist=wrist,
+            task=task,
+            objectives=objectives,
+            moving_since_s=since_s if inputs.intent is Intent.MOVE else None,
+            near=near,
+            retreat=retreat,
+        )
         error = memory.sent[1] - inputs.q_measured
-        seen = Seen(kinematics, placed, T_world_wrist_measured, error, wrench, hand)
-        return memory, seen, asked
+        return memory, Seen(k, placed, T_world_wrist_measured, error, wrench, hand), asked
 
     def _measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
         """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
@@ -115,10 +134,12 @@ class Asking:
 
     # --- gains -------------------------------------------------------------------------------
 
-    def _tune(self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory) -> Memory:
-        """Return the memory with the gains in effect: scheduled, and ramped while moving.
+    def _tuned(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory
+    ) -> tuple[TaskMemory, ObjectiveGains, float]:
+        """Return the gains in effect: of the task and of the redundancy objectives.
 
-        And with what the `wrist` remembers.
+        They are scheduled, and ramped while moving. And since when the arm may move [s].
         """
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
         objectives = settings.objectives or self.stages.redundancy.objectives
@@ -134,68 +155,53 @@ class Asking:
             objectives = self.stages.redundancy.ramped(
                 memory.objectives, objectives, self.stages.task.part
             )
-        return evolve(
-            memory,
-            wrist=wrist,
-            task=task,
-            objectives=objectives,
-            moving_since_s=since_s if moving else None,
-        )
+        return task, objectives, since_s
 
     # --- what is asked for -------------------------------------------------------------------
 
-    def _ask(
+    def _resolved(
         self,
-        memory: Memory,
+        q: Array,
+        twists: dict[str, Array],
+        objectives: ObjectiveGains,
+        off_path: Array | None,
         inputs: Inputs,
         k: Kinematics,
-        placed: Placed | None,
-        wrench: Array | None,
-        hand: Array | None,
-    ) -> tuple[Memory, Wanted]:
-        """Sum the sources and resolve the sum, or take joint rates where those are commanded."""
-        base = None if inputs.moved is None else inputs.moved.base.T
-        near = memory.near
-        if self.p.priority is not None:
-            near = self.p.priority.look(memory.motion.q, inputs.scene, near, base)
-        context = context_of(
-            memory, near, inputs, k, self.stages.wrist, self.p.T_wrist_tool.p, wrench, hand
-        )
-        task, twists = self.stages.task.twists(memory.task, context)
-        memory = evolve(memory, task=task, near=near)
+        around: Around,
+    ) -> Wanted:
+        """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
+
+        At the commanded posture q (n,) [rad], whose kinematics are `k`.
+        """
         twist = np.zeros(6)
         for part in twists.values():
             twist = twist + part
         joint_rates = None
         if inputs.intent is Intent.MOVE:
             joint_rates = self.stages.joint_motion.rates(
-                memory.motion.q, inputs.jog, inputs.posture, inputs.settings.speed_factor
+                q, inputs.jog, inputs.posture, inputs.settings.speed_factor
             )
         if joint_rates is not None:
             twists = {name: np.zeros(6) for name in twists}
             twist = k.J @ joint_rates
         s_tool = self._tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
-        self_motion = self.stages.redundancy.none()
         if joint_rates is not None:
-            dq = s_tool * joint_rates
-            return memory, Wanted(
-                dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True
-            )
+            dq, self_motion = s_tool * joint_rates, self.stages.redundancy.none()
+            return Wanted(dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True)
         wish = Wish(
             s_tool * twist,
             inputs.settings.T_wrist_mrf,
-            memory.objectives,
+            objectives,
             inputs.settings.speed_factor,
             inputs.intent is Intent.MOVE and not inputs.at_posture,
-            memory.task.off_path,
+            off_path,
             inputs.goal is not None,
         )
-        around = Around(inputs.scene, memory.near, base, placed)
-        found = self.stages.resolver.rates(memory.motion.q, k, wish, around)
+        found = self.stages.resolver.rates(q, k, wish, around)
         if found.singular:
             limits += ("singularity",)
-        return memory, Wanted(
+        return Wanted(
             found.dq,
             twists,
             twist,
@@ -207,19 +213,17 @@ class Asking:
             found.give_way,
         )
 
-    def _give_way(
+    def _giving_way(
         self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Wanted
-    ) -> tuple[Memory, Wanted]:
+    ) -> tuple[RetreatState | None, Wanted]:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.stages.retreat is None or memory.retreat is None:
-            return memory, asked
+            return memory.retreat, asked
         held = inputs.intent is Intent.HOLD
         state, dq = self.stages.retreat.step(
             memory.retreat, memory.motion.q, asked.dq, k.J, inputs.pushed, inputs.time_s, held
         )
-        if state is not memory.retreat:
-            memory = evolve(memory, retreat=state)
-        return memory, asked if dq is asked.dq else asked._replace(dq=dq)
+        return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.

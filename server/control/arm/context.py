@@ -7,7 +7,7 @@ from ..mechanism.kinematics import Kinematics
 from ..mechanism.null_space.priority import Near
 from ..mechanism.wrist import Sample, Wrist, WristMemory
 from ..spatial import Array, Pose, sizes
-from ..state import Inputs, Intent, Memory
+from ..state import Inputs, Intent
 from ..task.asked import Asked
 from ..task.gains import Quantities
 from ..task.source import Context
@@ -19,7 +19,9 @@ def sample_of(inputs: Inputs) -> Sample:
 
 
 def context_of(
-    memory: Memory,
+    dq: Array,
+    off_path: Array | None,
+    told: WristMemory,
     near: Near | None,
     inputs: Inputs,
     k: Kinematics,
@@ -30,8 +32,10 @@ def context_of(
 ) -> Context:
     """Return what the sources see; `near` is what is near the control points now.
 
-    `p_wrist_tool` (3,) is where the MRF was at start, in the Wrist [m]; `wrench` and `hand` (6,)
-    are what the arm exerts, at and in the MRF, of the newest and of the mean readings.
+    Joints are commanded to go at `dq` (n,) [rad/s], the virtual link has the tool `off_path` (3,)
+    [m], `told` is what the sensor of the `wrist` told. `p_wrist_tool` (3,) is where the MRF was at
+    start, in the Wrist [m]; `wrench` and `hand` (6,) are what the arm exerts, at and in the MRF, of
+    the newest and of the mean readings.
     """
     settings, moving, moved = inputs.settings, inputs.intent is Intent.MOVE, inputs.moved
     mrf, led = settings.T_wrist_mrf, inputs.T_wrist_goal
@@ -56,17 +60,17 @@ def context_of(
         holding=inputs.intent is Intent.HOLD,
         T_world_wrist=k.T_world_wrist,
         T_world_mrf=k.T_world_mrf,
-        twist=k.J @ memory.motion.dq,
+        twist=k.J @ dq,
         lever=k.T_world_wrist.R @ (p_wrist_tool - mrf.p),
         moved=moved,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
         wrench=wrench,
         hand=hand,
-        wrench_at=partial(wrist.wrench_mrf, memory.wrist),
-        load=memory.wrist.load,
+        wrench_at=partial(wrist.wrench_mrf, told),
+        load=told.load,
         precedence=0.0 if near is None else near.alpha,
-        off_path=memory.task.off_path,
+        off_path=off_path,
     )
 
 

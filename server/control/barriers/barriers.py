@@ -128,7 +128,8 @@ class Allow:
         self.rooms = tuple(JointRoom.of(arm, period_s) for arm in joints)
         self.parts = parts_of([arm.n for arm in joints])
         """Where each mechanism's joints are among all."""
-        self._tool = np.repeat(np.arange(len(joints)), [arm.n for arm in joints])
+        self._counts = [arm.n for arm in joints]
+        self._tool = np.repeat(np.arange(len(joints)), self._counts)
 
     def nearest(
         self, arms: Sequence[BarrierInputs], around: Surroundings
@@ -199,28 +200,28 @@ class Allow:
         rows: Rows | None,
     ) -> tuple[Allowed, ...]:
         """Return the rates of mechanisms that nothing holds up: else they slow as a whole."""
-        each = [dq] if len(arms) == 1 else [dq[part] for part in self.parts]
-        found = [
-            room.resisted(rates, arm.motion.dq, arm.way, arm.error, arm.resistance)
-            for room, arm, rates in zip(self.rooms, arms, each, strict=True)
-        ]
-        # An arm that may not move gives way at most, and is not held up.
-        left = [f.share if arm.may_move else 1.0 for f, arm in zip(found, arms, strict=True)]
-        for i, f in enumerate(found):
-            if left[i] < 1.0:
-                limits[i] += (f"leash:{self._names[i][f.joint]}",)
-        if len(arms) > 1 and rows is not None and min(left) < 1.0:
-            # A barrier between two may be kept by one that makes way for the other.
-            left = [min(left)] * len(arms)
-        return tuple(
-            Allowed(
-                rates if left[i] == 1.0 else left[i] * rates,
-                left[i] * shares[i],
-                limits[i],
-                left[i] * paces[i],
-                found[i].memory,
+        left, memories = [], []
+        for i, arm in enumerate(arms):
+            rates = dq if len(arms) == 1 else dq[self.parts[i]]
+            share, joint, memory = self.rooms[i].resisted(
+                rates, arm.motion.dq, arm.way, arm.error, arm.resistance
             )
-            for i, rates in enumerate(each)
+            memories.append(memory)
+            # An arm that may not move gives way at most, and is not held up.
+            left.append(share if arm.may_move else 1.0)
+            if left[i] < 1.0:
+                limits[i] += (f"leash:{self._names[i][joint]}",)
+        least = min(left)
+        if least < 1.0:
+            if rows is not None:
+                # A barrier between two may be kept by one that makes way for the other.
+                left = [least] * len(left)
+            dq = np.repeat(left, self._counts) * dq
+        if len(arms) == 1:
+            return (Allowed(dq, least * shares[0], limits[0], least * paces[0], memories[0]),)
+        return tuple(
+            Allowed(dq[part], left[i] * shares[i], limits[i], left[i] * paces[i], memories[i])
+            for i, part in enumerate(self.parts)
         )
 
     def _reasons(self, i: int, which: list[int], name: str) -> tuple[str, ...]:
