@@ -17,11 +17,12 @@
 | cover | tag | nobody sees it (`tags.py`) |
 | move | tag | `vector` [m] in World is its new place, its attitude stays |
 
-A device is a joint, whose drive is meant, `force_torque`, `gripper`, or another one's name. Its own
-faults are its node's (`nodes/`), those of the connection its link's.
+A device is a joint, whose drive is meant, `force_torque`, `gripper`, or another one's name; with
+several mechanisms it is one mechanism's: `left.s1`, `left.force_torque`. Its own faults are its
+node's (`nodes/`), those of the connection its link's.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ...protocols.messages.rig import RigFault
 from .fault_values import MOST_FORCE, value_of, vector_of
@@ -32,14 +33,22 @@ from .physics.world import World
 OF_LINK = ("silence", "drop", "delay", "corrupt")
 """Faults of a node's connection to its bus."""
 TOOL = "force_torque"
-"""Target that names the tool, in a cell without a sensor, too."""
+"""Target that names a mechanism's tool, where it has no sensor, too."""
 
 
 class Faults:
     """Hands faults to the nodes and buses of one rig."""
 
-    def __init__(self, world: World, nodes: Mapping[str, Node], wires: Mapping[str, Wire]) -> None:
+    def __init__(
+        self,
+        world: World,
+        nodes: Mapping[str, Node],
+        wires: Mapping[str, Wire],
+        prefixes: Sequence[str],
+    ) -> None:
+        """Take the rig's parts; names of each arm's devices begin with one of `prefixes`."""
         self._world, self._nodes, self._wires = world, nodes, wires
+        self._tools = {f"{prefix}{TOOL}": arm for arm, prefix in enumerate(prefixes)}
 
     def inject(self, fault: RigFault) -> None:
         """Apply one fault. Raises `ValueError`, in one line, for one that makes no sense."""
@@ -48,7 +57,7 @@ class Faults:
                 raise _unknown(fault, self._wires)
             self._wires[fault.target].plugged = not fault.on
             return
-        if fault.target == TOOL and fault.kind in ("push", "hand"):
+        if fault.target in self._tools and fault.kind in ("push", "hand"):
             self._push_tool(fault)
             return
         node = self._nodes.get(fault.target)
@@ -62,7 +71,8 @@ class Faults:
     def _push_tool(self, fault: RigFault) -> None:
         force = vector_of(fault, MOST_FORCE, "N") if fault.on else None
         swells = fault.kind == "hand" and fault.value is not None
-        self._world.push_tool(force, value_of(fault, 0.01, 3600.0, "s") if swells else None)
+        duration_s = value_of(fault, 0.01, 3600.0, "s") if swells else None
+        self._world.push_tool(force, duration_s, self._tools[fault.target])
 
 
 def _unknown(fault: RigFault, known: Mapping[str, object]) -> ValueError:

@@ -14,7 +14,7 @@ from ...config.load import Cell
 from ...config.schema.on_bus import Entry
 from ...protocols.messages.messages import Vector6
 from ...protocols.messages.moving import RigMotion
-from ...protocols.messages.rig import RigFault, RigTruth
+from ...protocols.messages.rig import ArmTruth, RigFault, RigTruth
 from ..kinds import KINDS as DEVICES
 from .fault_values import FARTHEST, vector_of
 from .faults import Faults
@@ -25,7 +25,7 @@ from .nodes.servo_node import SimulatedDrive
 from .nodes.wire import RigError, Wire
 from .physics.geoms import quaternion
 from .physics.movers import Movers
-from .physics.scene import turned_by
+from .physics.scene import prefixes, turned_by
 from .physics.sight import SightLines
 from .physics.tags import KINDS, Tags
 from .physics.world import Vector, World
@@ -47,9 +47,9 @@ class Rig:
     def __init__(self, cell: Cell, *buses: can.BusABC) -> None:
         config = cell.config
         self.world = World(cell)
-        rig, mechanism = config.rig, config.mechanism
-        if rig is None:
-            raise ValueError(f"cell {config.name} has no [rig]: nothing to simulate")
+        parts = [part.config for part in cell.parts]
+        rigs = [part.rig for part in parts if part.rig is not None]
+        rig = rigs[0]
         self.period_s = config.timing.period_s
         self.dt = rig.physics_step_s
         self.sync_count = 0
@@ -61,12 +61,13 @@ class Rig:
         """Frames that may move and of which no sensor tells: a fault, `silence`."""
         self._steps = 0
         self._time_s = 0.0
-        self._loop = DriveLoops(mechanism.drives, rig.drive, self.dt)
+        drives = [part.mechanism.drives for part in parts]
+        self._loop = DriveLoops([(d, r.drive) for d, r in zip(drives, rigs, strict=True)], self.dt)
         self._wires = tuple(
             Wire(c.name, bus) for c, bus in zip(config.fieldbuses, buses, strict=True)
         )
         by_name = {wire.name: wire for wire in self._wires}
-        bench = Bench(cell, rig, self.world, self._loop, self.now)
+        bench = Bench(rigs, cell.joints, self.world, self._loop, self.now)
         self.nodes: dict[str, Node] = {}
         """Simulated devices by name, in the order of the cell's."""
         for entry in cell.devices:
@@ -74,13 +75,14 @@ class Rig:
             self.nodes[entry.name] = node = _node(entry, bench)
             bench.wire.add(node)
         nodes = tuple(self.nodes.values())
-        self.drives = {n.drive.joint: n for n in nodes if isinstance(n, SimulatedDrive)}
+        self.drives = {k: n for k, n in self.nodes.items() if isinstance(n, SimulatedDrive)}
         self.tags = Tags(rig.tags)
         self._movers = Movers(cell)
         self._moving = frozenset(config.frames.moving)
         self._T_world_carrier = cell.config.frames.T_world_carrier
         self._sight = SightLines(cell, self.world.model, self.world.data)
-        self._faults = Faults(self.world, self.nodes, by_name)
+        self._faults = Faults(self.world, self.nodes, by_name, prefixes(cell))
+        self._names = tuple(part.mechanism.name for part in parts)
         self._before = tuple(node for node in nodes if not node.samples_after_step)
         self._after = tuple(node for node in nodes if node.samples_after_step)
         self._links = [node.link for node in nodes]
@@ -187,21 +189,28 @@ class Rig:
 
     def truth(self) -> RigTruth:
         """Return what is really the case now."""
-        fx, fy, fz = self.world.contact_force().tolist()
+        arms = {name: self._arm_truth(i) for i, name in enumerate(self._names)}
+        first = arms[self._names[0]]
         return RigTruth(
             time_s=self._time_s,
             sync_count=self.sync_count,
             q=tuple(self.world.q.tolist()),
             dq=tuple(self.world.dq.tolist()),
-            pose_mrf=_six(*self.world.mrf_pose()),
-            contact_force=(fx, fy, fz),
+            pose_mrf=first.pose_mrf,
+            contact_force=first.contact_force,
             clearance_m=self.world.distances.clearance(),
             drives=tuple(node.state.name.lower() for node in self.drives.values()),
             tags=self.tags.poses,
             sight=self._sight.clearances(self.tags.poses),
             covered=self.tags.covered,
             frames=self.frames,
+            arms=arms,
+            between_arms_m=self.world.distances.between_arms(),
         )
+
+    def _arm_truth(self, arm: int) -> ArmTruth:
+        fx, fy, fz = self.world.contact_force(arm).tolist()
+        return ArmTruth(pose_mrf=_six(*self.world.mrf_pose(arm)), contact_force=(fx, fy, fz))
 
 
 def _node(entry: Entry, bench: Bench) -> Node:

@@ -13,31 +13,43 @@ from .messages import Count, JointVector, Message, Vector3, Vector6
 class RigFault(Message):
     """A fault for the rig to inject, or to take back with `on = false`.
 
-    `target` is the name of a joint or of another device, a bus for `unplug`, a tag for `cover` and
-    `move`, an obstacle for `place`, or "base" or "carrier" for `silence`; `value` depends on the
-    kind: probability for `drop` and `corrupt`, seconds for `delay`. `vector` is in World: the force
-    [N] at the joint's link for `push` or at the MRF for `hand` (whose `value` is how long it takes
-    to come and go [s]), the new place [m] for `move` and `place`.
+    `target` is the name of a joint or of another device (`left.s1` in a cell of several
+    mechanisms), a bus for `unplug`, a tag for `cover` and `move`, an obstacle for `place`, or
+    "base" or "carrier" for `silence`; `value` depends on the kind: probability for `drop` and
+    `corrupt`, seconds for `delay`. `vector` is in World: the force [N] at the joint's link for
+    `push` or at the MRF for `hand` (whose `value` is how long it takes to come and go [s]), the
+    new place [m] for `move` and `place`.
     """
 
     kind: Literal[
         "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
         "cover", "move", "place", "hand", "unplug",
     ]  # fmt: skip
-    target: str = Field(max_length=64)
+    target: str = Field(max_length=80)
     on: bool = True
     value: float | None = None
     vector: Vector3 | None = None
 
 
+class ArmTruth(Message):
+    """The truth about one arm.
+
+    True MRF pose in World `[x, y, z, roll, pitch, yaw]`, and contact force of the arm and its tool
+    [N] in World, as exerted on the environment.
+    """
+
+    pose_mrf: Vector6
+    contact_force: Vector3
+
+
 class RigTruth(Message):
     """The physics' truth, for whoever judges.
 
-    True MRF pose in World `[x, y, z, roll, pitch, yaw]`, joints and rates, contact force of the
-    tool [N] in World as exerted on the environment, least distance between arm and fixed things,
-    poses of the tags that stand in World, names of those that are covered, poses of `base` and
-    `carrier` where they may move, and for each camera that stands in World how far each link is
-    from its `sight` line [m].
+    Joints, rates and drives of all arms, in the order of the cell; `arms` by the names of the
+    mechanisms, `pose_mrf` and `contact_force` of the first one; least distance between arms and
+    fixed things, and of arms from each other (at most 1) [m]; poses of the tags that stand in
+    World, names of those that are covered, poses of `base` and `carrier` where they may move, and
+    for each camera that stands in World how far each link is from its `sight` line [m].
     """
 
     time_s: float
@@ -52,3 +64,5 @@ class RigTruth(Message):
     covered: tuple[str, ...] = ()
     frames: dict[str, Vector6] = Field(default_factory=dict)
     sight: dict[str, dict[str, float]] = Field(default_factory=dict)
+    arms: dict[str, ArmTruth] = Field(default_factory=dict)
+    between_arms_m: float | None = None

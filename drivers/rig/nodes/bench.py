@@ -1,10 +1,10 @@
 """Parts that simulated nodes are made of: physics, connection, random generators."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ....config.load import Cell
+from ....config.schema.on_bus import Entry
 from ....config.schema.rig.rig import Rig
 from ..physics.world import World
 from .drive_loops import DriveLoops
@@ -15,17 +15,28 @@ class Bench:
     """Gives every node of a cell its parts; random generators are dealt in the order of asking."""
 
     def __init__(
-        self, cell: Cell, rig: Rig, world: World, loop: DriveLoops, clock: Callable[[], float]
+        self,
+        rigs: Sequence[Rig],
+        joints: Sequence[str],
+        world: World,
+        loop: DriveLoops,
+        clock: Callable[[], float],
     ) -> None:
-        self.rig, self.world, self.loop, self.clock = rig, world, loop, clock
+        """Take what the cell says of each mechanism's hardware, and the names of all joints."""
+        self.world, self.loop, self.clock = world, loop, clock
         self.wire: Sender
         """Bus of the node that is being made."""
-        self._joints = {drive.joint: i for i, drive in enumerate(cell.config.mechanism.drives)}
-        self._seeds = np.random.SeedSequence(rig.seed)
+        self._rigs = tuple(rigs)
+        self._joints = {name: i for i, name in enumerate(joints)}
+        self._seeds = np.random.SeedSequence(rigs[0].seed)
 
-    def joint(self, name: str) -> int:
-        """Return a joint's place in `loop` and `world`."""
-        return self._joints[name]
+    def rig(self, entry: Entry) -> Rig:
+        """Return what the cell says of the hardware of a device's mechanism."""
+        return self._rigs[entry.part or 0]
+
+    def joint(self, entry: Entry) -> int:
+        """Return the place of a drive's joint in `loop` and `world`."""
+        return self._joints[entry.name]
 
     def rng(self) -> np.random.Generator:
         """Return a random generator of its own."""

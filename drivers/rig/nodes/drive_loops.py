@@ -8,6 +8,7 @@ terms, SI.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +26,14 @@ _SETTLED = 1e-9
 class DriveLoops:
     """State of the loops. A loop that is not engaged gives no torque."""
 
-    def __init__(self, drives: tuple[Drive, ...], gains: RigDrive, dt: float) -> None:
+    def __init__(self, arms: Sequence[tuple[Sequence[Drive], RigDrive]], dt: float) -> None:
+        """Take the drives of each arm with what the cell says of them, and a physics step [s]."""
+        drives = [drive for of_arm, _ in arms for drive in of_arm]
         n = len(drives)
         self.dt = dt
-        self._stiffness = _per_joint("stiffness", gains.stiffness, n)
-        self._damping = _per_joint("damping", gains.damping, n)
-        self._integral_step = _per_joint("integral", gains.integral, n) * dt
+        self._stiffness = _per_joint(arms, "stiffness")
+        self._damping = _per_joint(arms, "damping")
+        self._integral_step = _per_joint(arms, "integral") * dt
         self.max_torque = np.array([d.max_torque for d in drives])
         self.max_speed = np.array([d.max_velocity * _SPEED_RESERVE for d in drives])
         self.reference = np.zeros(n)
@@ -43,7 +46,12 @@ class DriveLoops:
         """What the motors give [N·m]."""
         self.reported = np.zeros(n)
         """The same as the drives report it, low-passed [N·m]."""
-        self._reporting = 1.0 - math.exp(-dt / max(gains.torque_filter_s, 1e-9))
+        self._reporting = np.concatenate(
+            [
+                np.full(len(of_arm), 1.0 - math.exp(-dt / max(gains.torque_filter_s, 1e-9)))
+                for of_arm, gains in arms
+            ]
+        )
         self.window = np.full(n, np.inf)
         """Following error that is too much [rad]."""
         self.steps_beyond = np.zeros(n, dtype=np.int64)
@@ -174,7 +182,12 @@ class DriveLoops:
             self.speed[ended] = 0.0
 
 
-def _per_joint(name: str, values: tuple[float, ...], n: int) -> Vector:
-    if len(values) not in (1, n):
-        raise ValueError(f"[rig.drive] {name}: {len(values)} values for {n} joints; give 1 or {n}")
-    return np.array(values if len(values) == n else values * n, dtype=float)
+def _per_joint(arms: Sequence[tuple[Sequence[Drive], RigDrive]], name: str) -> Vector:
+    found: list[float] = []
+    for drives, gains in arms:
+        values, n = getattr(gains, name), len(drives)
+        if len(values) not in (1, n):
+            given = f"{len(values)} values for {n} joints"
+            raise ValueError(f"[rig.drive] {name}: {given}; give 1 or {n}")
+        found += values if len(values) == n else values * n
+    return np.array(found, dtype=float)

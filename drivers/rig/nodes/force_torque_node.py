@@ -1,6 +1,7 @@
 """The simulated Robotous force/torque sensor: free-running, with noise, bias and quantisation."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Self, cast
 
 import numpy as np
@@ -13,7 +14,6 @@ from ....protocols.canopen import robotous
 from ....protocols.canopen.can301 import FrameError
 from ....protocols.canopen.robotous import Command
 from ....protocols.messages.rig import RigFault
-from ..physics.world import World
 from .bench import Bench
 from .cross_talk import response
 from .link import NodeLink
@@ -22,7 +22,7 @@ _EPSILON_S = 1e-7
 
 
 class SimulatedForceTorque:
-    """Sends the load on itself (6,) [N, N·m] in the Sensor frame at its rate.
+    """Sends the `load` on itself (6,) [N, N·m] in the Sensor frame at its rate.
 
     Silent until it is told to start. The rate changes only while it is stopped, as the maker's
     manual has it.
@@ -35,7 +35,7 @@ class SimulatedForceTorque:
         config: ForceTorque,
         truth: RigForceTorque,
         link: NodeLink,
-        world: World,
+        load: Callable[[], NDArray[np.float64]],
         rng: np.random.Generator,
         response_rng: np.random.Generator,
         clock: Callable[[], float],
@@ -44,7 +44,7 @@ class SimulatedForceTorque:
         self._reply_ids = config.reply_ids
         self.link = link
         link.on_frame = self.receive
-        self._world = world
+        self._load = load
         self._rng = rng
         self._clock = clock
         self._noise = np.array(truth.noise)
@@ -61,9 +61,10 @@ class SimulatedForceTorque:
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the sensor at the wrist of the bench's arm."""
-        sensor, truth = cast(ForceTorque, entry.section), bench.rig.force_torque
+        sensor, truth = cast(ForceTorque, entry.section), bench.rig(entry).force_torque
         link, noise, response = bench.link(), bench.rng(), bench.rng()
-        return cls(sensor, truth, link, bench.world, noise, response, bench.clock)
+        load = partial(bench.world.sensor_wrench, entry.part or 0)
+        return cls(sensor, truth, link, load, noise, response, bench.clock)
 
     def identifiers(self) -> tuple[int, ...]:
         """Return that of its commands."""
@@ -115,5 +116,5 @@ class SimulatedForceTorque:
             self.link.send(can_id, half)
 
     def _reading(self) -> NDArray[np.float64]:
-        reading: NDArray[np.float64] = self._response @ self._world.sensor_wrench() + self._bias
+        reading: NDArray[np.float64] = self._response @ self._load() + self._bias
         return reading

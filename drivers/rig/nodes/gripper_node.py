@@ -1,6 +1,7 @@
 """The simulated CiA 401 module with the gripper on one of its outputs, and what that holds."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Self, cast
 
@@ -30,9 +31,10 @@ class SimulatedGripper(CanNode):
 
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
-        """Make the module, whose output makes the bench's arm take hold."""
+        """Make the module, whose output makes its arm take hold."""
         gripper = cast(Gripper, entry.section)
-        return cls(gripper, bench.link(), bench.world.grasp, bench.clock)
+        grasp = partial(bench.world.grasp, arm=entry.part or 0)
+        return cls(gripper, bench.link(), grasp, bench.clock)
 
     @property
     def closed(self) -> bool:

@@ -87,8 +87,8 @@ class SimulatedDrive(CanNode):
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the drive of one of the bench's joints."""
-        drive, physics = cast(Drive, entry.section), bench.rig.drive
-        joint, link = bench.joint(drive.joint), bench.link()
+        drive, physics = cast(Drive, entry.section), bench.rig(entry).drive
+        joint, link = bench.joint(entry), bench.link()
         return cls(drive, joint, link, bench.loop, bench.world, physics, bench.clock)
 
     def inject(self, fault: RigFault) -> None:

@@ -44,11 +44,13 @@ class Distances:
         if len(self._roots) < 2:
             return None
         mujoco.mj_kinematics(self._model, self._data)
-        xpos, reach, least = self._data.geom_xpos, self._model.geom_rbound, within
-        for a, b in self._arm_pairs.tolist():
-            if np.linalg.norm(xpos[a] - xpos[b]) - reach[a] - reach[b] < least:
-                distance = mujoco.mj_geomDistance(self._model, self._data, a, b, least, None)
-                least = min(least, float(distance))
+        bound, least = self._bounds(self._arm_pairs), within
+        for i in np.argsort(bound, kind="stable"):
+            if bound[i] >= least:
+                break
+            a, b = (int(g) for g in self._arm_pairs[i])
+            distance = mujoco.mj_geomDistance(self._model, self._data, a, b, least, None)
+            least = min(least, float(distance))
         return least
 
     def clearance(self) -> float | None:
@@ -64,7 +66,7 @@ class Distances:
         if not len(self._pairs):
             return None
         mujoco.mj_kinematics(self._model, self._data)
-        bound = self._bounds()
+        bound = self._bounds(self._pairs)
         fromto = np.zeros(6)
         found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
         # Bounding balls tell which pairs can be the nearest at all.
@@ -90,15 +92,17 @@ class Distances:
                 mujoco.mj_geomDistance(self._model, self._data, arm, fixed, within, None)
                 if bound < within
                 else within
-                for (arm, fixed), bound in zip(self._pairs.tolist(), self._bounds(), strict=True)
+                for (arm, fixed), bound in zip(
+                    self._pairs.tolist(), self._bounds(self._pairs), strict=True
+                )
             ]
         )
 
-    def _bounds(self) -> Vector:
-        """Return what the distances (k,) of all pairs are at least, by their bounding balls [m]."""
-        first, second = self._pairs.T
+    def _bounds(self, pairs: NDArray[np.int64]) -> Vector:
+        """Return lower bounds of the distances (k,) of pairs (k, 2), by bounding balls [m]."""
+        first, second = pairs.T
         way = self._data.geom_xpos[first] - self._data.geom_xpos[second]
-        reach = self._model.geom_rbound[self._pairs].sum(axis=1)
+        reach = self._model.geom_rbound[pairs].sum(axis=1)
         return np.asarray(np.sqrt((way * way).sum(axis=1)) - reach)
 
     @cached_property

@@ -54,6 +54,7 @@ class World:
         self._arms = tuple(
             self._arm(part, prefix) for part, prefix in zip(cell.parts, prefixes(cell), strict=True)
         )
+        self._root_of = self.model.body_rootid[self.model.geom_bodyid]
         self._lock_ids = [int(self.model.equality(f"{name}_lock").id) for name in cell.joints]
         self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
         arm = slice(self._first, self._first + self.n)
@@ -220,14 +221,16 @@ class World:
         mujoco.mj_objectVelocity(self.model, self.data, body, self._arms[0].root, found, 0)
         return np.concatenate([found[3:], found[:3]])
 
-    def contact_force(self) -> Vector:
-        """Return the force (3,) [N] that arm and tool exert on wall and boxes, in World."""
-        total = np.zeros(3)
+    def contact_force(self, arm: int = 0) -> Vector:
+        """Return the force (3,) [N] that an arm and its tool exert on wall and boxes, in World."""
+        root, total = self._arms[arm].root, np.zeros(3)
         wrench = np.zeros(6)
         for i in range(self.data.ncon):
             contact = self.data.contact[i]
             first, second = contact.geom
             if (first in self._fixed) == (second in self._fixed):
+                continue
+            if self._root_of[second if first in self._fixed else first] != root:
                 continue
             mujoco.mj_contactForce(self.model, self.data, i, wrench)
             on_second = contact.frame.reshape(3, 3).T @ wrench[:3]
@@ -235,7 +238,7 @@ class World:
         return total
 
     def own_contact_force(self) -> float:
-        """Return the greatest force between two parts of the arm that touch [N], 0 for none."""
+        """Return the greatest force between two parts of arms that touch [N], 0 for none."""
         most, wrench = 0.0, np.zeros(6)
         for i in range(self.data.ncon):
             if not self._fixed.intersection(self.data.contact[i].geom.tolist()):

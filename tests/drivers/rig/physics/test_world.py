@@ -107,7 +107,7 @@ class Pressed:
         self.wall = rig.wall
         self.world = World(cell)
         world = self.world
-        loop = DriveLoops(mechanism.drives, rig.drive, world.dt)
+        loop = DriveLoops([(mechanism.drives, rig.drive)], world.dt)
         world.q[:] = mechanism.postures["ready"]
         goal = self.inverse(cell, rig.wall.xyz[0] - rig.tool_radius + depth)
         for joint in range(world.n):
