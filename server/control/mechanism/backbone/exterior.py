@@ -1,0 +1,146 @@
+"""The free part of a backbone, from the arm's base to a tunnel's entrance, in closed form.
+
+Chirikjian & Burdick, eqs. 19 to 22: the curvature is a(t) cos(2π s / s1), so that the attitude is
+μ sin(2π s / s1) with μ = a s1 / 2π, and the curve ends straight ahead of the base with the tangent
+that it began with, at h = J0(μ) s1. Points between follow from the expansion of Jacobi and Anger:
+
+    cos(μ sin φ) = J0 + 2 Σ J_2k cos 2kφ        sin(μ sin φ) = 2 Σ J_2k+1 sin (2k+1)φ
+
+which is integrated term by term. As s1 comes down to h, dμ/ds1 has no bound; everything is a smooth
+function of μ, though, and rates are given along μ, too.
+"""
+
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ...compiled import NUMBER, VECTOR, compiled
+from ...spatial import Array
+
+FIRST_ZERO = 2.404825557695773
+"""J0 is positive and falls for μ below this [1]."""
+ORDERS = 24
+"""Bessel functions of higher order are below 1e-20 there [1]."""
+
+
+class Exterior(Protocol):
+    """A curve of free length s1 from the base, with its tangent, to the entrance, with its own."""
+
+    @property
+    def shortest(self) -> float:
+        """The free length at which the curve is as short as can be [m]."""
+        ...
+
+    def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
+        """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3)."""
+        ...
+
+
+class Bow(NamedTuple):
+    """The exterior of the paper's example: one period of a cosine of curvature."""
+
+    base: Array
+    """Where it begins, in World (3,) [m]."""
+    ahead: Array
+    """Tangent at the base, and at the entrance (3,)."""
+    aside: Array
+    """Where it bows out to, perpendicular to that (3,)."""
+    h: float
+    """Distance of the entrance from the base [m]."""
+
+    @property
+    def shortest(self) -> float:
+        """Straight, it is h long [m]."""
+        return self.h
+
+    def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
+        """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
+
+        Raises `ValueError` where s1 is not above h, as the rates have no bound there.
+        """
+        if not s1 > self.h:
+            raise ValueError(f"free length {s1} m: must be above {self.h} m")
+        points, rates, ds1 = self.along(bow_parameter(self.h / s1), stations)
+        return points, rates / ds1
+
+    def along(self, mu: float, stations: Array) -> tuple[Array, Array, float]:
+        """Return points (m, 3) [m], their ∂/∂μ (m, 3) [m], and ds1/dμ [m]: smooth from μ = 0 up."""
+        found, ds1 = bow_at(mu, self.h, stations)
+        axes = np.stack((self.aside, self.ahead))
+        return self.base + found[0] @ axes, found[1] @ axes, ds1
+
+    def free_length(self, mu: float) -> float:
+        """Return s1 [m] of a parameter μ (eq. 20)."""
+        return self.h / float(bessel(mu)[0])
+
+
+@compiled(NUMBER)
+def bessel(x: float) -> Array:
+    """Return J_n(x) (25,) of the orders n = 0 to 24, by their power series; |x| below about 5."""
+    J = np.zeros(ORDERS + 1)
+    half, first = 0.5 * x, 1.0
+    for n in range(ORDERS + 1):
+        term, k = first, 0
+        while abs(term) > 1e-25 and k < 60:
+            J[n] += term
+            k += 1
+            term *= -half * half / (k * (n + k))
+        first *= half / (n + 1)
+    return J
+
+
+@compiled(NUMBER)
+def bow_parameter(ratio: float) -> float:
+    """Return μ in (0, 2.405) of J0(μ) = ratio in (0, 1): Newton's method inside a bracket."""
+    low, high = 0.0, FIRST_ZERO
+    mu = 2.0 * math.sqrt(1.0 - ratio)
+    for _ in range(60):
+        J = bessel(mu)
+        off = J[0] - ratio
+        if off > 0.0:
+            low = mu
+        else:
+            high = mu
+        newer = mu + off / J[1] if J[1] > 0.0 else -1.0
+        if not low < newer < high:
+            newer = 0.5 * (low + high)
+        if abs(newer - mu) < 1e-15:
+            return newer
+        mu = newer
+    return mu
+
+
+@compiled(NUMBER, NUMBER, VECTOR)
+def bow_at(mu: float, h: float, stations: Array) -> tuple[Array, float]:
+    """Return points, aside and ahead, and their ∂/∂μ (2, m, 2) [m] at arc lengths (m,), and ds1/dμ.
+
+    F = ∫ (sin θ, cos θ) dφ has sums over J_n, its ∂/∂μ over J_n' = (J_n−1 − J_n+1) / 2.
+    """
+    J = bessel(mu)
+    s1 = h / J[0]
+    ds1 = s1 * J[1] / J[0]
+    per = s1 / (2.0 * math.pi)
+    found = np.empty((2, len(stations), 2))
+    for m in range(len(stations)):
+        share = stations[m] / s1
+        phi = 2.0 * math.pi * share
+        sine, cosine = math.sin(phi), math.cos(phi)
+        aside, ahead = 0.0, J[0] * phi
+        aside_mu, ahead_mu = 0.0, -J[1] * phi
+        s, c = sine, cosine  # of n φ
+        for n in range(1, ORDERS):
+            slope = J[n - 1] - J[n + 1]
+            if n % 2:
+                aside += 2.0 * J[n] * (1.0 - c) / n
+                aside_mu += slope * (1.0 - c) / n
+            else:
+                ahead += 2.0 * J[n] * s / n
+                ahead_mu += slope * s / n
+            s, c = s * cosine + c * sine, c * cosine - s * sine
+        theta = mu * sine
+        found[0, m, 0], found[0, m, 1] = per * aside, per * ahead
+        # A longer curve is larger, and its points at a given arc length fall back along it.
+        found[1, m, 0] = per * aside_mu + ds1 * (per * aside / s1 - share * math.sin(theta))
+        found[1, m, 1] = per * ahead_mu + ds1 * (per * ahead / s1 - share * math.cos(theta))
+    return found, ds1

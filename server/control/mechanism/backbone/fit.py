@@ -1,0 +1,199 @@
+"""Joints of a chain that follow a curve: nonlinear least squares in O(n), by recursion.
+
+Chirikjian & Burdick, eqs. 26 to 30: the sum of squared distances between the chain's points and the
+curve's, at the same arc lengths, is least. What is sought are the joints' angles themselves, in
+place of the ε of eq. 29: so planar, universal and alternating chains are one case, and no attitude
+is a singularity. Each linearised step is a linear-quadratic problem along the chain: a joint moves
+all that is outboard, and what it does to that is a quadratic form of six numbers,
+
+    ξ = (ω, v): displacement of all that is outboard, seen at World's origin
+    cost to go of ξ after joint i:  ½ ξᵀ S ξ + gᵀ ξ
+    at each point p:  S += HᵀH, g += Hᵀ r,  where H ξ = v + ω × p
+    joint i adds s u, s = (a; o × a):   u = −(s·S ξ + s·g) / (s·S s)
+
+Backward S and g, forward ξ and u. The joints' rates along the curve's parameter are the same pass
+with the curve's own rates as the residual.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...compiled import (
+    ARRAY4,
+    COUNT,
+    FLAGS,
+    MATRIX,
+    VECTOR,
+    compiled,
+    record,
+)
+from ...scene import Flags
+from ...spatial import Array
+
+FLAT = 1e-14
+"""A joint whose own motion costs less than this [m²/rad²] moves nothing, and stays."""
+
+LINKS = record(MATRIX, ARRAY4, MATRIX, VECTOR, FLAGS)
+"""`Links` as kernels take it."""
+
+
+class Links(NamedTuple):
+    """A serial chain of n revolute joints, as arrays."""
+
+    root: Array
+    """Base in World (3, 4)."""
+    parts: Array
+    """Joints' frames in their parents' (n, 3, 3, 4), as `forest.Tree` has them."""
+    axis: Array
+    """Axes in the joints' own frames (n, 3)."""
+    tip: Array
+    """In the last joint's frame (3,) [m]."""
+    counts: Flags
+    """Which points count (n,): each joint but the first, and the tip. One that falls on the point
+    before it, as between the axes of a universal joint, does not count twice."""
+
+
+class Fitted(NamedTuple):
+    """Joints that follow a curve."""
+
+    q: Array
+    """(n,) [rad]"""
+    rates: Array
+    """Their derivative along the curve's parameter (n,)."""
+
+
+@compiled(LINKS, VECTOR)
+def _placed(
+    links: tuple[Array, Array, Array, Array, Flags], q: Array
+) -> tuple[Array, Array, Array]:
+    """Return where joints are, their axes, and the points that follow (n, 3), in World."""
+    root, parts, axis, tip, _ = links
+    n = len(q)
+    origins, axes, points = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    R, step = np.empty((3, 4)), np.empty((3, 4))
+    for row in range(3):
+        for k in range(4):
+            R[row, k] = root[row, k]
+    for i in range(n):
+        sine, cosine = np.sin(q[i]), 1.0 - np.cos(q[i])
+        for row in range(3):
+            for k in range(4):
+                step[row, k] = parts[i, 0, row, k] + sine * parts[i, 1, row, k]
+                step[row, k] += cosine * parts[i, 2, row, k]
+        for row in range(3):
+            x, y, z, p = R[row, 0], R[row, 1], R[row, 2], R[row, 3]
+            for k in range(4):
+                R[row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
+            R[row, 3] += p
+            origins[i, row] = R[row, 3]
+            axes[i, row] = R[row, 0] * axis[i, 0] + R[row, 1] * axis[i, 1] + R[row, 2] * axis[i, 2]
+            if i > 0:
+                points[i - 1, row] = R[row, 3]
+    for row in range(3):
+        points[n - 1, row] = R[row, 3]
+        for k in range(3):
+            points[n - 1, row] += R[row, k] * tip[k]
+    return origins, axes, points
+
+
+@compiled(LINKS, MATRIX)
+def points_at(links: tuple[Array, Array, Array, Array, Flags], q: Array) -> Array:
+    """Return the base and all points (s, n + 1, 3) in World [m] at postures q (s, n) [rad]."""
+    found = np.empty((len(q), q.shape[1] + 1, 3))
+    for s in range(len(q)):
+        origins, _, points = _placed(links, q[s])
+        for row in range(3):
+            found[s, 0, row] = origins[0, row]
+            for i in range(len(points)):
+                found[s, i + 1, row] = points[i, row]
+    return found
+
+
+@compiled(LINKS, VECTOR, MATRIX, MATRIX, COUNT)
+def fitted_at(
+    links: tuple[Array, Array, Array, Array, Flags],
+    q: Array,
+    curve: Array,
+    rates: Array,
+    iterations: int,
+) -> tuple[Array, Array]:
+    """Return joints near q (n,) that follow points (n, 3) of a curve, and their rates (n,).
+
+    `rates` (n, 3) are the curve's along any parameter; the joints' are along the same.
+    """
+    n = len(q)
+    found, slopes = np.empty(n), np.zeros(n)
+    for i in range(n):
+        found[i] = q[i]
+    counts = links[4]
+    s, b = np.empty((n, 6)), np.empty(6)
+    K, k = np.zeros((n, 6)), np.zeros((n, 2))
+    S, g = np.empty((6, 6)), np.empty((6, 2))
+    r = np.empty((3, 2))
+    for _ in range(iterations):
+        origins, axes, points = _placed(links, found)
+        S[:], g[:] = 0.0, 0.0
+        for i in range(n - 1, -1, -1):
+            if counts[i]:
+                x, y, z = points[i, 0], points[i, 1], points[i, 2]
+                # HᵀH and Hᵀr of H = (−[p]×, 1)
+                S[0, 0] += y * y + z * z
+                S[1, 1] += x * x + z * z
+                S[2, 2] += x * x + y * y
+                S[1, 0] -= x * y
+                S[2, 0] -= x * z
+                S[2, 1] -= y * z
+                S[3, 1] += z
+                S[3, 2] -= y
+                S[4, 0] -= z
+                S[4, 2] += x
+                S[5, 0] += y
+                S[5, 1] -= x
+                for row in range(3):
+                    S[3 + row, 3 + row] += 1.0
+                    r[row, 0] = points[i, row] - curve[i, row]
+                    r[row, 1] = -rates[i, row]
+                for c in range(2):
+                    g[0, c] += y * r[2, c] - z * r[1, c]
+                    g[1, c] += z * r[0, c] - x * r[2, c]
+                    g[2, c] += x * r[1, c] - y * r[0, c]
+                    for row in range(3):
+                        g[3 + row, c] += r[row, c]
+            ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
+            ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
+            s[i, 0], s[i, 1], s[i, 2] = ax, ay, az
+            s[i, 3], s[i, 4], s[i, 5] = oy * az - oz * ay, oz * ax - ox * az, ox * ay - oy * ax
+            stiff = 0.0
+            for u in range(6):
+                b[u] = 0.0
+                for v in range(6):
+                    b[u] += (S[u, v] if u >= v else S[v, u]) * s[i, v]
+                stiff += s[i, u] * b[u]
+            if stiff < FLAT:
+                K[i], k[i] = 0.0, 0.0
+                continue
+            for c in range(2):
+                along = 0.0
+                for u in range(6):
+                    along += s[i, u] * g[u, c]
+                k[i, c] = along / stiff
+                for u in range(6):
+                    g[u, c] -= b[u] * k[i, c]
+            for u in range(6):
+                K[i, u] = b[u] / stiff
+                for v in range(u + 1):
+                    S[u, v] -= b[u] * b[v] / stiff
+        moved = np.zeros((6, 2))
+        for i in range(n):
+            for c in range(2):
+                u = -k[i, c]
+                for v in range(6):
+                    u -= K[i, v] * moved[v, c]
+                for v in range(6):
+                    moved[v, c] += s[i, v] * u
+                if c == 0:
+                    found[i] += u
+                else:
+                    slopes[i] = u
+    return found, slopes

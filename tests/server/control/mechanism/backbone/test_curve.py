@@ -1,0 +1,149 @@
+"""A backbone's curve is the one of the paper's integrals, and its rates are its own derivative."""
+
+import numpy as np
+import pytest
+from telerobot.server.control.mechanism.backbone.exterior import bessel, bow_parameter
+from telerobot.server.control.mechanism.backbone.interior import Arcs, Turn, off_centre
+from telerobot.server.control.spatial import Pose
+
+from .snakes import ENTRANCE, MAZE, S1, SPACE, X, Y
+
+STATIONS = np.linspace(0.0, 1.0, 61)
+
+
+def integral(values, width):
+    """Simpson's rule over evenly spaced values (odd number, ...)."""
+    return (
+        width / 3 * (values[0] + 4 * values[1:-1:2].sum(0) + 2 * values[2:-2:2].sum(0) + values[-1])
+    )
+
+
+@pytest.mark.parametrize("order", range(6))
+def test_bessel_functions_are_those_of_their_integral(order):
+    t = np.linspace(0.0, np.pi, 2001)
+    for x in (0.0, 0.3, 1.2, 2.404, 4.0):
+        expected = integral(np.cos(order * t - x * np.sin(t)), t[1]) / np.pi
+        assert bessel(x)[order] == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_bow_s_parameter_solves_equation_20_on_its_branch():
+    for ratio in (0.9999999, 0.9, 0.5, 0.4, 1e-3):
+        mu = bow_parameter(ratio)
+        assert 0.0 < mu < 2.404826
+        assert bessel(mu)[0] == pytest.approx(ratio, abs=1e-14)
+
+
+@pytest.mark.parametrize("s1", S1)
+def test_the_exterior_is_the_curve_of_equations_2_and_22(s1):
+    a = 2 * np.pi / s1 * bow_parameter(0.4 / s1)
+    found = MAZE.exterior.at(s1, STATIONS * s1)[0]
+    for station, point in zip(STATIONS * s1, found, strict=True):
+        s = np.linspace(0.0, station, 2001)
+        theta = a * s1 / (2 * np.pi) * np.sin(2 * np.pi * s / s1)
+        x = integral(np.sin(theta), s[1]), integral(np.cos(theta), s[1])
+        assert point == pytest.approx([*x, 0.0], abs=1e-11)
+    assert found[-1] == pytest.approx([0.0, 0.4, 0.0], abs=1e-14)
+
+
+@pytest.mark.parametrize("curve", [MAZE, SPACE])
+@pytest.mark.parametrize("s1", [0.97, 0.8, 0.6, 0.44, 0.41])
+def test_rates_are_the_derivative_of_the_curve(curve, s1):
+    step = 1e-6
+    stations = 0.0013 + 0.9974 * STATIONS  # off the jumps of curvature
+    before, after = (curve.at(s1 + by, stations).points for by in (-step, step))
+    assert curve.at(s1, stations).rates == pytest.approx((after - before) / (2 * step), abs=2e-7)
+
+
+def test_along_the_bow_s_parameter_rates_stay_finite_where_the_exterior_is_straight():
+    bow, stations, step = MAZE.exterior, STATIONS * 0.4, 1e-6
+    points, rates, ds1 = bow.along(0.0, stations)
+    assert points == pytest.approx(np.outer(stations, Y), abs=1e-15)
+    assert ds1 == 0.0
+    assert rates == pytest.approx((bow.along(step, stations)[0] - points) / step, abs=1e-6)
+    assert np.abs(rates).max() < 0.4
+    assert np.abs(bow.at(0.4 + 1e-9, stations)[1]).max() > 100.0
+
+
+def test_an_exterior_shorter_than_its_chord_is_refused():
+    with pytest.raises(ValueError, match=r"free length 0\.39 m: must be above 0\.4 m"):
+        MAZE.at(0.39, STATIONS)
+
+
+def test_arcs_end_where_semicircles_do():
+    radius = 0.2 / np.pi
+    points, tangents = MAZE.arcs.at(np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7]))
+    across = [0, -radius, -2 * radius, -3 * radius, -4 * radius, -6 * radius, -6 * radius]
+    ahead = [0.4, 0.4 + radius, 0.4, 0.4 - radius, 0.4, 0.4, 0.3]
+    assert points == pytest.approx(np.column_stack((across, ahead, np.zeros(7))), abs=1e-14)
+    assert tangents[[0, 2, 4, 6]] == pytest.approx(np.array([Y, -Y, Y, -Y]), abs=1e-14)
+    assert tangents[1] == pytest.approx(-X, abs=1e-14)
+
+
+def test_a_tunnel_may_climb_straight_up_where_the_paper_s_torsion_is_singular():
+    arcs = Arcs.from_entrance(Pose.identity(), [Turn(0.3, 0.0, np.pi / 2), Turn(0.2, np.pi / 2)])
+    points, tangents = arcs.at(np.array([0.3, 0.5]))
+    r, s = 0.6 / np.pi, 0.4 / np.pi
+    assert points == pytest.approx(np.array([[r, 0, r], [r, s, r + s]]), abs=1e-14)
+    assert tangents == pytest.approx(np.array([[0, 0, 1], [0, 1, 0]]), abs=1e-14)
+
+
+def test_the_paper_s_spatial_curve_is_met_by_short_segments():
+    # Eqs. 5 and 6 with constant quasi-curvature and quasi-torsion.
+    kappa, torsion, length, n = 3.0, 2.0, 0.6, 500
+    s = np.linspace(0.0, length, 4001)
+    K, T = kappa * s, torsion * s
+    x = np.stack((np.sin(K) * np.cos(T), np.cos(K) * np.cos(T), np.sin(T)), axis=1)
+    expected = integral(x, s[1])
+    turns, R = [], Pose.from_xyz_rpy((0, 0, 0), (0, 0, np.pi / 2)).R
+    for tangent in x[8::8]:
+        towards = R.T @ tangent
+        angle = np.arctan2(np.hypot(*towards[1:]), towards[0]) / np.hypot(*towards[1:])
+        turns.append(Turn(length / n, angle * towards[1], angle * towards[2]))
+        R = Arcs.from_entrance(Pose(R, np.zeros(3)), turns[-1:]).end.R
+    arcs = Arcs.from_entrance(Pose.from_xyz_rpy((0, 0, 0), (0, 0, np.pi / 2)), turns)
+    assert arcs.at(np.array([length]))[0][0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_helix_in_closed_form_is_met_by_short_segments():
+    kappa, tau, length, n = 4.0, 2.5, 0.8, 800
+    # In a frame that does not roll about the tangent, the normal turns by the torsion.
+    middles = (np.arange(n) + 0.5) * length / n
+    turns = [
+        Turn(length / n, kappa * length / n * np.cos(tau * s), kappa * length / n * np.sin(tau * s))
+        for s in middles
+    ]
+    s = np.linspace(0.0, length, 9)
+    points, tangents = Arcs.from_entrance(Pose.identity(), turns).at(s)
+    w = np.hypot(kappa, tau)
+    r, c = kappa / w**2, tau / w**2
+    # Circular helix whose first tangent is x and first normal y.
+    axis = np.array([tau, 0.0, kappa]) / w
+    round_ = np.array([kappa, 0.0, -tau]) / w
+    helix = (
+        np.outer(r * np.sin(w * s), round_)
+        + np.outer(r * (1 - np.cos(w * s)), Y)
+        + np.outer(c * w * s, axis)
+    )
+    assert points == pytest.approx(helix, abs=2e-6)
+    assert tangents[0] == pytest.approx(X, abs=1e-14)
+
+
+def test_distance_to_the_centre_line_is_that_of_a_dense_search():
+    rng = np.random.default_rng(3)
+    for arcs in (MAZE.arcs, SPACE.arcs):
+        end = arcs.length
+        dense = arcs.at(np.linspace(0.0, end, 200_001))[0]
+        for depth in rng.uniform(0.05, end - 0.05, 20):
+            point = arcs.at(np.array([depth]))[0][0] + rng.normal(0.0, 0.008, 3)
+            upto = np.array([len(arcs.curvature) - 1])
+            off, which = off_centre(arcs[:], point[None], np.array([depth]), 0.05, upto)
+            assert which == 0
+            assert off == pytest.approx(np.linalg.norm(dense - point, axis=1).min(), abs=1e-6)
+
+
+def test_points_in_the_open_are_not_held_against_the_tunnel():
+    upto = np.array([len(MAZE.arcs.curvature) - 1])
+    before = ENTRANCE.p - 0.01 * Y + 0.05 * X
+    assert off_centre(MAZE.arcs[:], before[None], np.array([-0.01]), 0.05, upto)[1] == -1
+    beyond = MAZE.arcs.at(np.array([0.65]))[0]
+    assert off_centre(MAZE.arcs[:], beyond, np.array([0.65]), 0.05, upto - 1)[1] == -1
