@@ -5,6 +5,7 @@ from pydantic import Field
 from ..cameras import RigTag
 from ..moving import RigFrames
 from ..section import Name, NonNegative, Positive, Section, Vector3, Vector6
+from .beam import RigBeam
 from .peg import RigHole, RigPeg
 
 
@@ -102,6 +103,7 @@ class Rig(Section):
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
     peg: RigPeg | None = Field(None, description="a peg as the tool")
     holes: tuple[RigHole, ...] = Field((), max_length=16, description="holes to insert it into")
+    beam: RigBeam | None = Field(None, description="what the arms of a joint task hold")
     tags: tuple[RigTag, ...] = Field((), description="planar tags that cameras can see")
     frames: RigFrames = Field(
         default_factory=RigFrames, description="motion of platform and Carrier, and their news"

@@ -25,6 +25,11 @@ _CONDIM = 4
 def add_peg(tip: mujoco.MjsBody, mrf: Pose, peg: RigPeg) -> None:
     """Fix the peg to the tip, its end at the MRF."""
     body = tip.add_body(name="peg", pos=mrf.xyz, quat=quaternion(mrf))
+    make_peg(body, peg, "peg")
+
+
+def make_peg(body: mujoco.MjsBody, peg: RigPeg, name: str) -> None:
+    """Make a body a peg; names of its geoms begin with `name`."""
     across = peg.mass * (3.0 * peg.radius**2 + peg.length**2) / 12.0
     body.mass, body.explicitinertial = peg.mass, True
     body.ipos = (0.0, 0.0, -peg.length / 2.0)
@@ -34,7 +39,7 @@ def add_peg(tip: mujoco.MjsBody, mrf: Pose, peg: RigPeg) -> None:
         angle = 2.0 * math.pi * i / CAPSULES
         x, y = around * math.cos(angle), around * math.sin(angle)
         capsule = body.add_geom(
-            name=f"peg_{i}",
+            name=f"{name}_{i}",
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
             fromto=(x, y, first, x, y, last),
             size=(peg.rounding, 0.0, 0.0),

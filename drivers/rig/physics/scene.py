@@ -8,6 +8,7 @@ from ....config.load import Cell, ConfigError
 from ....config.schema.mechanism import Mechanism
 from ....config.schema.rig.rig import Rig, Wall
 from ....config.schema.section import Pose
+from .beam import add_beam
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
 from .peg import add_hole, add_peg
 from .sight import add_probe
@@ -80,6 +81,8 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
                 slides_on(spec, prefix + TOOL_BALL, surface)
     for hole in rig.holes:
         add_hole(spec, hole)
+    if rig.beam is not None:
+        add_beam(spec, rig.beam)
     for obstacle in cell.config.obstacles:
         solid = add_solid(spec, obstacle, quaternion(attitude(obstacle)))
         if solid is not None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.rig.rig import RigGripper
+from .beam import Beam
 from .distances import Distances
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 from .solids import place
@@ -72,6 +73,11 @@ class World:
         self.q[:] = [q for part in cell.parts for q in part.config.mechanism.postures["start"]]
         for joint in range(self.n):
             self.set_brake(joint, closed=True)
+        self.beam: Beam | None = None
+        """What the arms of a joint task hold; None where they hold nothing."""
+        if cell.config.rig.beam is not None:
+            self.beam = Beam(self.model, self.data, cell)
+            self.beam.grasp()
         mujoco.mj_forward(self.model, self.data)
 
     def _arm(self, part: Cell, prefix: str) -> _Arm:
@@ -103,9 +109,16 @@ class World:
     def step(self, torque: Vector) -> None:
         """Advance by one physics step under joint torques (n,) [N·m]."""
         self.data.ctrl[:] = torque
+        if self.beam is not None:
+            self.beam.clear()
         for body, force in self._pushes.items():
             self._apply_push(body, force)
-        mujoco.mj_step(self.model, self.data)
+        if self.beam is None:
+            mujoco.mj_step(self.model, self.data)
+            return
+        mujoco.mj_step1(self.model, self.data)
+        self.beam.pull()
+        mujoco.mj_step2(self.model, self.data)
 
     # --- what holds and pushes the arm --------------------------------------------------------
 

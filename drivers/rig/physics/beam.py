@@ -1,0 +1,211 @@
+"""A payload that several arms hold: a box on sprung pads, with pegs, and the truth about it.
+
+Each pad is a spring of six freedoms between a flange and the payload. Its wrench is computed at
+every physics step and put on both bodies, where the force/torque sensors feel it: a spring between
+two arms of one tree of bodies would be a joint, of which a loop has one too many.
+"""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....config.load import Cell
+from ....config.schema.rig.beam import RigBeam
+from ....config.schema.rig.peg import RigHole
+from ....config.schema.section import Pose
+from .geoms import FIXED, SOLIMP, SOLREF, quaternion
+from .peg import make_peg
+
+Vector = NDArray[np.float64]
+
+BEAM = "beam"
+"""Body of the payload."""
+
+
+class Pad(NamedTuple):
+    """One grasp of the payload."""
+
+    tip: int
+    """Body of the arm's last link."""
+    p_tip: Vector
+    """The pad's place and attitude in the last link: (3,) [m] and (3, 3)."""
+    R_tip: Vector
+
+
+def held_by(cell: Cell) -> list[int]:
+    """Return which mechanisms hold the payload, by their places in the cell."""
+    names = [part.config.mechanism.name for part in cell.parts]
+    return [names.index(name) for name in cell.joint_tasks[0].by]
+
+
+def add_beam(spec: mujoco.MjSpec, beam: RigBeam) -> None:
+    """Add the payload with its pegs, free to move; `Beam` brings it into the grasps."""
+    body = spec.worldbody.add_body(name=BEAM)
+    body.add_freejoint(name=BEAM)
+    x, y, z = beam.half_size
+    body.mass, body.explicitinertial, body.ipos = beam.mass, True, beam.com
+    body.inertia = tuple(beam.mass / 3.0 * (a * a + b * b) for a, b in ((y, z), (x, z), (x, y)))
+    box = body.add_geom(
+        name=f"{BEAM}_box", type=mujoco.mjtGeom.mjGEOM_BOX, size=beam.half_size, density=0
+    )
+    # It meets what stands around; the arms that hold it reach into it.
+    box.contype, box.conaffinity = 0, FIXED
+    box.solref[:], box.solimp[:] = SOLREF, SOLIMP
+    for i, place in enumerate(beam.pegs):
+        along = np.zeros(4)
+        mujoco.mju_mulQuat(along, np.array(quaternion(place)), _X_FOR_Z)
+        peg = body.add_body(name=f"{BEAM}_peg_{i}", pos=place.xyz, quat=along)
+        make_peg(peg, beam.peg, f"{BEAM}_peg_{i}")
+
+
+_X_FOR_Z = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
+"""Turns z to where x was: a peg's axis is z."""
+
+
+class Beam:
+    """The payload of one world: its pads' springs, and what is true of it.
+
+    Vectors are in the payload's axes, which are those of the MRF.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, cell: Cell) -> None:
+        """Find it in the model; `grasp` brings it into the grasps."""
+        rig = cell.config.rig
+        if rig is None or rig.beam is None or not cell.joint_tasks:
+            raise ValueError(f"cell {cell.config.name} has no [rig.beam] with a joint task")
+        self._model, self._data, self._section = model, data, rig.beam
+        self._body = int(model.body(BEAM).id)
+        self._at = int(model.joint(BEAM).qposadr[0])
+        self._first = _placed(cell.joint_tasks[0].T_wrist_mrf[0])
+        parts = [cell.parts[i] for i in held_by(cell)]
+        self._pads = [_pad(model, part) for part in parts]
+        k = len(self._pads)
+        self._p, self._R = np.zeros((k, 3)), np.zeros((k, 3, 3))
+        self._closed = [True] * k
+        self.wrenches = np.zeros((k, 6))
+        """What each arm exerts on the payload, at its pad (k, 6) [N, N·m]."""
+        self._apart = np.zeros((k, 3))
+        self._pegs = [int(model.body(f"{BEAM}_peg_{i}").id) for i in range(len(rig.beam.pegs))]
+        self._holes = {hole.name: hole for hole in rig.holes}
+
+    def grasp(self) -> None:
+        """Put the payload where the first arm has it, and close all pads on it where they are."""
+        mujoco.mj_kinematics(self._model, self._data)
+        data, tip = self._data, self._pads[0].tip
+        p, R = self._first
+        R_tip = data.xmat[tip].reshape(3, 3)
+        data.qpos[self._at : self._at + 3] = data.xpos[tip] + R_tip @ p
+        mujoco.mju_mat2Quat(data.qpos[self._at + 3 : self._at + 7], (R_tip @ R).ravel())
+        mujoco.mj_kinematics(self._model, data)
+        for i, misfit in enumerate(self._section.misfit or [(0.0,) * 3] * len(self._pads)):
+            at, turned = self._seen(i)
+            self._p[i], self._R[i] = at + np.array(misfit), turned
+
+    def shift(self, pad: int, by: Vector) -> None:
+        """Make a pad fit elsewhere on the payload, by (3,) [m] from where it does."""
+        self._p[pad] += by
+
+    def let_go(self, pad: int) -> None:
+        """Open a pad: the payload slips out of it."""
+        self._closed[pad] = False
+
+    def clear(self) -> None:
+        """Take off arms and payload whatever was put on them in the step before."""
+        self._data.xfrc_applied[[self._body, *(pad.tip for pad in self._pads)]] = 0.0
+
+    def pull(self) -> None:
+        """Add the pads' wrenches on arms and payload, for the positions and speeds of now."""
+        data, body = self._data, self._body
+        R, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
+        (stiff, stiff_turn), (damp, damp_turn) = (
+            self._section.grasp_stiffness,
+            self._section.grasp_damping,
+        )
+        own = np.zeros(6)
+        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, body, own, 0)
+        twist = np.zeros(6)
+        for i, pad in enumerate(self._pads):
+            p, turned = self._seen(i)
+            at = origin + R @ self._p[i]
+            mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, pad.tip, twist, 0)
+            v_pad = twist[3:] + np.cross(twist[:3], at - data.xipos[pad.tip])
+            v_own = own[3:] + np.cross(own[:3], at - data.xipos[body])
+            self._apart[i] = p - self._p[i]
+            turn = np.zeros(3)
+            quat = np.zeros(4)
+            mujoco.mju_mat2Quat(quat, (turned @ self._R[i].T).ravel())
+            mujoco.mju_quat2Vel(turn, quat, 1.0)
+            force = stiff * self._apart[i] + damp * (R.T @ (v_pad - v_own))
+            moment = stiff_turn * turn + damp_turn * (R.T @ (twist[:3] - own[:3]))
+            self.wrenches[i, :3], self.wrenches[i, 3:] = force, moment
+            self.wrenches[i] *= self._closed[i]
+            f, m = R @ self.wrenches[i, :3], R @ self.wrenches[i, 3:]
+            data.xfrc_applied[body, :3] += f
+            data.xfrc_applied[body, 3:] += m + np.cross(at - data.xipos[body], f)
+            data.xfrc_applied[pad.tip, :3] -= f
+            data.xfrc_applied[pad.tip, 3:] -= m + np.cross(at - data.xipos[pad.tip], f)
+
+    def internal_force(self) -> float:
+        """Return the greatest force at a grasp that moves nothing [N].
+
+        That is what the wrenches at the grasps are beyond the least ones that sum up to the same.
+        """
+        k = len(self._pads)
+        G = np.zeros((6, 6 * k))
+        for i, p in enumerate(self._p):
+            G[:, 6 * i : 6 * i + 6] = np.eye(6)
+            G[3:, 6 * i : 6 * i + 3] = [[0, -p[2], p[1]], [p[2], 0, -p[0]], [-p[1], p[0], 0]]
+        exerted = self.wrenches.ravel()
+        left = (exerted - np.linalg.pinv(G) @ (G @ exerted)).reshape(k, 6)
+        return float(np.linalg.norm(left[:, :3], axis=1).max())
+
+    def stretch(self) -> float:
+        """Return how far the pads are from fitting each other [m], the two that fit least."""
+        apart = self._apart
+        return float(max(np.linalg.norm(a - b) for a in apart for b in apart))
+
+    def pose(self) -> tuple[Vector, Vector]:
+        """Return the payload's origin (3,) [m] and rotation matrix (3, 3) in World."""
+        mujoco.mj_kinematics(self._model, self._data)
+        at = self._data.xpos[self._body].copy()
+        return at, self._data.xmat[self._body].reshape(3, 3).copy()
+
+    def peg_depths(self) -> tuple[float, ...]:
+        """Return how deep each peg's end is in the nearest hole [m]; negative before its mouth."""
+        mujoco.mj_kinematics(self._model, self._data)
+        return tuple(self._depth(peg) for peg in self._pegs)
+
+    def _depth(self, peg: int) -> float:
+        data, found = self._data, []
+        for name, hole in self._holes.items():
+            body = self._model.body(name).id
+            at = data.xmat[body].reshape(3, 3).T @ (data.xpos[peg] - data.xpos[body])
+            aside = float(np.hypot(at[0], at[1]))
+            found.append((aside, _inside(hole, aside, -float(at[2]))))
+        return min(found)[1] if found else -np.inf
+
+    def _seen(self, pad: int) -> tuple[Vector, Vector]:
+        """Return where a pad is on the payload: place (3,) [m] and attitude (3, 3)."""
+        data, (tip, p, R) = self._data, self._pads[pad]
+        R_beam, R_tip = data.xmat[self._body].reshape(3, 3), data.xmat[tip].reshape(3, 3)
+        at = data.xpos[tip] + R_tip @ p - data.xpos[self._body]
+        return R_beam.T @ at, R_beam.T @ R_tip @ R
+
+
+def _inside(hole: RigHole, aside: float, deep: float) -> float:
+    """Return how deep a peg is that is `aside` of the axis and `deep` below the mouth [m]."""
+    return deep if deep < 0.0 or aside < hole.radius else 0.0
+
+
+def _pad(model: mujoco.MjModel, part: Cell) -> Pad:
+    mechanism = part.config.mechanism
+    tip = int(model.body(part.prefix + mechanism.tip_link).id)
+    return Pad(tip, *_placed(mechanism.T_wrist_mrf))
+
+
+def _placed(pose: Pose) -> tuple[Vector, Vector]:
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, np.array(quaternion(pose)))
+    return np.array(pose.xyz), R.reshape(3, 3)
