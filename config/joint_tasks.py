@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from .errors import ConfigError, nearest
 from .schema.joint_task import JointTask
+from .schema.rig.beam import RigBeam
 
 SHARED: Final = ("T_world_crf", "sources", "schedules")
 """What a joint task has of the whole file where it says nothing of its own."""
@@ -33,3 +34,16 @@ def agree(path: Path, tasks: Sequence[tuple[int, JointTask]], mechanisms: Sequen
             if name in holder:
                 raise ConfigError(f"{where}: holds '{holder[name]}' at start")
             holder[name] = task.name
+
+
+def agree_with_beam(path: Path, tasks: Sequence[JointTask], beam: RigBeam | None) -> None:
+    """Raise `ConfigError` where the rig's payload does not fit the task that is to hold it."""
+    if beam is None:
+        return
+    if not tasks:
+        raise ConfigError(f"{path}: rig.beam: no task of [[tasks]] is by several mechanisms")
+    if len(beam.misfit) not in (0, len(tasks[0].by)):
+        raise ConfigError(
+            f"{path}: rig.beam.misfit: {len(beam.misfit)} places for {len(tasks[0].by)} mechanisms"
+            f" of task '{tasks[0].name}': one each"
+        )

@@ -19,7 +19,7 @@ from .agree.cell import check_cell
 from .devices import devices_of, shared_devices
 from .errors import ConfigError, nearest
 from .joint_ranges import expand
-from .joint_tasks import agree
+from .joint_tasks import agree, agree_with_beam
 from .parts import joint_tables_of, on_top, parts_of
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
@@ -134,6 +134,8 @@ def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
 
 def _agreed(cell: Cell) -> Cell:
     """Return a cell whose parts agree with each other. Raises `ConfigError`."""
+    beam = None if cell.config.rig is None else cell.config.rig.beam
+    agree_with_beam(cell.path, cell.joint_tasks, beam)
     check_cell(cell.path, [(part.place, part.config) for part in cell.parts], cell.devices)
     return cell
 

@@ -81,6 +81,14 @@ REFUSED = [
     (BEAM + BEAM.replace('"beam"', '"rod"'), "tasks[1].by[0]: value 'left': holds 'beam' at start"),
     (BEAM + BEAM, "tasks[1].name: value 'beam': is there already"),
     (BEAM + "strech = 0.001", "tasks[0].strech: unknown key; did you mean 'stretch'?"),
+    (
+        "[rig.beam]\nmass = 5.0\nhalf_size = [0.1, 0.5, 0.1]",
+        "rig.beam: no task of [[tasks]] is by several mechanisms",
+    ),
+    (
+        BEAM + "[rig.beam]\nmass = 5\nhalf_size = [1, 1, 1]\nmisfit = [[0, 0, 0]]",
+        "rig.beam.misfit: 1 places for 2 mechanisms of task 'beam': one each",
+    ),
     (BEAM + "most_internal = -1.0", "tasks[0].most_internal: value -1.0: should be greater than 0"),
 ]
 

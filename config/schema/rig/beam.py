@@ -1,4 +1,4 @@
-"""What a cell file may say of the payload that the arms of a joint task hold, in the virtual world."""
+"""What a cell file may say of the payload that arms hold together, in the virtual world."""
 
 from pydantic import Field
 
