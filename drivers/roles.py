@@ -70,8 +70,11 @@ class JointDrive(Device):
         """Acknowledge trouble and stop, and reset the drive's fault."""
 
     @abstractmethod
-    def make_room(self) -> bool:
-        """Let the drive's position limits hold where the joint stands; return whether it asked."""
+    def prepare(self, torque: float) -> bool:
+        """Prepare the drive, while off, for its joint's position, and a torque that holds it [N·m].
+
+        Returns whether it blocked.
+        """
 
 
 class WrenchSensor(Device):

@@ -75,7 +75,7 @@ class Cycle:
         self._supervisor = Supervisor(
             plant,
             FaultDetector(arm.p.joints, cell.config.mechanism.drives),
-            DrivePower(cell.robot.joints, plant, events),
+            DrivePower(cell.robot.joints, plant, events, self._holding),
             services,
             admission,
             commands,
@@ -192,6 +192,11 @@ class Cycle:
                 self._supervisor.overruns,
             )
             self._telemetry.publish(record, self._commands, self._perception, self._admission)
+
+    def _holding(self, q: Array) -> Array:
+        """Return the torques (n,) that hold the arm at rest at q (n,) [N·m]."""
+        payload, moved = self._commands.settings.payload, self._commands.frames.moved
+        return self._control.arms[0].stages.holding(q, payload, moved.T_world_base_measured.R)
 
     def _quick_stop(self, device: str, words: str, event: str) -> None:
         self._supervisor.quick_stop(Trouble(Cause.STATE_LOST, device, words), event)

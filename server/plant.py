@@ -144,14 +144,14 @@ class Plant:
         for name, on in outputs.items():
             self._outputs[name].write(on)
 
-    def make_room(self) -> bool:
-        """Let every drive's position limits hold where its joint stands; return whether it blocked.
+    def prepare(self, torque: Array) -> bool:
+        """Prepare every drive for where its joint stands, and torques (n,) that hold it [N·m].
 
-        To be called with all drives off. Raises `DeviceError`.
+        To be called with all drives off. Returns whether it blocked; raises `DeviceError`.
         """
         blocked = False
-        for drive in self.drives:
-            blocked = drive.make_room() or blocked
+        for drive, held in zip(self.drives, torque.tolist(), strict=True):
+            blocked = drive.prepare(held) or blocked
         return blocked
 
     def enable(self) -> None:

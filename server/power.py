@@ -1,8 +1,10 @@
 """Power of the drives: switched on and off with the mode, step by step with their states.
 
-The arm is enabled from drives that are off: each is given room for where its joint stands, and then
-led to Operation enabled.
+The arm is enabled from drives that are off: each is given room for where its joint stands, and the
+torque that holds it there, and then led to Operation enabled.
 """
+
+from collections.abc import Callable
 
 from ..config.load import UrdfJoint
 from .control.spatial import Array
@@ -14,17 +16,23 @@ OUTSIDE = 1e-4
 
 
 class DrivePower:
-    """Switches the drives of one cell."""
+    """Switches the drives of one cell; `holding` returns the torques (n,) that hold joints (n,)."""
 
-    def __init__(self, joints: tuple[UrdfJoint, ...], plant: Plant, events: Events) -> None:
-        self._plant, self._events = plant, events
+    def __init__(
+        self,
+        joints: tuple[UrdfJoint, ...],
+        plant: Plant,
+        events: Events,
+        holding: Callable[[Array], Array],
+    ) -> None:
+        self._plant, self._events, self._holding = plant, events, holding
         self._joints = joints
         self._begun = False
 
     def follow(self, on: bool, reading: PlantReading) -> bool:
         """Lead the drives on, or off; where they are still on their way off, that comes first.
 
-        For READY, every tick. Returns whether it blocked, while a drive was given room; raises
+        For READY, every tick. Returns whether it blocked, while a drive was prepared; raises
         `DeviceError` where one cannot be.
         """
         blocked = False
@@ -32,7 +40,7 @@ class DrivePower:
             self._begun = False
         elif not self._begun and reading.off and reading.q is not None:
             self._tell_outside(reading.q)
-            blocked = self._plant.make_room()
+            blocked = self._plant.prepare(self._holding(reading.q))
             self._begun = True
         if self._begun:
             self._plant.enable()

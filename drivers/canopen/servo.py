@@ -20,6 +20,7 @@ from ..roles import JointDrive
 from ..servo_status import Sent, ServoReading, wrong_emergency, wrong_status
 from . import servo_setup
 from .setpoint import Setpoint
+from .standstill import Standstill
 
 BOOT_TIMEOUT_S: Final = 2.0
 MOST_MISSED_SYNCS: Final = 3
@@ -62,11 +63,12 @@ class ServoDrive(JointDrive):
         self._setpoint = Setpoint(drive, mode)
         self._bus, self.bus = fieldbus, fieldbus.name
         self._timing = timing
-        self._limits = self._room = (lower, upper)
+        self._limits = (lower, upper)
         dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
         self.answer_stamp = 0.0
         """The bus' stamp of the newest TPDO1, which a SYNC asked for [s], on the bus' own clock."""
         self._node = fieldbus.add_node(drive.node, dictionary)
+        self._standstill = Standstill(self._node, drive, mode, lower, upper)
         self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
         self._node.emcy.add_callback(self._on_emcy)
         fieldbus.listen(can301.tpdo1_id(drive.node), self._on_feedback)
@@ -100,7 +102,7 @@ class ServoDrive(JointDrive):
             servo_setup.configure(
                 self._node, self.drive, self._timing, *self._limits, self._mode, self._bus.pause
             )
-            self._room = self._limits
+            self._standstill.configured()
             self._node.nmt.send_command(can301.NmtCommand.START)
         except can.CanError as error:
             raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
@@ -144,20 +146,16 @@ class ServoDrive(JointDrive):
             trouble=self._trouble,
         )
 
-    def make_room(self) -> bool:
-        """Let the drive's position limits hold where the joint stands; return whether it asked.
+    def prepare(self, torque: float) -> bool:
+        """Tell the drive the room and the torque [N·m] that its joint needs where it stands.
 
-        To be called with its power off, before it is enabled. Blocks where 607Dh has to change;
-        raises `DeviceError`.
+        To be called with its power off, before it is enabled. Returns whether anything had to
+        change: then it blocked. Raises `DeviceError`.
         """
         if self._feedback is None:
             return False
         q = servo_setup.to_radians(self.drive, self._feedback.position)
-        room = servo_setup.room(self.drive, *self._limits, q)
-        changed, self._room = room != self._room, room
-        if changed:
-            servo_setup.write_limits(self._node, self.drive, *room)
-        return changed
+        return self._standstill.write(q, torque)
 
     def request_enable(self) -> None:
         """Step towards *Operation enabled* with the coming writes; not after a stop or trouble."""

@@ -115,6 +115,11 @@ def write_limits(node: canopen.RemoteNode, drive: Drive, lower: float, upper: fl
         write(node, drive, step)
 
 
+def write_torque_offset(node: canopen.RemoteNode, drive: Drive, value: int) -> None:
+    """Write 60B2h, which a drive may lack. Raises `DeviceError`."""
+    write(node, drive, Step(Object.TORQUE_OFFSET, 0, I16, value, optional=True))
+
+
 def room(drive: Drive, lower: float, upper: float, q: float) -> tuple[float, float]:
     """Return the range of 607Dh for a joint that stands at `q`, with limits `lower`, `upper` [rad].
 

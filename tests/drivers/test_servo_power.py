@@ -9,7 +9,14 @@ from telerobot.config.schema.cell import Timing
 from telerobot.drivers.canopen import servo_setup
 from telerobot.drivers.canopen.servo import OBEYED_SYNCS, SWITCH_OFF_S
 from telerobot.drivers.device import Cause, DeviceError
-from telerobot.protocols.canopen.cia402 import STATE_BITS, Control, DriveState, Object, Status
+from telerobot.protocols.canopen.cia402 import (
+    STATE_BITS,
+    Control,
+    DriveState,
+    Object,
+    OperationMode,
+    Status,
+)
 
 SWITCH_OFF_SYNCS = round(SWITCH_OFF_S / Timing().period_s)
 ENABLED = DriveState.OPERATION_ENABLED
@@ -150,7 +157,7 @@ def test_the_drive_is_given_room_for_a_joint_outside_its_limits_and_no_more(
     cell.servo.open()
     cell.played.position = servo_setup.to_counts(cell.drive, stands)
     cell.step()
-    cell.servo.make_room()
+    cell.servo.prepare(0.0)
     ends = sorted(servo_setup.to_radians(cell.drive, counts) for counts in limits(cell))
     assert ends == pytest.approx([lower, upper], abs=2e-4)
 
@@ -160,15 +167,15 @@ def test_room_is_asked_for_where_it_changes_and_taken_back_once_the_joint_is_ins
 ) -> None:
     cell.servo.open()
     cell.step()
-    assert not cell.servo.make_room()
+    assert not cell.servo.prepare(0.0)
     at_start = limits(cell)
     cell.played.position = servo_setup.to_counts(cell.drive, 3.1)
     cell.step()
-    assert cell.servo.make_room()
-    assert not cell.servo.make_room()
+    assert cell.servo.prepare(0.0)
+    assert not cell.servo.prepare(0.0)
     cell.played.position = 0
     cell.step()
-    assert cell.servo.make_room()
+    assert cell.servo.prepare(0.0)
     assert limits(cell) == at_start
 
 
@@ -178,4 +185,57 @@ def test_a_drive_that_refuses_the_room_is_named(cell: Any) -> None:
     cell.step()
     cell.played.refuse[Object.POSITION_LIMIT, 2] = 0x06090030
     with pytest.raises(DeviceError, match=r"j1 \(node 5\): writing .* to 607Dh:2"):
-        cell.servo.make_room()
+        cell.servo.prepare(0.0)
+
+
+# --- the torque that holds a joint --------------------------------------------------------------
+
+
+def preload(cell: Any) -> int:
+    """Return 60B2h of the played drive [rated torque / 1000]."""
+    return struct.unpack("<h", cell.played.objects[Object.TORQUE_OFFSET, 0])[0]
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("mode", [OperationMode.CSP, OperationMode.CSV])
+def test_a_drive_is_told_the_torque_that_holds_its_joint(
+    make_cell: Callable[..., Any], direction: int, mode: OperationMode
+) -> None:
+    cell = make_cell(direction=direction, mode=mode)
+    cell.servo.open()
+    cell.step()
+    drive = cell.drive
+    assert cell.servo.prepare(0.4 * drive.rated_torque)
+    assert preload(cell) == 400 * direction
+    assert not cell.servo.prepare(0.4 * drive.rated_torque)
+    assert cell.servo.prepare(-100.0 * drive.max_torque)
+    assert preload(cell) == round(-1000 * drive.max_torque / drive.rated_torque) * direction
+    cell.servo.open()
+    assert preload(cell) == 0
+    cell.step()
+    assert cell.servo.prepare(-100.0 * drive.max_torque)
+
+
+def test_in_cst_the_setpoint_alone_is_the_torque(make_cell: Callable[..., Any]) -> None:
+    cell = make_cell(mode=OperationMode.CST)
+    cell.servo.open()
+    cell.step()
+    assert not cell.servo.prepare(0.4 * cell.drive.rated_torque)
+    assert preload(cell) == 0
+
+
+def test_a_drive_without_a_torque_offset_is_enabled_without(cell: Any) -> None:
+    cell.played.refuse[Object.TORQUE_OFFSET, 0] = 0x06020000
+    cell.servo.open()
+    cell.step()
+    cell.servo.prepare(0.4 * cell.drive.rated_torque)
+    cell.enable()
+    assert cell.servo.read().state is ENABLED
+
+
+def test_a_drive_that_refuses_the_torque_is_named(cell: Any) -> None:
+    cell.servo.open()
+    cell.step()
+    cell.played.refuse[Object.TORQUE_OFFSET, 0] = 0x06090030
+    with pytest.raises(DeviceError, match=r"j1 \(node 5\): writing 400 to 60B2h:0"):
+        cell.servo.prepare(0.4 * cell.drive.rated_torque)

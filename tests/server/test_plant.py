@@ -62,7 +62,10 @@ class Drive(Known, JointDrive):
     def write(self, command):
         log.append((self.name, command))
 
-    request_enable = request_disable = request_fault_reset = make_room = lambda self: None
+    request_enable = request_disable = request_fault_reset = lambda self: None
+
+    def prepare(self, torque):
+        return False
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Enabling moves nothing: drives hold their joints before they open the brakes."""
+"""Enabling moves nothing: drives hold their joints, and know the load, before brakes open."""
 
 import dataclasses
 
@@ -8,28 +8,48 @@ from telerobot.config.load import load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
+MODES = ("csp", "csv", "cst")
 CELLS = {
-    "pa10": ("csp", "csv", "cst"),
-    "ur5e": ("csp", "csv", "cst"),
-    "ranger": ("csp", "csv", "cst"),
+    "pa10": MODES,
+    "pa10_hand": MODES,
+    "pa10_hand_pole": ("csp",),
     "pa10_hand_torque": ("cst",),
+    "pa10_peg": ("csp",),
+    "pa10_platform": MODES,
+    "pa10_reflect": ("csv",),
+    "ranger": MODES,
+    # The other cells are one of these with something around the arm.
+    "snake30": ("csp", "csv"),
+    "ur5e": MODES,
+    # Its tool is told to nobody: a torque law would let it sink, and the cell has none.
+    "ur5e_scene": ("csp", "csv"),
 }
 
 
-@pytest.mark.parametrize(
-    ("name", "mode"), [(n, mode) for n, all_ in CELLS.items() for mode in all_]
-)
-def test_no_joint_of_a_shipped_arm_moves_by_a_milliradian_when_it_is_enabled(name, mode):
+def moved(name, mode):
+    """Return how far any joint goes from where it stood [rad]."""
     cell = load_cell(name)
     mechanism = cell.config.mechanism.model_copy(update={"operation_mode": mode})
-    config = cell.config.model_copy(update={"mechanism": mechanism})
+    rig = cell.config.rig
+    if rig.frames is not None:
+        # The tool keeps its place beside a platform that seems to sway: that is asked for.
+        still = rig.frames.model_copy(update={"noise": (0.0, 0.0)})
+        rig = rig.model_copy(update={"frames": still})
+    config = cell.config.model_copy(update={"mechanism": mechanism, "rig": rig})
     simulation = Simulation(
         dataclasses.replace(cell, config=config),
-        Script.model_validate({"duration_s": 0.5, "step": []}),
+        Script.model_validate({"duration_s": 0.35, "step": []}),
     )
     way = []
     simulation.on_physics = lambda s: way.append(s.rig.world.q.copy())
     result = simulation.run()
     assert result.ok, result.summary
     assert result.summary["mode"] == "enabled"
-    assert np.abs(np.array(way) - way[0]).max() < 1e-3
+    return np.abs(np.array(way) - way[0]).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "mode"), [(n, mode) for n, all_ in CELLS.items() for mode in all_]
+)
+def test_no_joint_of_a_shipped_arm_moves_by_a_milliradian_when_it_is_enabled(name, mode):
+    assert moved(name, mode) < 1e-3

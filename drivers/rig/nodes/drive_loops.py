@@ -1,8 +1,9 @@
 """The loops of all simulated drives, computed together once per physics step.
 
 A loop interpolates linearly from setpoint to setpoint (CiA 402-2, 60C2h) in CSP, integrates the
-speed asked for in CSV, and follows with `tau = K_p e + K_d (v_ref − dq) + ∫ K_i e`: the reference's
-own speed is fed forward, the integral takes gravity and friction. In CST the motor gives the torque
+speed asked for in CSV, and follows with `tau = K_p e + K_d (v_ref − dq) + ∫ K_i e + offset`: the
+reference's own speed is fed forward, and the torque offset; the integral takes what is left of
+gravity, and friction. In CST the motor gives the torque
 asked for, less what would take the joint beyond its top speed. All vectors are (n,), in joint
 terms, SI.
 """
@@ -56,6 +57,8 @@ class DriveLoops:
         """Following error that is too much [rad]."""
         self.steps_beyond = np.zeros(n, dtype=np.int64)
         """Physics steps in a row with a following error beyond the window [1]."""
+        self.offset = np.zeros(n)
+        """Torque that is fed forward [N·m]."""
         self._integral = np.zeros(n)
         self._engaged = np.zeros(n)
         self._looped = np.zeros(n)
@@ -117,7 +120,7 @@ class DriveLoops:
     def take_over(self, joint: int, position: float, speed: float) -> None:
         """Let the loop of a joint in CST go on from where it is, with the torque that it gives."""
         self.reference[joint], self.speed[joint] = position, speed
-        self._integral[joint] = self.torque[joint]
+        self._integral[joint] = self.torque[joint] - self.offset[joint]
         self._looped[joint] = 1.0
         self._pulled.pop(joint, None)
 
@@ -146,6 +149,7 @@ class DriveLoops:
         wanted *= self._damping
         wanted += self._stiffness * self.error
         wanted += self._integral
+        wanted += self.offset
         torque = np.minimum(np.maximum(wanted, -self.max_torque), self.max_torque)
         # Anti-windup: what the motor cannot give is not wished for any longer.
         self._integral += (torque - wanted) * 0.05

@@ -27,6 +27,13 @@ def follow(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive:
     return loop.pull(joint, share * drive.direction * drive.rated_torque)
 
 
+def tune(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive: Drive) -> None:
+    """Take over the following window of the mode, and the torque offset."""
+    loop.window[joint] = window(mode, objects, drive)
+    share = objects[Object.TORQUE_OFFSET, 0] * 1e-3
+    loop.offset[joint] = share * drive.direction * drive.rated_torque
+
+
 def window(mode: int, objects: ObjectStore, drive: Drive) -> float:
     """Return the following error that is too much [rad]; only a position setpoint has any."""
     counts = objects[Object.FOLLOWING_WINDOW, 0]

@@ -29,7 +29,7 @@ from ..physics.world import World
 from .bench import Bench
 from .can_node import NEVER, CanNode
 from .drive_loops import DriveLoops
-from .drive_setpoint import deceleration, follow, window
+from .drive_setpoint import deceleration, follow, tune
 from .joint_faults import inject_at_joint
 from .link import NodeLink
 from .objects import WrongStateError
@@ -128,7 +128,7 @@ class SimulatedDrive(CanNode):
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the power off; a fault outlives a reset of the communication only."""
         self._power_off()
-        self._loop.window[self._joint] = window(self._mode, self.objects, self.drive)
+        tune(self._mode, self.objects, self._loop, self._joint, self.drive)
         self._controlword, self._cut = 0, False
         if not (communication_only and self.state.in_fault):
             self.state, self._error = DriveState.SWITCH_ON_DISABLED, EmcyCode.NO_ERROR
@@ -144,8 +144,8 @@ class SimulatedDrive(CanNode):
         self.objects[index, subindex] = value
         if index == Object.CONTROLWORD:
             self._obey(value)
-        elif index in (Object.FOLLOWING_WINDOW, Object.MODE_OF_OPERATION):
-            self._loop.window[self._joint] = window(self._mode, self.objects, self.drive)
+        elif index in (Object.FOLLOWING_WINDOW, Object.MODE_OF_OPERATION, Object.TORQUE_OFFSET):
+            tune(self._mode, self.objects, self._loop, self._joint, self.drive)
 
     def on_setpoint_frame(self) -> None:
         """Restart the watch for setpoints."""

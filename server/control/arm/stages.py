@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..actuation.actuation import Actuation, BySpeed, ByTorque, by_position
+from ..actuation.holding import HoldingTorque
 from ..actuation.torque import TorqueLaw
 from ..barriers.joint_limits import JointRoom
 from ..hold.retreat import Retreat
@@ -44,6 +45,10 @@ class Stages:
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
         self.actuate = actuation(p, mechanism)
+        self.holding = HoldingTorque(
+            Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor),
+            None if p.T_wrist_sensor is None else p.payload,
+        )
 
 
 def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
