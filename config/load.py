@@ -65,6 +65,8 @@ class Cell:
     `MECHANISM.`"""
     place: str = "mechanism"
     """Where this part's mechanism stands in the file."""
+    task: str = ""
+    """Name of this part's task: the mechanism's, unless the file gives it another."""
 
     @property
     def parts(self) -> tuple["Cell", ...]:
@@ -114,8 +116,8 @@ def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
     if "mechanisms" not in document:
         return _agreed(_part(path, document, "mechanism"))
     parts = [
-        _part(path, part, f"mechanisms[{i}]")
-        for i, part in enumerate(parts_of(path, document, _whole_cell))
+        _part(path, part, f"mechanisms[{i}]", task)
+        for i, (task, part) in enumerate(parts_of(path, document, _whole_cell))
     ]
     if len(parts) > 1 and not several:
         raise ConfigError(
@@ -147,7 +149,7 @@ def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
     return _whole(_find("cells", name, base, where))
 
 
-def _part(path: Path, document: dict[str, Any], place: str) -> Cell:
+def _part(path: Path, document: dict[str, Any], place: str, task: str | None = None) -> Cell:
     """Return the cell of one mechanism, which stands at `place` in the file."""
     config = expand(path, _validated(path, document, place, CellConfig), place)
     mechanism = config.mechanism
@@ -158,7 +160,8 @@ def _part(path: Path, document: dict[str, Any], place: str) -> Cell:
     order = {joint.name: i for i, joint in enumerate(robot.joints)}
     drives = tuple(sorted(mechanism.drives, key=lambda drive: order[drive.joint]))
     mechanism = mechanism.model_copy(update={"drives": drives})
-    return Cell(path, config.model_copy(update={"mechanism": mechanism}), robot, place=place)
+    config = config.model_copy(update={"mechanism": mechanism})
+    return Cell(path, config, robot, place=place, task=task or mechanism.name)
 
 
 def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:

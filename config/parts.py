@@ -35,8 +35,10 @@ Whole = Callable[[object, Path, str], Document]
 """Reads another cell's file: its name or path, the folder that a path starts from, and who asks."""
 
 
-def parts_of(path: Path, document: Document, whole: Whole) -> list[Document]:
+def parts_of(path: Path, document: Document, whole: Whole) -> list[tuple[str, Document]]:
     """Return what a file with `[[mechanisms]]` says of each, as a file with `[mechanism]` would.
+
+    Each comes with the name of its task.
 
     Raises `ConfigError`.
     """
@@ -56,7 +58,8 @@ def parts_of(path: Path, document: Document, whole: Whole) -> list[Document]:
         own = {key: value for key, value in entry.items() if key != "like"}
         under = _alike(whole, entry["like"], path, i) if "like" in entry else {}
         part = on_top(on_top(under, document), {"mechanism": own})
-        parts.append(on_top(part, tasks.get(name, {})))
+        task, sections = tasks.get(name, (name, {}))
+        parts.append((task, on_top(part, sections)))
     return parts
 
 
@@ -97,9 +100,11 @@ def _alike(whole: Whole, name: object, path: Path, i: int) -> Document:
     return deepcopy(found)
 
 
-def _tasks(path: Path, tables: list[Document], mechanisms: list[str]) -> dict[str, Document]:
-    """Return each mechanism's own sections, of the task that it has."""
-    found: dict[str, Document] = {}
+def _tasks(
+    path: Path, tables: list[Document], mechanisms: list[str]
+) -> dict[str, tuple[str, Document]]:
+    """Return the name and own sections of each mechanism's task, where the file has one."""
+    found: dict[str, tuple[str, Document]] = {}
     for i, (name, table) in enumerate(zip(_names(path, "tasks", tables), tables, strict=True)):
         if is_joint(table):
             continue
@@ -116,7 +121,7 @@ def _tasks(path: Path, tables: list[Document], mechanisms: list[str]) -> dict[st
             if key not in ("name", "by", *OF_A_TASK):
                 hint = nearest(key, ("name", "by", *OF_A_TASK))
                 raise ConfigError(f"{where}.{key}: unknown key{hint}")
-        found[by[0]] = {key: table[key] for key in OF_A_TASK if key in table}
+        found[by[0]] = name, {key: table[key] for key in OF_A_TASK if key in table}
     return found
 
 

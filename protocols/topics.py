@@ -16,6 +16,7 @@ from .messages.obstacles import AvoidanceRequest, ObstacleNews
 from .messages.reflection import Reflection, ReflectionRequest
 from .messages.rig import RigFault, RigTruth
 from .messages.sightings import Sighting, StoreView
+from .messages.telemetry import Description, Event, State
 
 PREFIX = "telerobot"
 """First part of every key."""
@@ -159,10 +160,10 @@ STORE_VIEW = _request("store_view", StoreView)
 AVOIDANCE = _request("avoidance", AvoidanceRequest)
 REFLECT = _request("reflection", ReflectionRequest)
 
-STATE = Topic("tlm/state", m.State, Flow.TELEMETRY, Life.STREAM, 100, largest=65536)
-EVENT = Topic("tlm/event", m.Event, Flow.TELEMETRY, reliable=True, largest=65536)
+STATE = Topic("tlm/state", State, Flow.TELEMETRY, Life.STREAM, 100, largest=65536)
+EVENT = Topic("tlm/event", Event, Flow.TELEMETRY, reliable=True, largest=65536)
 DESCRIPTION = Topic(
-    "tlm/description", m.Description, Flow.TELEMETRY, Life.GOAL, 1, reliable=True, largest=65536
+    "tlm/description", Description, Flow.TELEMETRY, Life.GOAL, 1, reliable=True, largest=65536
 )
 REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)
 """Only of cells that reflect forces."""

@@ -6,15 +6,13 @@ cycle ends in a safe command: whatever is raised on the way ends in a quick stop
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
-import numpy as np
-
-from ..config.load import Cell
+from ..config.load import Cell, UrdfJoint
 from ..drivers.device import Cause, Trouble
-from .commands.commands import Commands
 from .control.barriers.clearance import Gap
-from .control.spatial import Array, Pose
-from .control.state import Memory, Output
+from .control.joints import Joints
+from .control.spatial import Array
 from .control.tick import Control
 from .faults import FaultDetector
 from .mode import Mode
@@ -25,17 +23,13 @@ from .operators.inbox import Inbox
 from .operators.link import Link
 from .operators.request_context import RequestContext
 from .operators.services import Services
-from .perception.perception import Perception
 from .plant import Plant, PlantReading
 from .power import DrivePower
 from .runtime.clock import Clock
 from .supervisor import Supervisor
 from .telemetry import Telemetry, TickRecord, describe
-from .tick_inputs import tick_inputs
+from .units.units import Units
 from .warm_up import warm_up
-
-LED = 1e-3
-"""A hand that asks for more than this leads the tool [m/s, rad/s]."""
 
 
 class Cycle:
@@ -49,36 +43,35 @@ class Cycle:
         link: Link,
         clock: Clock,
         new_key: Callable[[], bytes],
-        gain_bound: Callable[[str, tuple[float, ...]], str | None],
     ) -> None:
         name, timing = cell.config.name, cell.config.timing
         self.tick = 0
         self.compute_s = 0.0
         """Time that the last control computation took [s]."""
-        self.output: Output | None = None
         self.cell, self.plant, self.clock = cell, plant, clock
-        self._control, self._link, self._gain_bound = control, link, gain_bound
+        self._control, self._link = control, link
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
-        self._memory: Memory | None = None
         self._last_q: Array | None = None
         self._events = events = opening_events(cell.config.zenoh)
         self._admission = admission = Admission(
             name, timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
         )
-        self._commands = commands = Commands.from_cell(cell)
-        services = Services(admission, commands, events, Grants(name, admission, new_key))
+        self.units = units = Units.from_cell(cell, control, events)
+        """What is commanded, perceived and computed for each arm."""
+        services = Services(admission, events, Grants(name, admission, new_key))
         self._services = services
         inbox = Inbox(link, admission, clock.now, timing.period_s)
-        self._dispatcher = Dispatcher(inbox, admission, services, commands, events)
-        (arm,) = control.arms
-        self._perception = Perception(cell, arm, commands, events)
+        self._dispatcher = Dispatcher(inbox, admission, services, units, events)
         self._supervisor = Supervisor(
             plant,
-            FaultDetector(arm.p.joints, cell.config.mechanism.drives),
-            DrivePower(cell.robot.joints, plant, events, self._holding),
+            FaultDetector(
+                Joints.of_all([arm.p.joints for arm in control.arms]),
+                [drive for part in cell.parts for drive in part.config.mechanism.drives],
+            ),
+            DrivePower(_joints(cell), plant, events, units.holding),
             services,
             admission,
-            commands,
+            units,
             events,
             clock.now,
             timing.tolerated_overruns,
@@ -97,7 +90,8 @@ class Cycle:
     def warm_up(self) -> None:
         """Run through a tick's code once, so that the first real one is not slow."""
         warm_up(self.cell, self._control)
-        self._commands.settings.payload_bounds.prepare()
+        for unit in self.units.each:
+            unit.commands.settings.payload_bounds.prepare()
 
     def close(self) -> None:
         """Stop and release everything, whatever state it is in."""
@@ -115,18 +109,8 @@ class Cycle:
         self.tick += 1
         self._events.at(self.tick, now_s)
         self._events.warning("device_missing", reason)
-        self._dispatcher.take(self._observe(now_s, self.plant.read(now_s)))
+        self._dispatcher.take(self._perceive(now_s, self.plant.read(now_s)))
         self._telemetry.publish_events()
-
-    @property
-    def placed_target(self) -> tuple[str, Pose] | None:
-        """Where the position source is to bring the MRF, if anywhere: a ground, a pose on it."""
-        return self._commands.placed_target
-
-    @property
-    def T_wrist_mrf(self) -> Pose:
-        """The MRF that is in force."""
-        return self._commands.frames.T_wrist_mrf
 
     @property
     def pressed(self) -> bool:
@@ -166,20 +150,20 @@ class Cycle:
         self._telemetry.publish_events()
 
     def _finish(self, now_s: float) -> None:
-        reading = self.plant.read(now_s)
-        context = self._observe(now_s, reading)
+        units, reading = self.units, self.plant.read(now_s)
+        context = self._perceive(now_s, reading)
         self._dispatcher.take(context)
         # Only now: what was just commanded was placed where arm and frames were together, a tick
         # ago.
-        moving = self.mode in (Mode.ENABLED, Mode.STOPPING)
-        self._commands.frames.moved = self._perception.moving_frames.step(self.tick, moving=moving)
-        reason = reading.interlock or self._perception.reason_to_stop()
-        if self._supervisor.update(reading, self.output, context, reason):
-            self._memory = None
+        for unit in units.each:
+            unit.follow_frames(self.tick, self.mode)
+        reason = reading.interlock or units.reason_to_stop
+        if self._supervisor.update(reading, context, reason):
+            units.forget()
         if reading.q is not None:
             self._last_q = reading.q
             self._compute_and_write(now_s, reading, reading.q)
-        if self._last_q is not None and self.output is not None:
+        if self._last_q is not None:
             # With a drive missing, operators still hear: where the joints were, and what is wrong.
             record = TickRecord(
                 self.tick,
@@ -187,68 +171,44 @@ class Cycle:
                 self.mode,
                 reading,
                 self._last_q,
-                self.output,
                 self._services.protective_stop is not None,
                 self._supervisor.overruns,
             )
-            self._telemetry.publish(record, self._commands, self._perception, self._admission)
-
-    def _holding(self, q: Array) -> Array:
-        """Return the torques (n,) that hold the arm at rest at q (n,) [N·m]."""
-        payload, moved = self._commands.settings.payload, self._commands.frames.moved
-        return self._control.arms[0].stages.holding(q, payload, moved.T_world_base_measured.R)
+            self._telemetry.publish(record, units, self._admission)
 
     def _quick_stop(self, device: str, words: str, event: str) -> None:
         self._supervisor.quick_stop(Trouble(Cause.STATE_LOST, device, words), event)
 
-    def _observe(self, now_s: float, reading: PlantReading) -> RequestContext:
+    def _perceive(self, now_s: float, reading: PlantReading) -> RequestContext:
         """Update all monitors, and return what a request may depend on."""
-        perception, output = self._perception, self.output
-        perception.update(reading, self._memory, output, self.mode, now_s)
-        return RequestContext(
-            now=Instant(now_s, self.tick, self._supervisor.enabled_since),
-            mode=self.mode,
-            unloaded=perception.sensor.unloaded,
-            still=perception.sensor.still,
-            essential_stale=perception.sensor.missed,
-            gain_bound=self._gain_bound,
-            vision=perception.vision,
-            obstacles=perception.obstacles,
-            moving_frames=perception.moving_frames,
-            T_world_mrf=None if output is None else output.T_world_mrf,
-            T_wrist_mrf=None if output is None else output.T_wrist_mrf,
-            touched=perception.touched,
-            drives_off=reading.off,
-        )
+        for unit, own in zip(self.units.each, reading.units, strict=True):
+            unit.perceive(own, self.mode, now_s)
+        now = Instant(now_s, self.tick, self._supervisor.enabled_since)
+        return RequestContext(now, self.mode, self.units, reading.off)
 
     def _compute_and_write(self, now_s: float, reading: PlantReading, q: Array) -> None:
-        if self._memory is None:
-            (self._memory,) = self._control.seed(q)
-        commands, perception, moved = self._commands, self._perception, self._commands.frames.moved
-        T_world_mrf = self._control.arms[0].pose_mrf(
-            self._memory,
-            commands.frames.T_wrist_mrf,
-            moved.base.T if perception.moving_frames.watching else None,
-        )
-        asked = commands.in_force(now_s, T_world_mrf)
-        inputs = tick_inputs(self.mode, self.tick, now_s, reading, q, asked, perception, moved)
+        units = self.units.each
+        memories = [unit.memory for unit in units if unit.memory is not None]
+        if len(memories) < len(units):
+            memories = list(self._control.seed(q))
+        inputs = [
+            unit.inputs(
+                memory, self.mode, self.tick, now_s, own, q[unit.joints], self.units.obstacles
+            )
+            for unit, memory, own in zip(units, memories, reading.units, strict=True)
+        ]
         start = time.perf_counter()
-        (self._memory,), (output,) = self._control.tick((self._memory,), (inputs,))
+        nexts, outputs = self._control.tick(memories, inputs)
         self.compute_s = time.perf_counter() - start
-        self.output = output
-        if output.stop_worsened:
-            self._tell_worsened(output.gaps)
-        if output.refusal is not None and self.mode is not Mode.FAULT:
-            self._quick_stop("gate", output.refusal, "gate_refused")
-        self.plant.write(output.command)
-        self.plant.switch(commands.settings.outputs)
-        commands.reflect(output)
-        perception.remember(self.tick, output)
-        if output.at_goal and commands.goals.posture is not None:
-            commands.goals.finish_posture()
-            self._events.info("posture_reached")
-        elif commands.goals.at_rest and np.abs(output.twists["following"]).max() > LED:
-            commands.goals.led_by_hand()
+        if outputs[0].stop_worsened:
+            self._tell_worsened(outputs[0].gaps)
+        refusal = next((o.refusal for o in outputs if o.refusal is not None), None)
+        if refusal is not None and self.mode is not Mode.FAULT:
+            self._quick_stop("gate", refusal, "gate_refused")
+        self.plant.write([x for output in outputs for x in output.command.tolist()])
+        for unit, memory, output in zip(units, nexts, outputs, strict=True):
+            self.plant.switch(unit.outputs)
+            unit.keep(self.tick, memory, output)
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
         """Tell that an obstacle came too near for any stop, and which is nearest."""
@@ -260,3 +220,12 @@ class Cycle:
             obstacle=None if nearest is None else nearest.other,
             gap_m=None if nearest is None else nearest.gap,
         )
+
+
+def _joints(cell: Cell) -> tuple[UrdfJoint, ...]:
+    """Return all joints of a cell by the names that they have in it."""
+    return tuple(
+        replace(joint, name=f"{part.prefix}{joint.name}")
+        for part in cell.parts
+        for joint in part.robot.joints
+    )

@@ -23,7 +23,6 @@ from .operators.link import Link, ZenohLink
 from .plant import Plant
 from .runtime.clock import Clock, MonotonicClock
 from .runtime.operating_system import prepare, release
-from .stability.gains import gain_check
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""
@@ -40,8 +39,7 @@ def build(
 ) -> Cycle:
     """Return the cycle of a cell over its buses and an operators' link; no device is open yet."""
     plant = Plant(buses, make_drivers(cell, buses))
-    control = Control.of(cell)
-    return Cycle(cell, control, plant, link, clock, new_key, gain_check(cell))
+    return Cycle(cell, Control.of(cell), plant, link, clock, new_key)
 
 
 class Shutdown:

@@ -1,12 +1,14 @@
 """Fault detection: devices in trouble, drives that left Operation enabled, joints left behind."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..config.schema.mechanism import Drive
 from ..drivers.device import Cause, Trouble
 from ..protocols.canopen.cia402 import DriveState
 from .control.joints import Joints
-from .control.state import Output
+from .control.spatial import Array
 from .mode import Mode
 from .plant import PlantReading
 
@@ -14,16 +16,18 @@ from .plant import PlantReading
 class FaultDetector:
     """Detects faults that call for a quick stop."""
 
-    def __init__(self, joints: Joints, drives: tuple[Drive, ...]) -> None:
-        nodes = {d.joint: d.node for d in drives}
+    def __init__(self, joints: Joints, drives: Sequence[Drive]) -> None:
+        """Build it for all joints of a cell, and their drives in the same order."""
         self._joints, self._window = joints.names, joints.following_window
-        self._nodes = tuple(nodes[j] for j in joints.names)
+        self._nodes = tuple(drive.node for drive in drives)
 
-    def find(self, mode: Mode, reading: PlantReading, output: Output | None) -> Trouble | None:
-        """Return what is wrong now, or None; `output` is the last tick's."""
+    def find(
+        self, mode: Mode, reading: PlantReading, following_error: Array | None
+    ) -> Trouble | None:
+        """Return what is wrong now, or None; `following_error` (n,) is the last tick's [rad]."""
         if reading.trouble is not None or not mode.energised:
             return reading.trouble
-        return self._elsewhere(mode, reading) or self._left_behind(output)
+        return self._elsewhere(mode, reading) or self._left_behind(following_error)
 
     def _elsewhere(self, mode: Mode, reading: PlantReading) -> Trouble | None:
         """Return which drive is not in Operation enabled, though the mode says that all are."""
@@ -39,11 +43,11 @@ class FaultDetector:
             {"node": self._nodes[j]},
         )
 
-    def _left_behind(self, output: Output | None) -> Trouble | None:
+    def _left_behind(self, following_error: Array | None) -> Trouble | None:
         """Return which joint is too far from its command."""
-        if output is None:
+        if following_error is None:
             return None
-        error = np.abs(output.following_error)
+        error = np.abs(following_error)
         if not (error > self._window).any():
             return None
         j = int(np.argmax(error / self._window))

@@ -128,6 +128,6 @@ def _note(statistics: LoopStatistics, cycle: Cycle, late: float, busy: float) ->
     statistics.lateness.append(late)
     statistics.busy.append(busy)
     statistics.compute.append(cycle.compute_s)
-    if cycle.mode.energised and cycle.output is not None:
-        error = float(abs(cycle.output.following_error).max())
-        statistics.worst_error = max(statistics.worst_error, error)
+    error = cycle.units.following_error
+    if cycle.mode.energised and error is not None:
+        statistics.worst_error = max(statistics.worst_error, float(abs(error).max()))

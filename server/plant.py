@@ -23,18 +23,18 @@ TOGETHER_S = 3e-4
 
 
 @dataclass(frozen=True)
-class PlantReading:
-    """Newest readings of all devices."""
+class UnitReading:
+    """Newest readings of one arm's devices."""
 
     q: Array | None
-    """Joint angles (n,) [rad]; None before every drive has told its own."""
+    """Joint angles (n,) [rad]; None before every drive of the cell has told its own."""
     sampled_s: float | None
     """When all of them were sampled [s], on the fieldbus' clock; None when that is not known."""
     tau: Array
     """Joint torques (n,) [N·m]."""
     states: tuple[DriveState | None, ...]
-    obeyed: bool
-    """Every drive's state was sampled after what it was last told took effect."""
+    enabled: bool
+    """Every drive of the cell is in Operation enabled, and was told nothing else since."""
     wrench: Array | None
     """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float | None
@@ -45,11 +45,6 @@ class PlantReading:
     """The same, as the mean of all samples since the reading before; None when stale."""
     wrench_mean_lag_s: float
     """How much older that mean is than the joints' angles [s]."""
-    trouble: Trouble | None
-    interlock: str | None = None
-    """Why a device lets the arm not move; None: all let it."""
-    values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
-    """What devices tell, by their names."""
 
     @property
     def wrench_over_period(self) -> tuple[Array, float] | None:
@@ -57,10 +52,27 @@ class PlantReading:
         mean = self.wrench_mean
         return None if mean is None else (mean.wrench, self.wrench_mean_lag_s)
 
-    @property
-    def enabled(self) -> bool:
-        """True when every drive is in Operation enabled, and was told nothing else since."""
-        return self.obeyed and all(s is DriveState.OPERATION_ENABLED for s in self.states)
+
+@dataclass(frozen=True)
+class PlantReading:
+    """Newest readings of all devices."""
+
+    q: Array | None
+    """All joints' angles (n,) [rad]; None before every drive has told its own."""
+    tau: Array
+    """Joint torques (n,) [N·m]."""
+    states: tuple[DriveState | None, ...]
+    obeyed: bool
+    """Every drive's state was sampled after what it was last told took effect."""
+    enabled: bool
+    """Every drive is in Operation enabled, and was told nothing else since."""
+    units: tuple[UnitReading, ...]
+    """The same for each arm, with what its force/torque sensor tells."""
+    trouble: Trouble | None
+    interlock: str | None = None
+    """Why a device lets the arms not move; None: all let them."""
+    values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+    """What devices tell, by their names."""
 
     @property
     def off(self) -> bool:
@@ -68,10 +80,47 @@ class PlantReading:
         return self.obeyed and all(s in OFF for s in self.states)
 
 
+class _UnitDevices:
+    """One arm's drives, in the order of its joints, and its force/torque sensor."""
+
+    def __init__(self, devices: Sequence[Device], first: int) -> None:
+        drives = [d for d in devices if isinstance(d, JointDrive)]
+        self.joints = slice(first, first + len(drives))
+        """Where they are among all drives of the cell."""
+        self._sensor = next((d for d in devices if isinstance(d, WrenchSensor)), None)
+        beside = [d for d in drives if self._sensor and d.bus == self._sensor.bus]
+        self._beside = (*beside, *drives)[0]
+        """Drive whose answers share the clock of the sensor's stamps."""
+
+    def read(
+        self, readings: Sequence[ServoReading], q: Array | None, enabled: bool, opened: bool
+    ) -> UnitReading:
+        """Return the newest readings; `readings` and `q` are those of all drives of the cell."""
+        own = readings[self.joints]
+        sample = None if self._sensor is None or not opened else self._sensor.read()
+        mean = None if self._sensor is None else self._sensor.mean()
+        # The drive's answer comes right after the SYNC at which all of them sampled.
+        stamp = self._beside.answer_stamp
+        fresh = sample is not None and sample.wrench is not None and sample.trouble is None
+        return UnitReading(
+            q=None if q is None else q[self.joints],
+            sampled_s=_together(own),
+            tau=np.array([r.torque_nm or 0.0 for r in own]),
+            states=tuple(r.state for r in own),
+            enabled=enabled,
+            wrench=sample.wrench if sample is not None and fresh else None,
+            wrench_age_s=None if sample is None else sample.age_s,
+            wrench_lag_s=0.0 if sample is None else stamp - sample.stamp,
+            wrench_mean=mean if fresh else None,
+            wrench_mean_lag_s=0.0 if mean is None else stamp - mean.stamp,
+        )
+
+
 class Plant:
-    """Opens, reads, writes and stops every device of a cell; `devices` are in boot order."""
+    """Opens, reads, writes and stops every device of a cell."""
 
     def __init__(self, buses: Fieldbuses, devices: Sequence[Device]) -> None:
+        """Build it of the devices in boot order; drives come in the order of the cell's joints."""
         self.buses = buses
         self.devices = tuple(devices)
         self.drives = tuple(d for d in devices if isinstance(d, JointDrive))
@@ -79,10 +128,12 @@ class Plant:
         self.opened = False
         self._others = tuple(d for d in devices if not isinstance(d, JointDrive))
         self._outputs = {d.name: d for d in devices if isinstance(d, Output)}
-        self._sensor = next((d for d in devices if isinstance(d, WrenchSensor)), None)
-        beside = [d for d in self.drives if self._sensor and d.bus == self._sensor.bus]
-        self._beside = (*beside, *self.drives)[0]
-        """Drive whose answers share the clock of the sensor's stamps."""
+        self._units: list[_UnitDevices] = []
+        first = 0
+        for part in range(max((d.part or 0 for d in self.devices), default=0) + 1):
+            own = [d for d in self.devices if (d.part or 0) == part]
+            self._units.append(_UnitDevices(own, first))
+            first = self._units[-1].joints.stop
         self._commanded = False
 
     def open(self) -> None:
@@ -112,31 +163,27 @@ class Plant:
         readings = [drive.read() for drive in self.drives]
         angles = [r.position_rad for r in readings]
         heard = self.opened and all(a is not None for a in angles)
+        q = np.array(angles, dtype=float) if heard else None
+        states = tuple(r.state for r in readings)
+        obeyed = all(r.obeyed for r in readings)
+        enabled = obeyed and all(s is DriveState.OPERATION_ENABLED for s in states)
         trouble = self._find_trouble(readings)
-        sample = None if self._sensor is None or not self.opened else self._sensor.read()
-        mean = None if self._sensor is None else self._sensor.mean()
-        # The drive's answer comes right after the SYNC at which all of them sampled.
-        stamp = self._beside.answer_stamp
-        fresh = sample is not None and sample.wrench is not None and sample.trouble is None
+        units = tuple(unit.read(readings, q, enabled, self.opened) for unit in self._units)
         return PlantReading(
-            q=np.array(angles, dtype=float) if heard else None,
-            sampled_s=_together(readings),
-            tau=np.array([r.torque_nm or 0.0 for r in readings]),
-            states=tuple(r.state for r in readings),
-            obeyed=all(r.obeyed for r in readings),
-            wrench=sample.wrench if sample is not None and fresh else None,
-            wrench_age_s=None if sample is None else sample.age_s,
-            wrench_lag_s=0.0 if sample is None else stamp - sample.stamp,
-            wrench_mean=mean if fresh else None,
-            wrench_mean_lag_s=0.0 if mean is None else stamp - mean.stamp,
+            q=q,
+            tau=units[0].tau if len(units) == 1 else np.concatenate([u.tau for u in units]),
+            states=states,
+            obeyed=obeyed,
+            enabled=enabled,
+            units=units,
             trouble=trouble if self.opened else None,
             interlock=self._interlock() if self.opened else None,
             values={d.name: told for d in self._others if (told := d.values())},
         )
 
-    def write(self, command: Array) -> None:
+    def write(self, command: Sequence[float]) -> None:
         """Send every drive its setpoint (n,): rad, rad/s or N·m, as the operation mode is."""
-        for drive, setpoint in zip(self.drives, command.tolist(), strict=True):
+        for drive, setpoint in zip(self.drives, command, strict=True):
             drive.write(setpoint)
 
     def switch(self, outputs: Mapping[str, bool]) -> None:
@@ -220,7 +267,7 @@ class Plant:
         return None
 
 
-def _together(readings: list[ServoReading]) -> float | None:
+def _together(readings: Sequence[ServoReading]) -> float | None:
     """Return when the drives sampled, if all did at one instant [s]."""
     first = readings[0].sampled_s
     for reading in readings:

@@ -26,6 +26,8 @@ class Why(StrEnum):
     LEASE_TAKEN = "lease_taken"
     PROTECTIVE_STOP = "protective_stop"
     NOT_YOURS = "not_yours"
+    UNKNOWN_TASK = "unknown_task"
+    UNKNOWN_MECHANISM = "unknown_mechanism"
     UNKNOWN_CAMERA = "unknown_camera"
     UNKNOWN_OBSTACLE = "unknown_obstacle"
     FIXED_OBSTACLE = "fixed_obstacle"

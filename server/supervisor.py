@@ -4,8 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..drivers.device import DeviceError, Trouble
-from .commands.commands import Commands
-from .control.state import Output
 from .faults import FaultDetector
 from .mode import Mode, ModeInputs, PendingAction, next_mode
 from .operators.admission import Admission, Instant
@@ -15,6 +13,7 @@ from .plant import Plant, PlantReading
 from .power import DrivePower
 from .refusals import Refused, Why
 from .runtime.events import Events
+from .units.units import Units
 
 OVERRUNS = "overruns"
 """Why the arm stops when ticks were late: no reason to give up enabling it, which moves nothing."""
@@ -30,7 +29,7 @@ class Supervisor:
         power: DrivePower,
         services: Services,
         admission: Admission,
-        commands: Commands,
+        units: Units,
         events: Events,
         clock: Callable[[], float],
         tolerated_overruns: int,
@@ -44,7 +43,7 @@ class Supervisor:
         """The daemon is about to end: the arm may not move any more."""
         self._plant, self._faults, self._power = plant, faults, power
         self._services, self._modes = services, services.modes
-        self._admission, self._commands, self._events = admission, commands, events
+        self._admission, self._units, self._events = admission, units, events
         self._clock = clock
         self._tolerated_overruns = tolerated_overruns
         self._late_in_a_row = 0
@@ -62,7 +61,7 @@ class Supervisor:
         self._trouble = trouble
         self.mode = Mode.FAULT
         self.enabled_since = None
-        self._commands.clear()
+        self._units.clear()
         self._events.error(
             name,
             f"{trouble.device}: {trouble.detail}",
@@ -72,16 +71,15 @@ class Supervisor:
     def update(
         self,
         reading: PlantReading,
-        output: Output | None,
         context: RequestContext,
         reason_to_stop: str | None,
     ) -> bool:
         """Decide the mode of this tick, and answer the requests that waited for it.
 
-        `output` is the tick's before, `reason_to_stop` is that of an interlock or of perception.
+        `reason_to_stop` is that of an interlock or of perception.
         Returns True where the devices were configured anew: what was computed before is void.
         """
-        trouble = self._faults.find(self.mode, reading, output)
+        trouble = self._faults.find(self.mode, reading, self._units.following_error)
         if trouble is not None and self.mode is not Mode.FAULT:
             self.quick_stop(trouble, "fault")
         modes, before, now = self._modes, self.mode, context.now
@@ -107,7 +105,7 @@ class Supervisor:
                 drives_enabled=reading.enabled,
                 drives_off=reading.off,
                 may_move=blocked is None,
-                at_rest=output is not None and output.at_rest,
+                at_rest=self._units.at_rest,
             ),
         )
         if self.mode is not before:
@@ -163,5 +161,5 @@ class Supervisor:
             self._events.warning("stopping", reason, reason=reason)
         self.enabled_since = tick if self.mode is Mode.ENABLED else None
         if Mode.ENABLED in (self.mode, before):
-            self._commands.clear()
+            self._units.clear()
         self._events.info("mode", f"{before} -> {self.mode}", mode=self.mode, before=before)

@@ -2,15 +2,15 @@
 
 import math
 from importlib import metadata
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..config.joint_bounds import joint_bounds
 from ..config.load import Cell
 from ..config.schema.sources.sources import SOURCES
 from ..protocols.codec import encode
-from ..protocols.messages.messages import VERSION, Description, State, Vector6
+from ..protocols.messages.messages import VERSION, Vector6
+from ..protocols.messages.telemetry import Description, State, TaskDescription, TaskState
 from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
-from .commands.commands import Commands
 from .control.mechanism.null_space.potential_field import FieldReading
 from .control.mechanism.null_space.priority import Near
 from .control.mechanism.payload import Payload
@@ -21,9 +21,10 @@ from .mode import Mode
 from .operators.admission import Admission
 from .operators.exposure import network
 from .operators.link import Link
-from .perception.perception import Perception
 from .plant import PlantReading
 from .runtime.events import Events
+from .units.unit import Unit
+from .units.units import Units
 
 DESCRIBE_EVERY = 100
 """Ticks between two descriptions, for operators that come late [1]."""
@@ -32,21 +33,12 @@ DESCRIBE_EVERY = 100
 def describe(cell: Cell) -> Description:
     """Return the description of a cell."""
     config = cell.config
-    drives = config.mechanism.drives
-    joints = cell.robot.joints
-    bounds = joint_bounds(joints, drives)
     return Description(
+        **_described(cell),
         cell=config.name,
         description=config.description,
         network=network(config.zenoh),
         period_s=config.timing.period_s,
-        joints=tuple(j.name for j in joints),
-        lower=bounds.lower,
-        upper=bounds.upper,
-        max_velocity=tuple(d.max_velocity for d in drives),
-        postures=config.mechanism.postures,
-        sources=SOURCES,
-        gains={name: section.gain for name, section in config.sources.each.items()},
         lease_timeout_s=config.timing.lease_timeout_s,
         stream_timeout_s=config.timing.stream_timeout_s,
         max_command_age_s=config.timing.max_command_age_s,
@@ -55,7 +47,26 @@ def describe(cell: Cell) -> Description:
             for bus in config.fieldbuses
         },
         versions={"telerobot": metadata.version("telerobot"), "protocol": str(VERSION)},
+        tasks=tuple(TaskDescription(**_described(part)) for part in cell.others),
     )
+
+
+def _described(part: Cell) -> dict[str, Any]:
+    """Return what is described of one arm and its task."""
+    config = part.config
+    drives, joints = config.mechanism.drives, part.robot.joints
+    bounds = joint_bounds(joints, drives)
+    return {
+        "task": part.task,
+        "mechanism": config.mechanism.name,
+        "joints": tuple(f"{part.prefix}{j.name}" for j in joints),
+        "lower": bounds.lower,
+        "upper": bounds.upper,
+        "max_velocity": tuple(d.max_velocity for d in drives),
+        "postures": config.mechanism.postures,
+        "sources": SOURCES,
+        "gains": {name: section.gain for name, section in config.sources.each.items()},
+    }
 
 
 class TickRecord(NamedTuple):
@@ -66,75 +77,35 @@ class TickRecord(NamedTuple):
     mode: Mode
     reading: PlantReading
     q: Array
-    """Measured joints (n,) [rad]; the last ones heard while a drive is missing."""
-    output: Output
+    """Measured joints (n,) of the cell [rad]; the last ones heard while a drive is missing."""
     protective_stop: bool
     overruns: int
 
 
-def snapshot(
-    record: TickRecord, commands: Commands, perception: Perception, admission: Admission
-) -> State:
-    """Return the state of one tick, as operators see it."""
-    reading, output = record.reading, record.output
-    vision, frames, external = (
-        perception.vision,
-        perception.moving_frames,
-        perception.collisions.external,
-    )
-    view, tick = vision.view, record.tick
+def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | None:
+    """Return the state of one tick, as operators see it; None before the first was computed."""
+    outputs = [unit.output for unit in units.each if unit.output is not None]
+    if len(outputs) < len(units.each):
+        return None
+    reading = record.reading
+    tasks = [
+        _of_task(record, unit, output, own.wrench)
+        for unit, output, own in zip(units.each, outputs, reading.units, strict=True)
+    ]
     return State.model_construct(
-        tick=tick,
+        **tasks[0],
+        tick=record.tick,
         time_s=record.time_s,
         mode=str(record.mode),
         q=tuple(record.q.tolist()),
-        q_command=tuple(output.q.tolist()),
-        dq_command=tuple(output.dq.tolist()),
+        q_command=tuple(x for output in outputs for x in output.q.tolist()),
+        dq_command=tuple(x for output in outputs for x in output.dq.tolist()),
         tau=tuple(reading.tau.tolist()),
-        external_torque=None if external is None else tuple(external.tolist()),
-        following_error=tuple(output.following_error.tolist()),
-        pose_mrf=output.T_world_mrf.to_xyz_rpy(),
-        pose_mrf_measured=output.T_world_mrf_measured.to_xyz_rpy(),
-        pose_crf=commands.frames.T_world_crf.to_xyz_rpy(),
-        ground=commands.ground(record.time_s),
-        frames={name: frames.body(name).T.to_xyz_rpy() for name in frames.names},
-        frame_age_ticks={name: frames.age(name, tick) for name in frames.names},
-        target_mrf=None if commands.target is None else commands.target.to_xyz_rpy(),
-        wrench_mrf=None if output.wrench_mrf is None else _six(output.wrench_mrf),
-        wrench_sensor=None if reading.wrench is None else _six(reading.wrench),
+        following_error=tuple(x for output in outputs for x in output.following_error.tolist()),
         devices={name: dict(values) for name, values in reading.values.items()},
-        gripper_closed=commands.settings.gripper_closed,
-        payload=None if commands.settings.payload is None else _four(commands.settings.payload),
-        view=None if view is None else view.to_xyz_rpy(),
-        view_age_ticks=vision.age(tick),
-        sources={name: _six(twist) for name, twist in output.twists.items()},
-        gains={name: _six(gain) for name, gain in output.gains.items()},
-        on=dict(commands.settings.on),
-        twist=_six(output.twist),
-        self_motion=tuple(output.self_motion.dq.tolist()),
-        objectives={
-            name: (gain, output.self_motion.norms.get(name, 0.0))
-            for name, gain in output.objectives.gains.items()
-        },
-        path=None if output.path is None else _numbers(output.path),
-        path_mrf=None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
-        master={
-            "engaged": float(commands.master.engaged),
-            "leading": float(commands.master.target is not None),
-            "translation": commands.master.translation,
-            "rotation": commands.master.rotation,
-        },
-        scale=output.scale,
-        limits=output.limits,
-        sigma_min=output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
-        potential=None if output.field is None else potential(output.field),
-        off_path=None if output.off_path is None else _three(output.off_path),
-        avoiding=commands.settings.avoid,
-        spheres={} if output.near is None else sphere_distances(output.near),
-        priority=None if output.near is None else output.near.alpha,
-        gaps=tuple((g.link, g.other, g.gap, g.active) for g in output.gaps),
-        at_goal=output.at_goal or commands.goals.posture_reached,
-        speed_factor=commands.settings.speed_factor,
+        avoiding=units.settings.avoid,
+        gaps=tuple((g.link, g.other, g.gap, g.active) for g in outputs[0].gaps),
+        speed_factor=units.settings.speed_factor,
         drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
         protective_stop=record.protective_stop,
         lease_epoch=admission.lease.epoch,
@@ -142,7 +113,65 @@ def snapshot(
         last_seq=dict(admission.last_seq),
         command_age_ticks=admission.age_ticks,
         overruns=record.overruns,
+        tasks={
+            unit.task: TaskState.model_construct(**told)
+            for unit, told in zip(units.each[1:], tasks[1:], strict=True)
+        },
     )
+
+
+def _of_task(
+    record: TickRecord, unit: Unit, output: Output, wrench: Array | None
+) -> dict[str, Any]:
+    """Return what is told of one arm and its task; `wrench` (6,) is what its sensor reads."""
+    commands, perception = unit.commands, unit.perception
+    vision, frames, external = (
+        perception.vision,
+        perception.moving_frames,
+        perception.collisions.external,
+    )
+    view, tick = vision.view, record.tick
+    return {
+        "external_torque": None if external is None else tuple(external.tolist()),
+        "pose_mrf": output.T_world_mrf.to_xyz_rpy(),
+        "pose_mrf_measured": output.T_world_mrf_measured.to_xyz_rpy(),
+        "pose_crf": commands.frames.T_world_crf.to_xyz_rpy(),
+        "ground": commands.ground(record.time_s),
+        "frames": {name: frames.body(name).T.to_xyz_rpy() for name in frames.names},
+        "frame_age_ticks": {name: frames.age(name, tick) for name in frames.names},
+        "target_mrf": None if commands.target is None else commands.target.to_xyz_rpy(),
+        "wrench_mrf": None if output.wrench_mrf is None else _six(output.wrench_mrf),
+        "wrench_sensor": None if wrench is None else _six(wrench),
+        "gripper_closed": commands.settings.gripper_closed,
+        "payload": None if commands.settings.payload is None else _four(commands.settings.payload),
+        "view": None if view is None else view.to_xyz_rpy(),
+        "view_age_ticks": vision.age(tick),
+        "sources": {name: _six(twist) for name, twist in output.twists.items()},
+        "gains": {name: _six(gain) for name, gain in output.gains.items()},
+        "on": dict(commands.settings.on),
+        "twist": _six(output.twist),
+        "self_motion": tuple(output.self_motion.dq.tolist()),
+        "objectives": {
+            name: (gain, output.self_motion.norms.get(name, 0.0))
+            for name, gain in output.objectives.gains.items()
+        },
+        "path": None if output.path is None else _numbers(output.path),
+        "path_mrf": None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
+        "master": {
+            "engaged": float(commands.master.engaged),
+            "leading": float(commands.master.target is not None),
+            "translation": commands.master.translation,
+            "rotation": commands.master.rotation,
+        },
+        "scale": output.scale,
+        "limits": output.limits,
+        "sigma_min": output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
+        "potential": None if output.field is None else potential(output.field),
+        "off_path": None if output.off_path is None else _three(output.off_path),
+        "spheres": {} if output.near is None else sphere_distances(output.near),
+        "priority": None if output.near is None else output.near.alpha,
+        "at_goal": output.at_goal or commands.goals.posture_reached,
+    }
 
 
 class Telemetry:
@@ -156,15 +185,18 @@ class Telemetry:
         for event in self._events.take():
             self._link.publish(EVENT, encode(event))
 
-    def publish(
-        self, record: TickRecord, commands: Commands, perception: Perception, admission: Admission
-    ) -> None:
-        """Send the state of a tick, the force for the handle, and now and then the description."""
-        state = snapshot(record, commands, perception, admission)
+    def publish(self, record: TickRecord, units: Units, admission: Admission) -> None:
+        """Send the state of a tick, forces for handles, and now and then the description."""
+        state = snapshot(record, units, admission)
+        if state is None:
+            return
         self._link.publish(STATE, encode(state))
-        reflection = commands.handle.message(record.tick)
-        if reflection is not None:
-            self._link.publish(REFLECTION, encode(reflection))
+        for unit in units.each:
+            reflection = unit.commands.handle.message(record.tick)
+            if reflection is not None:
+                if len(units.each) > 1:
+                    reflection = reflection.model_copy(update={"task": unit.task})
+                self._link.publish(REFLECTION, encode(reflection))
         if record.tick % DESCRIBE_EVERY == 1:
             self._link.publish(DESCRIPTION, encode(self._description))
 

@@ -11,9 +11,9 @@ from typing import TypeVar
 import zenoh
 
 from ...protocols import codec, topics
-from ...protocols.messages.messages import State
 from ...protocols.messages.moving import FrameNews, RigMotion
 from ...protocols.messages.rig import RigFault, RigTruth
+from ...protocols.messages.telemetry import State
 from ..device import DeviceError
 from ..network.identity import Identity
 from ..network.sessions import dialling_config

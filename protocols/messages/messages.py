@@ -1,4 +1,4 @@
-"""What crosses Zenoh, field by field, with frame, shape and unit.
+"""What crosses Zenoh, field by field, with frame, shape and unit: what the lease holder sends.
 
 Every message travels as a MessagePack map of its fields plus `v`, the protocol version
 (`codec.py`); `topics.py` says on which key. Quantities are SI; twists are `[v; ω]` and wrenches
@@ -7,7 +7,7 @@ origin.
 """
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -72,11 +72,23 @@ class Command(Message):
     seen_tick: Count
 
 
+class TaskCommand(Command):
+    """Something that concerns one task; without a name the cell's first, or only one."""
+
+    task: Identifier | None = None
+
+
+class MechanismCommand(Command):
+    """Something that concerns one mechanism; without a name the cell's first, or only one."""
+
+    mechanism: Identifier | None = None
+
+
 class Keepalive(Command):
     """Renews the lease; sent at 10 Hz."""
 
 
-class JoystickTwist(Command):
+class JoystickTwist(TaskCommand):
     """Stick rates u of the MRF [m/s, rad/s], a stream: fades when its news stops.
 
     `relative_to` is the frame that the motion is measured against, `expressed_in` the one whose
@@ -91,7 +103,7 @@ class JoystickTwist(Command):
     handle: tuple[Joules, Joules, Joules] | None = None
 
 
-class PositionTarget(Command):
+class PositionTarget(TaskCommand):
     """Target pose of the MRF, a goal: stays until replaced.
 
     `xyz` [m] is measured from the origin of `relative_to`, in the axes of `expressed_in`
@@ -108,7 +120,7 @@ class PositionTarget(Command):
     """Path speed [m/s]; the cell's when absent, never more than the cell's limit."""
 
 
-class DesiredWrench(Command):
+class DesiredWrench(TaskCommand):
     """Wrench that the arm shall exert, at the MRF [N, N·m]; a goal.
 
     In the axes of `expressed_in`, also while these turn.
@@ -118,13 +130,13 @@ class DesiredWrench(Command):
     expressed_in: Frame = Frame.MRF
 
 
-class JointJog(Command):
+class JointJog(MechanismCommand):
     """Joint rates [rad/s], one per joint, a stream."""
 
     rates: JointVector
 
 
-class PostureMove(Command):
+class PostureMove(MechanismCommand):
     """Joint posture to move to: a name from the cell or angles [rad].
 
     A goal that ends when it is reached, or when the stick is moved. While it is under way, the
@@ -141,128 +153,5 @@ class PostureMove(Command):
         return self
 
 
-class CancelGoals(Command):
-    """Drops the position target, the posture and the desired wrench."""
-
-
-# --- telemetry --------------------------------------------------------------------------------
-
-
-class State(Message):
-    """What the daemon knows and did, every tick.
-
-    Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World; `target_mrf` is the pose that the
-    position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
-    origin in World axes; `twist` is the sum before limiting. `view` is the tag in the Lens as last
-    accepted, and `view_age_ticks` how old that picture is. `command_age_ticks` is how old the
-    snapshot was that the last accepted command was based on.
-    `limits` names what is limiting now. `wrench_sensor` is the sensor's reading, sign turned but
-    with weight and bias in it; `payload` the mass [kg] and centre of mass in the Sensor frame [m]
-    that are taken off it; `gripper_closed` what the gripper was told, if it was.
-    `gains` are those in effect, ramped and as their schedules
-    say, `on` the sources' switches. `self_motion` is what the null space was asked to do [rad/s],
-    `objectives` each redundancy objective's gain and the size of its part [rad/s]. `potential`
-    tells of the field, if anything follows it: its parts [J], and the `slope` that is left of it in
-    the self-motions [N·m]; `off_path` is where the virtual link has the tool off its path [m].
-
-    `frames` holds the poses of Base and Carrier, where these may move, as the control has them, and
-    `frame_age_ticks` how old the newest news of each is, None when stale; `ground` is what motion
-    is relative to. The source `frames` is the twist that moves the MRF along with it.
-
-    `path` tells how far a path is: `leg` of `legs`, counted from 0, the `part` of the leg's time
-    that is over, and the `pace`, which a pause takes to 0; `path_mrf` is the pose it has got to.
-    `avoiding` says whether clearances are kept, `gaps` the nearest pairs of the commanded arm:
-    link, obstacle or other link, distance of their surfaces [m], and whether its barrier acts.
-    `spheres` are the distances of virtual spheres' centres from the nearest obstacle [m], if there
-    is any, and `priority` is α, the part of a hand's force that avoiding takes away.
-    `master` tells of the clutch: whether it is `engaged`, whether a master's pose is `leading` the
-    tool, and the scales of `translation` and `rotation`.
-    """
-
-    tick: Count
-    time_s: float
-    mode: str
-    q: JointVector
-    q_command: JointVector
-    dq_command: JointVector
-    tau: JointVector
-    external_torque: JointVector | None = None
-    """Torques of contact that no sensor sees [N·m]; None where it is not watched."""
-    following_error: JointVector
-    pose_mrf: Vector6
-    pose_mrf_measured: Vector6
-    pose_crf: Vector6
-    ground: str = "world"
-    frames: dict[str, Vector6] = Field(default_factory=dict)
-    frame_age_ticks: dict[str, Count | None] = Field(default_factory=dict)
-    target_mrf: Vector6 | None
-    wrench_mrf: Vector6 | None
-    wrench_sensor: Vector6 | None = None
-    payload: tuple[float, float, float, float] | None = None
-    gripper_closed: bool | None = None
-    devices: dict[str, dict[str, Value]] = Field(default_factory=dict)
-    """What other devices on the bus say, by their names."""
-    view: Vector6 | None = None
-    view_age_ticks: Count | None = None
-    sources: dict[str, Vector6]
-    gains: dict[str, Vector6]
-    on: dict[str, bool]
-    twist: Vector6
-    self_motion: JointVector
-    objectives: dict[str, tuple[float, float]]
-    path: dict[str, float] | None
-    path_mrf: Vector6 | None
-    master: dict[str, float]
-    scale: float
-    limits: tuple[str, ...]
-    sigma_min: float
-    potential: dict[str, float] | None = None
-    off_path: Vector3 | None = None
-    avoiding: bool = False
-    gaps: tuple[tuple[str, str, float, bool], ...] = ()
-    spheres: dict[str, float] = Field(default_factory=dict)
-    priority: float | None = None
-    at_goal: bool
-    speed_factor: float
-    drives: tuple[str, ...]
-    protective_stop: bool
-    lease_epoch: Count
-    lease_holder: str | None
-    last_seq: dict[str, Count]
-    command_age_ticks: Count | None
-    overruns: Count
-
-
-class Event(Message):
-    """Something that happened, with cause and values. `id` counts every event of a run."""
-
-    id: Count
-    tick: Count
-    time_s: float
-    name: str = Field(max_length=64)
-    severity: Literal["info", "warning", "error"]
-    detail: str = Field("", max_length=1000)
-    values: dict[str, Value] = Field(default_factory=dict)
-
-
-class Description(Message):
-    """What an operator needs to know of a cell before driving it."""
-
-    cell: str
-    description: str
-    network: Literal["local", "certified", "insecure"]
-    """Who may speak to the daemon: its machine, who shows a certificate, or anybody."""
-    period_s: float
-    joints: tuple[str, ...]
-    lower: JointVector
-    upper: JointVector
-    max_velocity: JointVector
-    postures: dict[str, JointVector]
-    sources: tuple[str, ...]
-    gains: dict[str, Vector6]
-    lease_timeout_s: float
-    stream_timeout_s: float
-    max_command_age_s: float
-    versions: dict[str, str]
-    buses: dict[str, tuple[str, ...]] = Field(default_factory=dict)
-    """Devices on each bus, in the order of booting."""
+class CancelGoals(TaskCommand):
+    """Drops the position target, the posture and the desired wrench; without a task, of all."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Angle, Attitude, Command, Frame, Identifier, Joules, Metres, Place, Twist
+from .messages import Angle, Attitude, Frame, Identifier, Joules, Metres, Place, TaskCommand, Twist
 
 MOST = 64
 """Most waypoints or segments of one path [1]."""
@@ -17,7 +17,7 @@ PathSpeed = Annotated[float, Field(ge=1e-4, le=10)]
 Duration = Annotated[float, Field(gt=0, le=600)]
 
 
-class RedundancyRequest(Command):
+class RedundancyRequest(TaskCommand):
     """Sets the gain of one redundancy objective, 0 for off; the change is ramped.
 
     `objective` is its name in the cell file, and the bounds there hold here. For `posture`, a name
@@ -48,7 +48,7 @@ def complaint_of_path(waypoints: int, speeds: int, twists: int, durations: int) 
     return ""
 
 
-class PathMotion(Command):
+class PathMotion(TaskCommand):
     """A planned motion of the MRF, a goal: waypoints, or timed twists; not both.
 
     `waypoints` are poses `[x, y, z, roll, pitch, yaw]` [m, rad] in `relative_to` and
@@ -80,7 +80,7 @@ class PathMotion(Command):
         return self
 
 
-class PathRequest(Command):
+class PathRequest(TaskCommand):
     """Pauses the path under way, resumes it, or aborts it; the tool comes to rest smoothly.
 
     While it is paused, position control holds the tool where the path stands: a stick shifts it
@@ -90,7 +90,7 @@ class PathRequest(Command):
     action: Literal["pause", "resume", "abort"]
 
 
-class MasterPose(Command):
+class MasterPose(TaskCommand):
     """Pose of the operator's master device, a stream: its *motion* moves the MRF.
 
     `xyz` [m] and `rpy` [rad] are the handle's pose in the device's own base, whose axes are laid
@@ -106,7 +106,7 @@ class MasterPose(Command):
     handle: tuple[Joules, Joules, Joules] | None = None
 
 
-class ClutchRequest(Command):
+class ClutchRequest(TaskCommand):
     """Engages or disengages the master, stick and pose alike, and scales its motion.
 
     What is not given stays. A stick that is disengaged asks for nothing; a master pose that is

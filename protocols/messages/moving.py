@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Attitude, Command, Count, Frame, Message, Place, Twist
+from .messages import Attitude, Count, Frame, Message, Place, TaskCommand, Twist
 
 
 class FrameNews(Message):
@@ -34,7 +34,7 @@ class FrameNews(Message):
         return self
 
 
-class FrameRequest(Command):
+class FrameRequest(TaskCommand):
     """Redefines the MRF or the CRF; nothing moves because of it.
 
     `xyz` [m] and `rpy` [rad] are its pose in `relative_to`, as that frame is now: by default the

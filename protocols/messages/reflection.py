@@ -3,7 +3,7 @@
 The envelope, units and conventions are those of `messages.py`.
 """
 
-from .messages import Command, Count, Message, Vector6
+from .messages import Count, Identifier, Message, TaskCommand, Vector6
 
 
 class Reflection(Message):
@@ -23,9 +23,11 @@ class Reflection(Message):
     slope: float
     entered: float
     protected: bool
+    task: Identifier | None = None
+    """Whose force it is; None: of the first task, or the only one."""
 
 
-class ReflectionRequest(Command):
+class ReflectionRequest(TaskCommand):
     """Switches the protection of force reflection against delay off, or on again.
 
     For experiments: off, a distant handle may bounce. Enabling the arm switches it on.

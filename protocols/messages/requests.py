@@ -7,7 +7,17 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Command, Count, Gains, Identifier, Key, Message, OperatorName
+from .messages import (
+    Command,
+    Count,
+    Gains,
+    Identifier,
+    Key,
+    MechanismCommand,
+    Message,
+    OperatorName,
+    TaskCommand,
+)
 
 _BiasForce = Annotated[float, Field(ge=-100, le=100)]
 _BiasMoment = Annotated[float, Field(ge=-10, le=10)]
@@ -61,7 +71,7 @@ class ProtectiveClear(Message):
     opens: Key | None = None
 
 
-class GainRequest(Command):
+class GainRequest(TaskCommand):
     """Sets the gain vector of one source, by its name in the cell file; the change is ramped.
 
     Gains beyond the bound of sampled stability are refused, unless they are `forced`.
@@ -72,7 +82,7 @@ class GainRequest(Command):
     forced: bool = False
 
 
-class SwitchRequest(Command):
+class SwitchRequest(TaskCommand):
     """Switches one source on or off; the change is ramped."""
 
     source: Identifier
@@ -85,7 +95,7 @@ class SpeedRequest(Command):
     factor: float = Field(ge=0.01, le=1.0)
 
 
-class PayloadRequest(Command):
+class PayloadRequest(MechanismCommand):
     """Says what hangs on the force/torque sensor now; the change is ramped.
 
     A name from the cell, or mass [kg] and centre of mass in the Sensor frame [m], or that it is
@@ -107,17 +117,17 @@ class PayloadRequest(Command):
         return self
 
 
-class GripperRequest(Command):
+class GripperRequest(MechanismCommand):
     """Closes or opens the gripper; the payload that the cell has for either follows, ramped."""
 
     closed: bool
 
 
-class TareRequest(Command):
+class TareRequest(MechanismCommand):
     """Takes the present force/torque reading as that of no contact; refused while moving."""
 
 
-class AcknowledgeLoad(Command):
+class AcknowledgeLoad(MechanismCommand):
     """Lets force control and following act on a load that was said to be unexplained."""
 
 

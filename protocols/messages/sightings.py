@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .messages import Angle, Command, Count, Message, Metres
+from .messages import Angle, Count, Message, Metres, TaskCommand
 
 CameraName = Annotated[str, Field(min_length=1, max_length=32)]
 PoseVector = tuple[Metres, Metres, Metres, Angle, Angle, Angle]
@@ -33,7 +33,7 @@ class Sighting(Message):
         return self
 
 
-class StoreView(Command):
+class StoreView(TaskCommand):
     """Makes what a camera sees now the view that the vision source keeps.
 
     Without a camera's name: of the camera whose view is kept now.

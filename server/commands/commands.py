@@ -28,7 +28,7 @@ from .haptic_handle import HapticHandle
 from .in_force import InForce
 from .joint_commands import JointCommands
 from .placement import path_goal, placed
-from .settings import OperatorSettings
+from .settings import CellSettings, OperatorSettings
 from .streams import Stream
 from .wrench_goal import WrenchGoal
 
@@ -71,8 +71,11 @@ class Commands:
         }
 
     @classmethod
-    def from_cell(cls, cell: Cell) -> Self:
-        """Return the commands of a loaded cell: nothing is asked for yet."""
+    def from_cell(cls, cell: Cell, shared: CellSettings | None = None) -> Self:
+        """Return the commands of a loaded cell: nothing is asked for yet.
+
+        `shared` are the settings of all its arms, where there are several.
+        """
         config = cell.config
         drives, sensor = config.mechanism.drives, config.mechanism.force_torque
         reflector = None
@@ -86,7 +89,7 @@ class Commands:
                 joint_bounds(cell.robot.joints, drives),
                 np.array([d.max_velocity for d in drives]),
             ),
-            OperatorSettings.from_cell(cell),
+            OperatorSettings.from_cell(cell, shared or CellSettings.from_config(config)),
             FrameSet(config.mechanism, config.frames, config.T_world_crf),
             config.timing.stream_timeout_s,
             reflector,

@@ -1,5 +1,6 @@
 """Settings of operators: gains, switches, payload, gripper, objectives, reduced speed."""
 
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -22,10 +23,28 @@ WRENCH_SOURCES = ("following", "force")
 """The sources that move the tool for what the sensor reads."""
 
 
-class OperatorSettings:
-    """The settings in force, but for the frames; at first those of the cell file."""
+@dataclass
+class CellSettings:
+    """Settings that all arms of a cell share."""
 
-    def __init__(self, config: CellConfig, payload_bounds: PayloadBounds) -> None:
+    speed_factor: float
+    avoid: bool
+    """Clearances are kept."""
+    can_avoid: bool
+
+    @classmethod
+    def from_config(cls, config: CellConfig) -> Self:
+        """Return those of a cell file."""
+        return cls(config.limits.speed_factor, config.avoidance.enabled, config.keeps_clear)
+
+
+class OperatorSettings:
+    """The settings in force for one arm, but for the frames; at first those of the cell file."""
+
+    def __init__(
+        self, config: CellConfig, payload_bounds: PayloadBounds, shared: CellSettings
+    ) -> None:
+        self._shared = shared
         sources = config.sources
         self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
         sensor = config.mechanism.force_torque
@@ -36,10 +55,6 @@ class OperatorSettings:
             for name, section in sources.each.items()
         }
         self._vision_on = self.on["vision"]
-        self.avoid = config.avoidance.enabled
-        """Whether clearances are kept."""
-        self.can_avoid = config.keeps_clear
-        self.speed_factor = config.limits.speed_factor
         redundancy = config.redundancy
         self.objectives = ObjectiveGains(redundancy.gains, self._postures[redundancy.posture_name])
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
@@ -67,9 +82,9 @@ class OperatorSettings:
         self.payload_bounds = payload_bounds
 
     @classmethod
-    def from_cell(cls, cell: Cell) -> Self:
-        """Return the settings of a loaded cell."""
-        return cls(cell.config, PayloadBounds(cell))
+    def from_cell(cls, cell: Cell, shared: CellSettings) -> Self:
+        """Return the settings of a loaded cell; `shared` are those of all its arms."""
+        return cls(cell.config, PayloadBounds(cell), shared)
 
     def for_control(self, frames: FrameSet) -> Settings:
         """Return the settings that a tick uses, with the frames in force."""
@@ -79,10 +94,10 @@ class OperatorSettings:
             T_world_crf=frames.T_world_crf,
             redefined=frames.redefined,
             wrench_bias=self.wrench_bias,
-            speed_factor=self.speed_factor,
+            speed_factor=self._shared.speed_factor,
             payload=self.payload,
             objectives=self.objectives,
-            avoid=self.avoid,
+            avoid=self._shared.avoid,
             at_once=WRENCH_SOURCES if self.load_settles else (),
         )
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from ...protocols.codec import encode
 from ...protocols.messages import requests
-from ..commands.settings import OperatorSettings
 from ..mode import Mode, PendingAction
 from ..refusals import Refused, Why
 from ..runtime.events import Events
@@ -44,8 +43,8 @@ class _Pending:
 class ModeRequests:
     """The action that an operator asked for, and the request that waits for it."""
 
-    def __init__(self, settings: OperatorSettings, stops: ProtectiveStops, events: Events) -> None:
-        self._settings, self._stops, self._events = settings, stops, events
+    def __init__(self, stops: ProtectiveStops, events: Events) -> None:
+        self._stops, self._events = stops, events
         self.action = PendingAction.NONE
         self.hold = False
         """HOLD was asked for in this tick."""
@@ -89,12 +88,13 @@ class ModeRequests:
             raise Refused(
                 Why.PROTECTIVE_STOP, f"protective stop asked by {self._stops.asked_by} is latched"
             )
-        if context.essential_stale:
-            raise Refused(Why.SENSOR_STALE, f"{', '.join(context.essential_stale)} is stale")
-        if self._settings.avoid and context.obstacles.stop is not None:
-            stale = context.obstacles.stop
+        units = context.units
+        if units.missed:
+            raise Refused(Why.SENSOR_STALE, f"{', '.join(units.missed)} is stale")
+        if units.settings.avoid and units.obstacles.stop is not None:
+            stale = units.obstacles.stop
             raise Refused(Why.SENSOR_STALE, f"the news of obstacle {stale} is stale")
-        if context.touched:
+        if units.touched:
             raise Refused(Why.TOUCHED, "what pushes the arm is still there")
 
     def settle(self, mode: Mode, context: RequestContext) -> None:

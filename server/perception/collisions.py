@@ -11,7 +11,7 @@ from ..control.parameters import Parameters
 from ..control.spatial import GRAVITY, Array
 from ..control.state import Memory, Output
 from ..mode import Mode
-from ..plant import PlantReading
+from ..plant import UnitReading
 from ..runtime.events import Events
 from .contact_release import ContactRelease
 from .filters.collision import CollisionDetector, DetectorState, LoadUncertainty, SensorLoad
@@ -63,7 +63,7 @@ class CollisionMonitor:
 
     def update(
         self,
-        reading: PlantReading,
+        reading: UnitReading,
         memory: Memory | None,
         output: Output | None,
         moved: Moved,
@@ -95,7 +95,7 @@ class CollisionMonitor:
         found, pushed = self._detector.touched(self._state), self._detector.pushed(self._state)
         self._giving.update(found, tool, pushed, mode, memory, output)
 
-    def _carried(self, reading: PlantReading, load: Array) -> SensorLoad | None:
+    def _carried(self, reading: UnitReading, load: Array) -> SensorLoad | None:
         """Return what the sensor reads; while it is stale, its payload is what the arm carries.
 
         Without a sensor that is what the URDF says. `load` (10,), see `contact_wrench.load_of`.

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..commands.settings import WRENCH_SOURCES
 from ..control.spatial import Array
-from ..plant import PlantReading
+from ..plant import UnitReading
 from ..runtime.events import Events
 
 TARE_S = 0.3
@@ -47,7 +47,7 @@ class ForceTorqueMonitor:
         """Where the joints were (n,), while nothing was asked of the arm."""
 
     def update(
-        self, reading: PlantReading, weight: Array | None, twists: Mapping[str, Array]
+        self, reading: UnitReading, weight: Array | None, twists: Mapping[str, Array]
     ) -> None:
         """Take in a reading; `weight` (6,) is what the payload alone makes the sensor read.
 

@@ -1,22 +1,21 @@
-"""Perception: the monitors of sensor, load, cameras, obstacles, moving frames and collisions."""
+"""Perception of one arm: the monitors of sensor, load, cameras, moving frames and collisions."""
 
 from ...config.load import Cell
 from ..commands.commands import Commands
 from ..control.arm.arm import Arm
 from ..control.state import Memory, Output
 from ..mode import Mode
-from ..plant import PlantReading
+from ..plant import UnitReading
 from ..runtime.events import Events
 from .cameras import VisionTracker
 from .collisions import CollisionMonitor
 from .force_torque import ForceTorqueMonitor
 from .moving_frames import FrameTracker
-from .obstacle_map import ObstacleMap
 from .unexplained_load import LoadMonitor
 
 
 class Perception:
-    """All monitors of one cell."""
+    """All monitors of one arm of a cell."""
 
     def __init__(self, cell: Cell, arm: Arm, commands: Commands, events: Events) -> None:
         config, period_s = cell.config, cell.config.timing.period_s
@@ -26,14 +25,13 @@ class Perception:
         self.sensor = ForceTorqueMonitor(events, essential, period_s)
         self.load = LoadMonitor(sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
-        self.obstacles = ObstacleMap.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
         self.collisions = CollisionMonitor(config.touch, arm.p, arm.mechanism, events)
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
         self,
-        reading: PlantReading,
+        reading: UnitReading,
         memory: Memory | None,
         output: Output | None,
         mode: Mode,
@@ -63,11 +61,3 @@ class Perception:
     def touched(self) -> bool:
         """True while something unseen pushes the arm, which stopped for it."""
         return self.collisions.stopping or self.load.touched
-
-    def reason_to_stop(self) -> str | None:
-        """Return why perception lets the arm not move, or None."""
-        if self.sensor.missed:
-            return "sensor stale"
-        if self._commands.settings.avoid and self.obstacles.stop is not None:
-            return "obstacle stale"
-        return "touched" if self.touched else None

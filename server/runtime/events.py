@@ -3,7 +3,7 @@
 from collections import deque
 from typing import Literal
 
-from ...protocols.messages.messages import Event
+from ...protocols.messages.telemetry import Event
 
 Severity = Literal["info", "warning", "error"]
 Value = str | int | float | bool | None
@@ -63,6 +63,10 @@ class Events:
             {"topic": key, "reason": str(reason), **more},
         )
 
+    def of(self, mechanism: str) -> "Events":
+        """Return events that are told with the name of a mechanism; without one, the same."""
+        return _MechanismEvents(self, mechanism) if mechanism else self
+
     def take(self) -> list[Event]:
         """Return and forget what happened since the last call."""
         taken = list(self._pending)
@@ -70,14 +74,15 @@ class Events:
         return taken
 
     def _add(self, severity: Severity, name: str, detail: str, values: dict[str, Value]) -> None:
-        recent = self._recent.setdefault(name, deque())
+        kind = f"{name} of {values['mechanism']}" if "mechanism" in values else name
+        recent = self._recent.setdefault(kind, deque())
         while recent and recent[0] <= self.time_s - 1.0:
             recent.popleft()
         if len(recent) >= PER_SECOND.get(severity, len(recent) + 1):
-            self._suppressed[name] = self._suppressed.get(name, 0) + 1
+            self._suppressed[kind] = self._suppressed.get(kind, 0) + 1
             return
         recent.append(self.time_s)
-        suppressed = self._suppressed.pop(name, 0)
+        suppressed = self._suppressed.pop(kind, 0)
         if suppressed:
             values = {**values, "suppressed": suppressed}
         self._pending.append(
@@ -92,3 +97,15 @@ class Events:
             )
         )
         self._next_id += 1
+
+
+class _MechanismEvents(Events):
+    """Events of one mechanism of several: each tells its name."""
+
+    def __init__(self, whole: Events, mechanism: str) -> None:
+        super().__init__()
+        self._whole, self._mechanism = whole, mechanism
+
+    def _add(self, severity: Severity, name: str, detail: str, values: dict[str, Value]) -> None:
+        named: dict[str, Value] = {"mechanism": self._mechanism, **values}
+        self._whole._add(severity, name, detail, named)

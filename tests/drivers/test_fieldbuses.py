@@ -63,6 +63,7 @@ def test_a_sample_is_aged_by_the_clock_of_its_own_bus(plant):
     plant.step()
     reading = plant.step()
     assert reading.q is not None
+    (reading,) = reading.units
     assert reading.wrench_lag_s == pytest.approx(-1e-3, abs=1e-6)
     assert reading.wrench_mean_lag_s == pytest.approx(-1e-3, abs=1e-6)
 
@@ -73,7 +74,7 @@ def test_samples_are_together_within_three_tenths_of_a_millisecond(plant, apart_
     plant.it.open()
     plant.step()
     at_s = plant.now.s + PERIOD_S
-    reading = plant.step()
+    (reading,) = plant.step().units
     assert reading.sampled_s == (pytest.approx(at_s) if together else None)
 
 

@@ -294,7 +294,7 @@ def plant(cell: Any) -> Plant:
 def sampled_s(cell: Any, plant: Plant) -> float | None:
     """Send a SYNC, and read at once."""
     plant.buses.sync()
-    return plant.read(cell.hub.time_s).sampled_s
+    return plant.read(cell.hub.time_s).units[0].sampled_s
 
 
 def test_joints_were_sampled_at_the_sync_not_when_the_answer_came_or_is_read(
@@ -307,7 +307,7 @@ def test_joints_were_sampled_at_the_sync_not_when_the_answer_came_or_is_read(
         cell.hub.time_s += late_s
         cell.played.answer()
         cell.hub.time_s += 0.001
-        assert plant.read(cell.hub.time_s).sampled_s == at_s
+        assert plant.read(cell.hub.time_s).units[0].sampled_s == at_s
         cell.hub.time_s = at_s + 0.01
 
 

@@ -22,9 +22,9 @@ PUBLISHER = """
 import sys, time
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
-from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages.moving import FrameNews
 from telerobot.protocols.messages.rig import RigTruth
+from telerobot.protocols.messages.telemetry import State
 from telerobot.tools.operator.client.session import Session
 
 session = Session("pa10_platform", sys.argv[1])
@@ -32,7 +32,7 @@ truths, states = session.subscribe(t.RIG_TRUTH, 1), session.subscribe(t.STATE, 1
 tick = None
 while True:
     for payload in states.take():
-        tick = decode_as(m.State, payload, t.STATE.max_bytes).tick
+        tick = decode_as(State, payload, t.STATE.max_bytes).tick
     for payload in truths.take():
         x, y, z, *rpy = decode_as(RigTruth, payload, t.RIG_TRUTH.max_bytes).frames["carrier"]
         if tick is not None:

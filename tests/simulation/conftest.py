@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.protocols.messages.messages import Event, State
 from telerobot.protocols.messages.rig import RigTruth
+from telerobot.protocols.messages.telemetry import Event, State
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.result import Result
 from telerobot.tools.simulation.simulation import Simulation

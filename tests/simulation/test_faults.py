@@ -232,7 +232,7 @@ def test_an_exception_in_the_tick_ends_in_a_quick_stop(pa10):
 
     def poison(s):
         if s.cycle.tick == 120:
-            s.cycle._commands.settings.speed_factor = None
+            s.cycle.units.settings.speed_factor = None
 
     simulation.on_tick = poison
     result = simulation.run()
@@ -249,9 +249,9 @@ def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
 
     def leap(s):
         if s.cycle.tick == 120:
-            memory = s.cycle._memory
-            motion = memory.motion._replace(q=memory.motion.q + 0.05)
-            s.cycle._memory = dataclasses.replace(memory, motion=motion)
+            arm = s.cycle.units.each[0]
+            motion = arm.memory.motion._replace(q=arm.memory.motion.q + 0.05)
+            arm.memory = dataclasses.replace(arm.memory, motion=motion)
 
     targets = []
 

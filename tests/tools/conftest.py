@@ -6,8 +6,8 @@ import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode, encode
-from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
+from telerobot.protocols.messages.telemetry import State
 from telerobot.protocols.proof import Proof
 
 CELL = "cell"
@@ -30,7 +30,7 @@ def state(tick=1, mode="ready", epoch=0, holder=None, **more):
         "lease_epoch": epoch, "lease_holder": holder, "last_seq": {}, "command_age_ticks": None,
         "overruns": 0,
     }  # fmt: skip
-    return m.State(**fields | more)
+    return State(**fields | more)
 
 
 @dataclass

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...config.load import ConfigError, load_cell
 from ...drivers.network.identity import identity_of
-from ...protocols.messages import messages as m
+from ...protocols.messages.telemetry import Event
 from ...protocols.topics import Role
 from ..host.address import duration, moved
 from ..host.local_plant import ChildDied, LocalPlant
@@ -90,7 +90,7 @@ class _Show:
 
     def __init__(self, plant: LocalPlant) -> None:
         self._plant = plant
-        self._errors: list[m.Event] = []
+        self._errors: list[Event] = []
         self._refused: list[str] = []
         self._failure = ""
         self._rounds = 0

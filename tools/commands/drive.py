@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from ...protocols.messages import messages as m
+from ...protocols.messages.telemetry import Event
 from ..host.address import add_cell_arguments, cell_from
 from ..operator.client.connection import OperatorError, ignore
 from ..operator.client.operator import Operator
@@ -80,6 +80,6 @@ def drive(operator: Operator, watch: Callable[[], None] = lambda: None) -> None:
         operator.on_event = ignore
 
 
-def _tell(console: Console, event: m.Event) -> None:
+def _tell(console: Console, event: Event) -> None:
     if event.name != "request_refused":  # the one who asked has the reply
         console.say(event_line(event))

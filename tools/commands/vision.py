@@ -24,6 +24,7 @@ from ...protocols import topics as t
 from ...protocols.codec import CodecError, MessageT, decode_as, encode
 from ...protocols.messages import messages as m
 from ...protocols.messages.rig import RigTruth
+from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
 from ..operator.client.session import Inbox, Session
@@ -173,7 +174,7 @@ class _Work:
                 self._look(looker, self._tick, now_s)
 
     def _hear(self) -> None:
-        state = _newest(self._states, m.State, t.STATE.max_bytes)
+        state = _newest(self._states, State, t.STATE.max_bytes)
         if state is not None:
             self._tick = state.tick
         truth = _newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)

@@ -12,6 +12,7 @@ import numpy as np
 from ...protocols import topics as t
 from ...protocols.messages import messages as m
 from ...protocols.messages import requests
+from ...protocols.messages.telemetry import State
 from ...server.control.spatial import Array
 from ..operator.client.protocol_client import NoLease, ProtocolClient
 from .attitudes import Stop
@@ -52,7 +53,7 @@ class Guide:
     _heard: list[tuple[tuple[float, ...], m.Vector6]] = field(default_factory=list)
     _allowed: bool = False
 
-    def run(self, state: m.State) -> None:
+    def run(self, state: State) -> None:
         """Take in a state: average, or go on to the next attitude."""
         if self.over:
             return
@@ -61,7 +62,7 @@ class Guide:
         except NoLease as error:
             self._fail(str(error))
 
-    def _run(self, state: m.State) -> None:
+    def _run(self, state: State) -> None:
         if state.mode != "enabled":
             self._fail(f"mode became {state.mode}")
         elif self._at < 0:
@@ -82,13 +83,13 @@ class Guide:
         if not reply.ok:
             self._fail(f"{reply.reason}: {reply.detail}")
 
-    def _leave(self, state: m.State) -> None:
+    def _leave(self, state: State) -> None:
         self.client.command(t.POSTURE, q=tuple(self.stops[self._at].q.tolist()))
         self._asked_seq, self._since_s = self.client.seq, state.time_s
         self._arrived_s = None
         self._heard.clear()
 
-    def _travel(self, state: m.State) -> None:
+    def _travel(self, state: State) -> None:
         if state.last_seq.get(t.POSTURE.key, 0) >= self._asked_seq and state.at_goal:
             self._arrived_s = state.time_s
             if not self.stops[self._at].measure:
@@ -96,7 +97,7 @@ class Guide:
         elif state.time_s > self._since_s + ARRIVE_S:
             self._fail(f"posture not reached within {ARRIVE_S:g} s")
 
-    def _listen(self, state: m.State) -> None:
+    def _listen(self, state: State) -> None:
         if state.wrench_sensor is None:
             self._fail("the force/torque sensor is stale or missing")
             return

@@ -12,6 +12,7 @@ import numpy as np
 from ...config.schema.reflection import Reflection as Config
 from ...protocols.messages import messages as m
 from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.telemetry import State
 from ...server.reflection.passivity import Port, damping
 from ..operator.client.round_trip import RoundTrip
 from .device import STEP_S, Device
@@ -64,7 +65,7 @@ class ReflectingClient:
 
     # --- what comes in ------------------------------------------------------------------------
 
-    def on_state(self, state: m.State, now_s: float) -> None:
+    def on_state(self, state: State, now_s: float) -> None:
         """Take in which commands were heard: the round trip shows."""
         before = self.trip.heard_s
         self.trip.echoed(state.last_seq, now_s)

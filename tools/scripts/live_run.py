@@ -8,6 +8,7 @@ import numpy as np
 
 from ...protocols.messages import messages as m
 from ...protocols.messages import requests
+from ...protocols.messages.telemetry import Event, State
 from ...server.control.spatial import Pose, rotation_log
 from ..operator.client.connection import POLL_S, ignore
 from ..operator.client.operator import Operator
@@ -40,7 +41,7 @@ class LiveRun:
         )
         self.failure = ""
         """Reason for an early end, or empty."""
-        self.events: list[m.Event] = []
+        self.events: list[Event] = []
         self._operator, self._say = operator, say
 
     def run(self) -> int:
@@ -100,12 +101,12 @@ class LiveRun:
                 self._operator.session.poll()
                 time.sleep(POLL_S)
 
-    def _on_event(self, event: m.Event) -> None:
+    def _on_event(self, event: Event) -> None:
         self.events.append(event)
         self._say(event_line(event))
 
 
-def ending(state: m.State) -> str:
+def ending(state: State) -> str:
     """Return the final mode and, with a target, how far the tool is from it."""
     parts = [f"mode {state.mode}", f"at_goal {str(state.at_goal).lower()}"]
     if state.target_mrf is not None:

@@ -5,8 +5,8 @@ from functools import partial
 
 from ...config.schema.reflection import Reflection as ReflectionConfig
 from ...protocols import topics as t
-from ...protocols.messages import messages as m
 from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.telemetry import State
 from ..operator.client.protocol_client import Ask, ProtocolClient, Put
 from ..reflect.client import ReflectingClient
 from .generators.delay_line import Conditions, DelayLine
@@ -45,7 +45,7 @@ class Operators:
             client = self._clients[name] = self._connected(name)
         return client
 
-    def on_state(self, state: m.State) -> None:
+    def on_state(self, state: State) -> None:
         """Send a state down every operator's line."""
         for client in self:
             arrive = partial(self._arrive, client, state)
@@ -83,7 +83,7 @@ class Operators:
         """Move an operator's reflecting handle. Raises `ValueError` in a cell without them."""
         self.handles.take(step, self[name], self._now_s)
 
-    def _arrive(self, client: ProtocolClient, state: m.State) -> None:
+    def _arrive(self, client: ProtocolClient, state: State) -> None:
         client.on_state(state)
         self.handles.on_state(client.name, state, self._now_s)
 

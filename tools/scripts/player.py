@@ -8,12 +8,12 @@ from ...config.schema.reflection import Reflection as ReflectionConfig
 from ...protocols import topics as t
 from ...protocols.agreement import random_key
 from ...protocols.codec import encode
-from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...protocols.messages.moving import RigMotion
 from ...protocols.messages.obstacles import ObstacleNews
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigFault
+from ...protocols.messages.telemetry import State
 from ..operator.client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
 from .generators.obstacles import ObstacleMotions
 from .generators.tables import MovingObstacle, Raw
@@ -75,7 +75,7 @@ class Player:
         """True once the script is played, or cannot be."""
         return self.phase in (Phase.OVER, Phase.FAILED)
 
-    def on_state(self, state: m.State) -> None:
+    def on_state(self, state: State) -> None:
         """Take in a state."""
         self.operators.on_state(state)
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...protocols.messages import messages as m
 from ...protocols.messages.rig import RigTruth
+from ...protocols.messages.telemetry import Event, State
 
 CONTACT_S = 1.0
 """The contact force is the mean over this long before the end [s]."""
@@ -18,7 +18,7 @@ class Result:
     """Outcome of a simulation: the fields of its JSON, and the state of every tick."""
 
     summary: dict[str, object]
-    states: tuple[m.State, ...]
+    states: tuple[State, ...]
     truths: tuple[RigTruth, ...]
     """The physics' truth after every tick."""
 
@@ -28,7 +28,7 @@ class Result:
         return self.summary["failure"] is None and self.summary["limit_violations"] == 0
 
 
-def event_rows(events: Sequence[m.Event]) -> list[dict[str, object]]:
+def event_rows(events: Sequence[Event]) -> list[dict[str, object]]:
     """Return events as rows of JSON, `values` only where there are any."""
     return [
         {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}

@@ -20,6 +20,7 @@ from ...protocols.codec import decode_as, encode
 from ...protocols.messages import messages as m
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigTruth
+from ...protocols.messages.telemetry import Event, State
 from ...server.daemon import build
 from ...server.operators.memory_link import MemoryLink
 from ...server.runtime.clock import VirtualClock
@@ -89,8 +90,8 @@ class Simulation:
         self.frame_sensors = SimulatedFrameSensors(
             cell, self.rig, lambda news: self.link.put(t.FRAME_NEWS, encode(news))
         )
-        self.events: list[m.Event] = []
-        self.states: list[m.State] = []
+        self.events: list[Event] = []
+        self.states: list[State] = []
         self.truths: list[RigTruth] = []
         self.on_tick: Callable[[Simulation], None] | None = None
         """Called after every tick, for a judge that looks deeper."""
@@ -183,7 +184,7 @@ class Simulation:
 
     def _on_telemetry(self, topic: t.Topic, payload: bytes) -> None:
         if topic is t.STATE:
-            state = decode_as(m.State, payload, topic.max_bytes)
+            state = decode_as(State, payload, topic.max_bytes)
             self.states.append(state)
             self.player.on_state(state)
             self._write("state", state)
@@ -192,7 +193,7 @@ class Simulation:
             self.player.on_reflection(news)
             self._write("reflection", news)
         elif topic is t.EVENT:
-            event = decode_as(m.Event, payload, topic.max_bytes)
+            event = decode_as(Event, payload, topic.max_bytes)
             self.events.append(event)
             if event.name == "view_stored":
                 self.view.on_event(event, self.rig.truth())
@@ -208,7 +209,8 @@ class Simulation:
         truth = self.rig.truth()
         self.truths.append(truth)
         self._write("truth", truth)
-        self._tool.judge(truth, self.cycle.placed_target, self.cycle.T_wrist_mrf)
+        commands = self.cycle.units.each[0].commands
+        self._tool.judge(truth, commands.placed_target, commands.frames.T_wrist_mrf)
 
     def _result(self) -> Result:
         period = self.cell.config.timing.period_s

@@ -4,8 +4,8 @@ import math
 
 from ...config.load import Cell
 from ...config.schema.cameras import Camera, RigTag
-from ...protocols.messages import messages as m
 from ...protocols.messages.rig import RigTruth
+from ...protocols.messages.telemetry import Event
 from ...server.control.spatial import Pose, rotation_log
 
 
@@ -36,7 +36,7 @@ class ViewJudge:
             tag, T_world_wrist, truth
         )
 
-    def on_event(self, event: m.Event, truth: RigTruth) -> None:
+    def on_event(self, event: Event, truth: RigTruth) -> None:
         """Take in an event, with the truth at its time."""
         if event.name == "view_stored":
             self._camera = event.detail or self._camera

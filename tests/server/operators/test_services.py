@@ -1,6 +1,7 @@
 import itertools
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,17 +13,16 @@ from telerobot.protocols.messages import requests
 from telerobot.protocols.proof import prove
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose
+from telerobot.server.control.tick import Control
 from telerobot.server.mode import Mode, PendingAction
 from telerobot.server.operators.admission import Admission, Grants, Instant
 from telerobot.server.operators.inbox import QueuedMessage, refusal_reply
 from telerobot.server.operators.mode_requests import ENABLE_TIMEOUT_S
 from telerobot.server.operators.request_context import RequestContext
 from telerobot.server.operators.services import Services
-from telerobot.server.perception.cameras import VisionTracker
-from telerobot.server.perception.moving_frames import FrameTracker
-from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events
+from telerobot.server.units.units import Units
 from telerobot.tools.simulation.seeded_keys import seeded_keys
 
 CELL = "cell"
@@ -81,6 +81,10 @@ class Counter:
     def see(self, **changes):
         self.context = replace(self.context, **changes)
 
+    def sense(self, **changes):
+        """Let the force/torque monitor say something else."""
+        vars(self.context.units.each[0].perception.sensor).update(changes)
+
     def pass_time(self, seconds, mode=None):
         """Let time go by, with the lease kept alive; settle in a mode."""
         now = self.context.now
@@ -95,22 +99,17 @@ class Counter:
 @pytest.fixture
 def counter(pa10):
     admission, events = Admission(CELL, 0.01, 0.5, 0.5), Events()
-    commands = Commands.from_cell(pa10.cell)
-    grants = Grants(CELL, admission, seeded_keys("daemon"))
-    context = RequestContext(
-        now=Instant(10.0, 1000, None),
-        mode=Mode.READY,
-        unloaded=np.arange(6.0),
-        still=True,
-        essential_stale=(),
-        gain_bound=lambda source, gain: "too high" if max(gain) > 5 else None,
-        vision=VisionTracker.from_cell(pa10.cell, events),
-        obstacles=ObstacleMap.from_cell(pa10.cell, events),
-        moving_frames=FrameTracker.from_cell(pa10.cell, events),
-        T_world_mrf=Pose.identity(),
+    units = Units.from_cell(pa10.cell, Control.of(pa10.cell), events)
+    (unit,) = units.each
+    unit.gain_bound = lambda source, gain: "too high" if max(gain) > 5 else None
+    unit.perception.sensor = SimpleNamespace(unloaded=np.arange(6.0), still=True, missed=())
+    unit.output = SimpleNamespace(
+        T_world_mrf=Pose.identity(), T_wrist_mrf=unit.commands.frames.T_wrist_mrf
     )
-    services = Services(admission, commands, events, grants)
-    return Counter(services, admission, commands, events, context)
+    grants = Grants(CELL, admission, seeded_keys("daemon"))
+    context = RequestContext(Instant(10.0, 1000, None), Mode.READY, units)
+    services = Services(admission, events, grants)
+    return Counter(services, admission, unit.commands, events, context)
 
 
 @pytest.fixture
@@ -331,7 +330,8 @@ def test_a_fault_ends_the_wish_to_disable_so_that_a_reset_need_not_wait(ann):
 
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
 def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
-    ann.see(mode=mode, essential_stale=("force_torque",))
+    ann.see(mode=mode)
+    ann.sense(missed=("force_torque",))
     reply = ann.ask(t.MODE, action=action)
     assert (reply.ok, reply.reason) == (False, Why.SENSOR_STALE)
     assert "force_torque" in reply.detail
@@ -554,7 +554,7 @@ def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
 )
 def test_a_tare_is_refused_while_the_arm_moves_or_the_sensor_is_silent(ann, changes, reason):
     before = ann.commands.control_settings().wrench_bias
-    ann.see(**changes)
+    ann.sense(**changes)
     reply = ann.ask(t.TARE)
     assert (reply.ok, reply.reason) == (False, reason)
     assert ann.commands.control_settings().wrench_bias is before

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
+from telerobot.protocols.messages.telemetry import State
 from telerobot.tools.cli import main
 from telerobot.tools.identify.attitudes import Stop
 from telerobot.tools.identify.guide import Guide
@@ -29,7 +29,7 @@ class Arm:
         for _ in range(round(100 * seconds)):
             self.time_s += 0.01
             self.guide.run(
-                m.State.model_construct(
+                State.model_construct(
                     time_s=self.time_s,
                     q=(0.1, 0.2),
                     gains={"force": (1.0,) * 6},

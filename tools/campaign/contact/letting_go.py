@@ -19,7 +19,7 @@ import numpy as np
 from ....config.load import Cell, load_cell
 from ....config.schema.rig.rig import Wall
 from ....drivers.rig.physics.world import Vector, World
-from ....protocols.messages.messages import State
+from ....protocols.messages.telemetry import State
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 

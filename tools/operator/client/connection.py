@@ -12,6 +12,7 @@ from ....protocols.messages import messages as m
 from ....protocols.messages.moving import RigMotion
 from ....protocols.messages.reflection import Reflection
 from ....protocols.messages.rig import RigFault
+from ....protocols.messages.telemetry import Description, Event, State
 from ....protocols.topics import Role
 from ...host.address import moved
 from .protocol_client import ProtocolClient
@@ -57,14 +58,14 @@ class Connection:
         depths = {t.STATE: 64, t.REFLECTION: 64, t.EVENT: 256, t.DESCRIPTION: 8}
         self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
         self.client = ProtocolClient(name, self.cell, self._put, self.session.ask)
-        self.description: m.Description | None = None
+        self.description: Description | None = None
         """The daemon's description of its cell; comes within a second."""
         self.round_trip = RoundTrip()
         self.state_since_s: float | None = None
         """Time of reading the newest state, on the monotonic clock [s]."""
-        self.on_state: Callable[[m.State], None] = ignore
+        self.on_state: Callable[[State], None] = ignore
         """Called with every state that is read."""
-        self.on_event: Callable[[m.Event], None] = ignore
+        self.on_event: Callable[[Event], None] = ignore
         """Called with every event that is read."""
         self.on_reflection: Callable[[Reflection], None] = ignore
         """Called with every force for the handle that is read; none come of most cells."""
@@ -73,12 +74,12 @@ class Connection:
         self._lease_seen = False
 
     @property
-    def state(self) -> m.State | None:
+    def state(self) -> State | None:
         """The newest state that was read."""
         return self.client.state
 
     @property
-    def events(self) -> list[m.Event]:
+    def events(self) -> list[Event]:
         """All events that were read."""
         return self.client.events
 
@@ -128,18 +129,18 @@ class Connection:
             message = decode_as(topic.message, payload, topic.max_bytes)
         except CodecError:
             return False  # another version's telemetry; commands would be refused by name
-        if isinstance(message, m.State):
+        if isinstance(message, State):
             self._take_state(message, time.monotonic())
         elif isinstance(message, Reflection):
             self.on_reflection(message)
-        elif isinstance(message, m.Event):
+        elif isinstance(message, Event):
             self.client.on_event(message)
             self.on_event(message)
-        elif isinstance(message, m.Description):
+        elif isinstance(message, Description):
             self.description = message
         return True
 
-    def _take_state(self, state: m.State, now_s: float) -> None:
+    def _take_state(self, state: State, now_s: float) -> None:
         self.client.on_state(state)
         self.state_since_s = now_s
         if self.holds_lease:
@@ -147,7 +148,7 @@ class Connection:
             self.round_trip.echoed(state.last_seq, now_s)
         self.on_state(state)
 
-    def _watch_lease(self, state: m.State) -> None:
+    def _watch_lease(self, state: State) -> None:
         """Let go of a lease that telemetry shows to be lost; states from before it don't count."""
         client = self.client
         if state.lease_epoch == client.epoch and state.lease_holder == client.name:

@@ -14,6 +14,7 @@ from typing import Any, Self
 from ....protocols import topics as t
 from ....protocols.messages import messages as m
 from ....protocols.messages import requests
+from ....protocols.messages.telemetry import State
 from .connection import Connection, OperatorError
 from .motions import Motions
 from .protocol_client import NoLease, OnReply
@@ -46,7 +47,7 @@ class Operator(Connection, Motions):
     ) -> None:
         self.close()
 
-    def wait_state(self, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
+    def wait_state(self, timeout_s: float = REPLY_TIMEOUT_S) -> State:
         """Return the newest state, waiting for the first. Raises `OperatorError` if none comes."""
         if not self.spin(timeout_s, lambda: self.state is not None) or self.state is None:
             shown = self.session.shown
@@ -54,7 +55,7 @@ class Operator(Connection, Motions):
             raise OperatorError("no_daemon", f"no telemetry of cell {self.cell}{known}")
         return self.state
 
-    def wait_mode(self, mode: str, timeout_s: float = REPLY_TIMEOUT_S) -> m.State:
+    def wait_mode(self, mode: str, timeout_s: float = REPLY_TIMEOUT_S) -> State:
         """Return the first state in a mode. Raises `OperatorError` if it is not reached."""
         self.spin(timeout_s, lambda: self.state is not None and self.state.mode == mode)
         state = self.wait_state()

@@ -14,8 +14,8 @@ from typing import Any
 from ....protocols import topics as t
 from ....protocols.agreement import KeyPair, random_key
 from ....protocols.codec import CodecError, decode_as, encode
-from ....protocols.messages import messages as m
 from ....protocols.messages import requests
+from ....protocols.messages.telemetry import Event, State
 from ....protocols.proof import prove
 
 Put = Callable[[t.Topic, bytes, bytes], None]
@@ -56,8 +56,8 @@ class ProtocolClient:
     secret: bytes | None = None
     """Proves the lease; None without one."""
     epoch: int = 0
-    state: m.State | None = None
-    events: list[m.Event] = field(default_factory=list)
+    state: State | None = None
+    events: list[Event] = field(default_factory=list)
     mute: bool = False
     """True cuts the client off: nothing is sent any more."""
     seq: int = 0
@@ -70,11 +70,11 @@ class ProtocolClient:
 
     # --- what comes in -----------------------------------------------------------------------
 
-    def on_state(self, state: m.State) -> None:
+    def on_state(self, state: State) -> None:
         """Take in a state."""
         self.state = state
 
-    def on_event(self, event: m.Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Take in an event."""
         self.events.append(event)
 

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ....protocols import topics as t
-from ....protocols.messages import messages as m
 from ....protocols.messages import requests
+from ....protocols.messages.telemetry import Event
 from ..client.operator import Operator
 from ..client.protocol_client import NoLease, OnReply
 from .keyboard import HeldKeys
@@ -242,7 +242,7 @@ class KeyboardTeleop:
         return f"{stick.frame} {stick.speed:g} m/s {held}"
 
 
-def event_line(event: m.Event) -> str:
+def event_line(event: Event) -> str:
     """Return an event as one line."""
     shown = {key: value for key, value in event.values.items() if str(value) not in event.detail}
     values = "".join(f" {key}={value}" for key, value in shown.items())

@@ -4,7 +4,7 @@ import numpy as np
 
 from ....config.schema.reflection import Reflection as Config
 from ....protocols import topics as t
-from ....protocols.messages import messages as m
+from ....protocols.messages.telemetry import State
 from ...operator.client.protocol_client import ProtocolClient
 from ...reflect.client import ReflectingClient
 from .tables import Device
@@ -43,7 +43,7 @@ class Handles:
         if handle is not None:
             handle.trip.sent(topic.key, seq, now_s)
 
-    def on_state(self, name: str, state: m.State, now_s: float) -> None:
+    def on_state(self, name: str, state: State, now_s: float) -> None:
         """Hand an operator's handle a state that has reached that operator."""
         handle = self.of_operator.get(name)
         if handle is not None:

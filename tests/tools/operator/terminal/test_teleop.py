@@ -1,7 +1,7 @@
 """What the teleop says of what happened."""
 
 import pytest
-from telerobot.protocols.messages.messages import Event
+from telerobot.protocols.messages.telemetry import Event
 from telerobot.tools.operator.terminal.teleop import event_line
 
 

@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from ..protocols.canopen.cia402 import DriveState
-from .commands.in_force import InForce
-from .control.frame_tree import Moved
-from .control.spatial import Array
-from .control.state import Inputs, Intent
-from .mode import Mode
-from .perception.perception import Perception
-from .plant import PlantReading
+from ...protocols.canopen.cia402 import DriveState
+from ..commands.in_force import InForce
+from ..control.frame_tree import Moved
+from ..control.spatial import Array
+from ..control.state import Inputs, Intent
+from ..mode import Mode
+from ..perception.obstacle_map import ObstacleMap
+from ..perception.perception import Perception
+from ..plant import UnitReading
 
 INTENTS = {
     Mode.BOOT: Intent.SEED,
@@ -26,10 +27,11 @@ def tick_inputs(
     mode: Mode,
     tick: int,
     time_s: float,
-    reading: PlantReading,
+    reading: UnitReading,
     q: Array,
     commands: InForce,
     perception: Perception,
+    obstacles: ObstacleMap,
     moved: Moved,
 ) -> Inputs:
     """Return the inputs of a tick; `q` (n,) are the measured joints [rad], `moved` the grounds.
@@ -37,7 +39,7 @@ def tick_inputs(
     Sources and goals act in ENABLED only; in the other modes the arm may give way to contact.
     """
     intent = INTENTS[mode]
-    moving, obstacles = intent is Intent.MOVE, perception.obstacles
+    moving = intent is Intent.MOVE
     grounds_move = perception.moving_frames.watching
     return Inputs(
         time_s=time_s,

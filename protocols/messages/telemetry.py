@@ -1,0 +1,169 @@
+"""What the daemon tells over Zenoh: the state of every tick, events, and what a cell is.
+
+The envelope, units and conventions are those of `messages.py`.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from .messages import Count, JointVector, Message, Value, Vector3, Vector6
+
+
+class TaskState(Message):
+    """What the daemon knows of one task and its arm, and did, every tick.
+
+    Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World; `target_mrf` is the pose that the
+    position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
+    origin in World axes; `twist` is the sum before limiting. `view` is the tag in the Lens as last
+    accepted, and `view_age_ticks` how old that picture is.
+    `limits` names what is limiting now. `wrench_sensor` is the sensor's reading, sign turned but
+    with weight and bias in it; `payload` the mass [kg] and centre of mass in the Sensor frame [m]
+    that are taken off it; `gripper_closed` what the gripper was told, if it was.
+    `gains` are those in effect, ramped and as their schedules
+    say, `on` the sources' switches. `self_motion` is what the null space was asked to do [rad/s],
+    `objectives` each redundancy objective's gain and the size of its part [rad/s]. `potential`
+    tells of the field, if anything follows it: its parts [J], and the `slope` that is left of it in
+    the self-motions [N·m]; `off_path` is where the virtual link has the tool off its path [m].
+
+    `frames` holds the poses of Base and Carrier, where these may move, as the control has them, and
+    `frame_age_ticks` how old the newest news of each is, None when stale; `ground` is what motion
+    is relative to. The source `frames` is the twist that moves the MRF along with it.
+
+    `path` tells how far a path is: `leg` of `legs`, counted from 0, the `part` of the leg's time
+    that is over, and the `pace`, which a pause takes to 0; `path_mrf` is the pose it has got to.
+    `spheres` are the distances of virtual spheres' centres from the nearest obstacle [m], if there
+    is any, and `priority` is α, the part of a hand's force that avoiding takes away.
+    `master` tells of the clutch: whether it is `engaged`, whether a master's pose is `leading` the
+    tool, and the scales of `translation` and `rotation`.
+    """
+
+    external_torque: JointVector | None = None
+    """Torques of contact that no sensor sees [N·m]; None where it is not watched."""
+    pose_mrf: Vector6
+    pose_mrf_measured: Vector6
+    pose_crf: Vector6
+    ground: str = "world"
+    frames: dict[str, Vector6] = Field(default_factory=dict)
+    frame_age_ticks: dict[str, Count | None] = Field(default_factory=dict)
+    target_mrf: Vector6 | None
+    wrench_mrf: Vector6 | None
+    wrench_sensor: Vector6 | None = None
+    payload: tuple[float, float, float, float] | None = None
+    gripper_closed: bool | None = None
+    view: Vector6 | None = None
+    view_age_ticks: Count | None = None
+    sources: dict[str, Vector6]
+    gains: dict[str, Vector6]
+    on: dict[str, bool]
+    twist: Vector6
+    self_motion: JointVector
+    objectives: dict[str, tuple[float, float]]
+    path: dict[str, float] | None
+    path_mrf: Vector6 | None
+    master: dict[str, float]
+    scale: float
+    limits: tuple[str, ...]
+    sigma_min: float
+    potential: dict[str, float] | None = None
+    off_path: Vector3 | None = None
+    spheres: dict[str, float] = Field(default_factory=dict)
+    priority: float | None = None
+    at_goal: bool
+
+
+class State(TaskState):
+    """What the daemon knows and did, every tick: the cell's joints, mode and lease, and its tasks.
+
+    What stands here of a task is of the cell's first, or only one; `tasks` has the others by name.
+    Joint vectors are of all joints, in the order of the description. `command_age_ticks` is how old
+    the snapshot was that the last accepted command was based on. `avoiding` says whether clearances
+    are kept, `gaps` the nearest pairs of the commanded arms: link, obstacle or other link, distance
+    of their surfaces [m], and whether its barrier acts.
+    """
+
+    tick: Count
+    time_s: float
+    mode: str
+    q: JointVector
+    q_command: JointVector
+    dq_command: JointVector
+    tau: JointVector
+    following_error: JointVector
+    devices: dict[str, dict[str, Value]] = Field(default_factory=dict)
+    """What other devices on the bus say, by their names."""
+    avoiding: bool = False
+    gaps: tuple[tuple[str, str, float, bool], ...] = ()
+    speed_factor: float
+    drives: tuple[str, ...]
+    protective_stop: bool
+    lease_epoch: Count
+    lease_holder: str | None
+    last_seq: dict[str, Count]
+    command_age_ticks: Count | None
+    overruns: Count
+    tasks: dict[str, TaskState] = Field(default_factory=dict)
+
+    def of(self, task: str | None) -> TaskState:
+        """Return the state of a task by its name; of the first where it is not among `tasks`."""
+        return self if task is None else self.tasks.get(task, self)
+
+
+class Event(Message):
+    """Something that happened, with cause and values. `id` counts every event of a run."""
+
+    id: Count
+    tick: Count
+    time_s: float
+    name: str = Field(max_length=64)
+    severity: Literal["info", "warning", "error"]
+    detail: str = Field("", max_length=1000)
+    values: dict[str, Value] = Field(default_factory=dict)
+
+
+class TaskDescription(Message):
+    """What an operator needs to know of a task and its arm before driving it."""
+
+    task: str
+    mechanism: str
+    """The arm that the task has."""
+    joints: tuple[str, ...]
+    postures: dict[str, JointVector]
+    sources: tuple[str, ...]
+    gains: dict[str, Vector6]
+    lower: JointVector
+    upper: JointVector
+    max_velocity: JointVector
+
+
+class Description(TaskDescription):
+    """What an operator needs to know of a cell before driving it.
+
+    What stands here of a task is of the cell's first, or only one; `tasks` has the others.
+    """
+
+    cell: str
+    description: str
+    network: Literal["local", "certified", "insecure"]
+    """Who may speak to the daemon: its machine, who shows a certificate, or anybody."""
+    period_s: float
+    lease_timeout_s: float
+    stream_timeout_s: float
+    max_command_age_s: float
+    versions: dict[str, str]
+    buses: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    """Devices on each bus, in the order of booting."""
+    tasks: tuple[TaskDescription, ...] = ()
+
+    @property
+    def each(self) -> tuple[TaskDescription, ...]:
+        """All tasks, in the order of the cell's joints."""
+        return (self, *self.tasks)
+
+    def of(self, task: str | None) -> TaskDescription:
+        """Return the description of a task; of the first for None. Raises `ValueError`."""
+        for found in self.each:
+            if task in (None, found.task):
+                return found
+        names = ", ".join(found.task for found in self.each)
+        raise ValueError(f"task {task!r}: is none of {names}")

@@ -1,0 +1,105 @@
+"""One arm of the cell and its task: what is commanded, perceived and computed for it."""
+
+import numpy as np
+
+from ...config.load import Cell
+from ..commands.commands import Commands
+from ..commands.settings import CellSettings
+from ..control.arm.arm import Arm
+from ..control.spatial import Array, Pose
+from ..control.state import Inputs, Memory, Output
+from ..mode import Mode
+from ..perception.obstacle_map import ObstacleMap
+from ..perception.perception import Perception
+from ..plant import UnitReading
+from ..runtime.events import Events
+from ..stability.gains import gain_check
+from .tick_inputs import tick_inputs
+
+LED = 1e-3
+"""A hand that asks for more than this leads the tool [m/s, rad/s]."""
+
+
+class Unit:
+    """What the daemon keeps for one arm; `joints` is where its joints are among the cell's."""
+
+    def __init__(
+        self, cell: Cell, arm: Arm, joints: slice, settings: CellSettings, events: Events
+    ) -> None:
+        """Build it for one part of a cell; `settings` are those that all units share."""
+        self.cell, self.arm, self.joints = cell, arm, joints
+        self.events = events.of(cell.prefix.removesuffix("."))
+        self.task, self.mechanism = cell.task, cell.config.mechanism.name
+        self.commands = Commands.from_cell(cell, settings)
+        self.perception = Perception(cell, arm, self.commands, self.events)
+        self.gain_bound = gain_check(cell)
+        """Why gains of a source would be unstable, or None."""
+        self.memory: Memory | None = None
+        """None before the arm's joints were heard, and after its devices were configured anew."""
+        self.output: Output | None = None
+        """What the last tick decided; None before the first."""
+
+    @property
+    def T_world_mrf(self) -> Pose | None:
+        """Where the command has the MRF in force; None before the joints were heard.
+
+        The last tick's may have been another one.
+        """
+        if self.output is None:
+            return None
+        then, now = self.output.T_wrist_mrf, self.commands.frames.T_wrist_mrf
+        T = self.output.T_world_mrf
+        return T if then is now else T @ (then.inverse() @ now)
+
+    def holding(self, q: Array) -> Array:
+        """Return the torques (n,) that hold the arm at rest at q (n,) [N·m]."""
+        payload, moved = self.commands.settings.payload, self.commands.frames.moved
+        return self.arm.stages.holding(q, payload, moved.T_world_base_measured.R)
+
+    def perceive(self, reading: UnitReading, mode: Mode, now_s: float) -> None:
+        """Update all monitors."""
+        self.perception.update(reading, self.memory, self.output, mode, now_s)
+
+    def follow_frames(self, tick: int, mode: Mode) -> None:
+        """Bring the frames that may move up to this tick."""
+        moving = mode in (Mode.ENABLED, Mode.STOPPING)
+        self.commands.frames.moved = self.perception.moving_frames.step(tick, moving=moving)
+
+    def inputs(
+        self,
+        memory: Memory,
+        mode: Mode,
+        tick: int,
+        now_s: float,
+        reading: UnitReading,
+        q: Array,
+        obstacles: ObstacleMap,
+    ) -> Inputs:
+        """Return what this tick may look at; `q` (n,) are the measured joints [rad]."""
+        commands, perception = self.commands, self.perception
+        moved = commands.frames.moved
+        T_world_mrf = self.arm.pose_mrf(
+            memory,
+            commands.frames.T_wrist_mrf,
+            moved.base.T if perception.moving_frames.watching else None,
+        )
+        asked = commands.in_force(now_s, T_world_mrf)
+        return tick_inputs(mode, tick, now_s, reading, q, asked, perception, obstacles, moved)
+
+    def keep(self, tick: int, memory: Memory, output: Output) -> None:
+        """Take in what a tick decided."""
+        self.memory, self.output = memory, output
+        goals = self.commands.goals
+        self.commands.reflect(output)
+        self.perception.remember(tick, output)
+        if output.at_goal and goals.posture is not None:
+            goals.finish_posture()
+            self.events.info("posture_reached")
+        elif goals.at_rest and np.abs(output.twists["following"]).max() > LED:
+            goals.led_by_hand()
+
+    @property
+    def outputs(self) -> dict[str, bool]:
+        """Commanded states of the outputs, by the names of their devices."""
+        told = self.commands.settings.outputs
+        return {f"{self.cell.prefix}{name}": on for name, on in told.items()}
