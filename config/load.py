@@ -4,15 +4,11 @@ Whatever a person can get wrong ends in a `ConfigError` of one line that names f
 and bound. What needs numbers to judge (bus load, stability) is `telerobot check`'s.
 """
 
-import json
-import re
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, Final, TypeVar, get_args
-
-from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
+from typing import Any, Final
 
 from .agree.agree import check_agreement
 from .agree.cell import check_cell
@@ -20,13 +16,14 @@ from .devices import devices_of, shared_devices
 from .errors import ConfigError, nearest
 from .joint_ranges import expand
 from .joint_tasks import agree, agree_with_beam
-from .parts import joint_tables_of, on_top, parts_of
+from .parts import Part, joint_tables_of, on_top, parts_of
+from .schema.cameras import Camera
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
 from .schema.on_bus import Entry
-from .schema.section import Section
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
+from .validated import under, validated
 
 __all__ = [
     "Cell",
@@ -40,7 +37,6 @@ __all__ = [
 ]
 
 HERE: Final = Path(__file__).resolve().parent
-_LONGEST_VALUE: Final = 60
 
 
 @dataclass(frozen=True)
@@ -94,6 +90,11 @@ class Cell:
         return (*chain.from_iterable(each), *shared_devices(self.config))
 
     @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The cameras of all tasks, each with a name of its own."""
+        return tuple(camera for part in self.parts for camera in part.config.cameras)
+
+    @property
     def default_script(self) -> Path:
         """The script that is played where none is named; a path is one beside the cell's file."""
         return script_path(self.config.default_script, self.path.parent)
@@ -114,11 +115,8 @@ def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
     path = _find("cells", name_or_path, Path(), "")
     document = _whole(path)
     if "mechanisms" not in document:
-        return _agreed(_part(path, document, "mechanism"))
-    parts = [
-        _part(path, part, f"mechanisms[{i}]", task)
-        for i, (task, part) in enumerate(parts_of(path, document, _whole_cell))
-    ]
+        return _agreed(_part(path, Part(document, "mechanism")))
+    parts = [_part(path, part) for part in parts_of(path, document, _whole_cell)]
     if len(parts) > 1 and not several:
         raise ConfigError(
             f"{path}: mechanisms: {len(parts)} tables: a daemon drives one mechanism so far"
@@ -126,7 +124,7 @@ def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
     joint = [
-        (i, _validated(path, table, f"tasks[{i}]", JointTask))
+        (i, validated(path, table, JointTask, partial(under, f"tasks[{i}]")))
         for i, table in joint_tables_of(path, document)
     ]
     agree(path, joint, [part.config.mechanism.name for part in parts])
@@ -149,19 +147,20 @@ def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
     return _whole(_find("cells", name, base, where))
 
 
-def _part(path: Path, document: dict[str, Any], place: str, task: str | None = None) -> Cell:
-    """Return the cell of one mechanism, which stands at `place` in the file."""
-    config = expand(path, _validated(path, document, place, CellConfig), place)
+def _part(path: Path, part: Part) -> Cell:
+    """Return the cell of one mechanism."""
+    place = part.place
+    config = expand(path, validated(path, part.document, CellConfig, part.words), place)
     mechanism = config.mechanism
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: {place}.urdf: ")
     robot = read_robot(urdf, mechanism.tip_link, f"{path}: {place}.tip_link")
-    check_agreement(path, config, robot, place)
+    check_agreement(path, config, robot, part.words)
     _find("scripts", config.default_script, path.parent, f"{path}: default_script: ")
     order = {joint.name: i for i, joint in enumerate(robot.joints)}
     drives = tuple(sorted(mechanism.drives, key=lambda drive: order[drive.joint]))
     mechanism = mechanism.model_copy(update={"drives": drives})
     config = config.model_copy(update={"mechanism": mechanism})
-    return Cell(path, config, robot, place=place, task=task or mechanism.name)
+    return Cell(path, config, robot, place=place, task=part.task or mechanism.name)
 
 
 def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
@@ -206,65 +205,3 @@ def _find(kind: str, name_or_path: str | Path, base: Path, where: str) -> Path:
             f"{suffix}; shipped: {listed}{nearest(text, names)}"
         )
     return HERE / kind / f"{text}{suffix}"
-
-
-S = TypeVar("S", bound=Section)
-
-
-def _validated(path: Path, document: dict[str, Any], place: str, kind: type[S]) -> S:
-    """Return the section that a table is, which stands at `place` but for a whole file."""
-    try:
-        # Through JSON, because only there strict means: no text for a number, a list for a tuple.
-        return kind.model_validate_json(json.dumps(document, default=str), strict=True)
-    except ValidationError as error:
-        # A misspelt required key shows twice, as missing and as unknown: the second helps more.
-        found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        words = _explain(found[0], kind)
-        if kind is CellConfig:
-            words = re.sub(r"^mechanism\b", place, words)
-        else:
-            words = place + words if words.startswith(":") else f"{place}.{words}"
-        raise ConfigError(f"{path}: {words}{more}") from None
-
-
-def _explain(error: ErrorDetails, kind: type[BaseModel]) -> str:
-    loc = error["loc"]
-    key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc).removeprefix(".")
-    names = [p for p in loc if isinstance(p, str)]
-    section, field = _section_of(names, kind)
-    if error["type"] == "extra_forbidden":
-        known = () if section is None else section.model_fields
-        return f"{key}: unknown key{nearest(names[-1], known)}"
-    meaning = ""
-    if section is not None and field in section.model_fields:
-        meaning = section.model_fields[field].description or ""
-    if error["type"] == "missing":
-        return f"{key}: missing" + (f": {meaning}" if meaning else "")
-    message = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    value = error["input"]
-    shown = "" if isinstance(value, dict) else f"value {_short(value)}: "
-    return f"{key}: {shown}{message}" + (f" ({meaning})" if meaning else "")
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
-
-
-def _section_of(names: list[str], kind: type[BaseModel]) -> tuple[type[BaseModel] | None, str]:
-    """Return the section that holds the last of the keys which the schema knows, and that key."""
-    section: type[BaseModel] | None = kind
-    for name in names[:-1]:
-        field = None if section is None else section.model_fields.get(name)
-        inner = None if field is None else _section_in(field.annotation)
-        if inner is None:
-            return (section, name) if field is not None else (None, name)
-        section = inner
-    return section, names[-1] if names else ""
-
-
-def _section_in(annotation: object) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((s for s in map(_section_in, get_args(annotation)) if s is not None), None)

@@ -2,13 +2,15 @@
 
 A part is what the file would say with that mechanism alone: the mechanism, which may be `like` that
 of another cell, with what that cell says of how it moves; on top of it what this file says for all;
-on top of that what it says for the task that the mechanism has.
+on top of that what it says in the mechanism's own table, and for the task that the mechanism has.
 """
 
+import re
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from .errors import ConfigError, nearest
 from .joint_tasks import SHARED, is_joint
@@ -27,18 +29,61 @@ OF_ITS_RIG: Final = (
 )  # fmt: skip
 """What comes along of its virtual hardware."""
 
-OF_A_TASK: Final = ("T_world_crf", "reflection", "schedules", "sources")
+OF_A_TASK: Final = ("T_world_crf", "cameras", "reflection", "schedules", "sources")
 """Sections that a task may have of its own."""
+
+OF_ITS_OWN: Final = tuple(key for key in (*OF_A_MECHANISM, "rig") if key not in OF_A_TASK)
+"""Sections that may stand in the table of one of several mechanisms."""
+
+ONE_ONLY: Final = {
+    "cameras": "give each to the task that looks through it, as [[tasks.cameras]]",
+    "frames.base": "only the Base of a single one may move so far",
+}
+"""Keys that mean nothing where there are several mechanisms, and why."""
 
 Document = dict[str, Any]
 Whole = Callable[[object, Path, str], Document]
 """Reads another cell's file: its name or path, the folder that a path starts from, and who asks."""
 
 
-def parts_of(path: Path, document: Document, whole: Whole) -> list[tuple[str, Document]]:
-    """Return what a file with `[[mechanisms]]` says of each, as a file with `[mechanism]` would.
+@dataclass(frozen=True)
+class Part:
+    """What a file says of one mechanism."""
 
-    Each comes with the name of its task.
+    document: Document
+    """As a file with `[mechanism]` would say it."""
+    place: str = "mechanism"
+    """Where the mechanism stands in the file."""
+    task: str = ""
+    """Name of its task; empty where nothing names it."""
+    says: tuple[tuple[str, Document], ...] = ()
+    """Tables that speak for it, each with its place in the file, the last word first."""
+
+    def words(self, complaint: str) -> str:
+        """Return a complaint that begins with a key of `document`, by the file's own key."""
+        names = re.findall(r"[^.\[\]]+", re.split(r":( |$)", complaint, maxsplit=1)[0])
+        if names[0] == "mechanism":
+            return self.place + complaint.removeprefix("mechanism")
+        for found in (names, names[:-1]):
+            for place, table in self.says if found else ():
+                if _has(table, found):
+                    return place + complaint
+        return complaint
+
+
+def _has(table: object, names: list[str]) -> bool:
+    """Return whether a table says anything of a key, or of the list that it is in."""
+    for name in names:
+        if not isinstance(table, dict):
+            break
+        if name not in table:
+            return False
+        table = table[name]
+    return True
+
+
+def parts_of(path: Path, document: Document, whole: Whole) -> list[Part]:
+    """Return what a file with `[[mechanisms]]` says of each, as a file with `[mechanism]` would.
 
     Raises `ConfigError`.
     """
@@ -49,18 +94,46 @@ def parts_of(path: Path, document: Document, whole: Whole) -> list[tuple[str, Do
     if not 1 <= len(entries) <= MOST:
         raise ConfigError(f"{path}: mechanisms: {len(entries)} tables: must be 1 to {MOST}")
     names = _names(path, "mechanisms", entries)
+    tasks = _tasks(path, _tables(path, "tasks", document.pop("tasks", [])), names)
+    said = document
     if len(names) > 1:
+        _refuse_of_one(path, document)
         # Several arms keep clear of each other, unless the file says otherwise.
         document = on_top({"avoidance": {"enabled": True}}, document)
-    tasks = _tasks(path, _tables(path, "tasks", document.pop("tasks", [])), names)
     parts = []
     for i, (name, entry) in enumerate(zip(names, entries, strict=True)):
-        own = {key: value for key, value in entry.items() if key != "like"}
-        under = _alike(whole, entry["like"], path, i) if "like" in entry else {}
-        part = on_top(on_top(under, document), {"mechanism": own})
-        task, sections = tasks.get(name, (name, {}))
-        parts.append((task, on_top(part, sections)))
+        place = f"mechanisms[{i}]"
+        own: Document = {key: entry[key] for key in OF_ITS_OWN if key in entry}
+        _check_rig(path, place, own)
+        arm = {key: value for key, value in entry.items() if key != "like" and key not in own}
+        alike = _alike(whole, entry["like"], path, i) if "like" in entry else {}
+        task = tasks.get(name, _Task(name, "", {}))
+        part = on_top(on_top(alike, document), {**own, "mechanism": arm})
+        says = ((f"{task.place}.", task.says), (f"{place}.", own), ("", said))
+        like = (f"{place}.like: ", alike)
+        parts.append(Part(on_top(part, task.says), place, task.name, (*says, like)))
     return parts
+
+
+def _refuse_of_one(path: Path, document: Document) -> None:
+    for key, why in ONE_ONLY.items():
+        if _has(document, key.split(".")):
+            raise ConfigError(f"{path}: {key}: there are several mechanisms: {why}")
+    obstacles = document.get("obstacles", [])
+    for i, obstacle in enumerate(obstacles if isinstance(obstacles, list) else []):
+        if isinstance(obstacle, dict) and "camera" in obstacle:
+            raise ConfigError(
+                f"{path}: obstacles[{i}].camera: value {obstacle['camera']!r}: there are several "
+                "mechanisms: sight lines are for cells with one"
+            )
+
+
+def _check_rig(path: Path, place: str, own: Document) -> None:
+    rig = own.get("rig", {})
+    for key in rig if isinstance(rig, dict) else ():
+        if key not in OF_ITS_RIG:
+            hint = nearest(key, OF_ITS_RIG)
+            raise ConfigError(f"{path}: {place}.rig.{key}: is no mechanism's own{hint}")
 
 
 def joint_tables_of(path: Path, document: Document) -> list[tuple[int, Document]]:
@@ -100,12 +173,19 @@ def _alike(whole: Whole, name: object, path: Path, i: int) -> Document:
     return deepcopy(found)
 
 
-def _tasks(
-    path: Path, tables: list[Document], mechanisms: list[str]
-) -> dict[str, tuple[str, Document]]:
-    """Return the name and own sections of each mechanism's task, where the file has one."""
-    found: dict[str, tuple[str, Document]] = {}
-    for i, (name, table) in enumerate(zip(_names(path, "tasks", tables), tables, strict=True)):
+class _Task(NamedTuple):
+    """A task of one mechanism: its name, its place in the file, and its own sections."""
+
+    name: str
+    place: str
+    says: Document
+
+
+def _tasks(path: Path, tables: list[Document], mechanisms: list[str]) -> dict[str, _Task]:
+    """Return the task that each mechanism has, where the file has a table for it."""
+    found: dict[str, _Task] = {}
+    names = _names(path, "tasks", tables)
+    for i, (name, table) in enumerate(zip(names, tables, strict=True)):
         if is_joint(table):
             continue
         where = f"{path}: tasks[{i}]"
@@ -121,7 +201,14 @@ def _tasks(
             if key not in ("name", "by", *OF_A_TASK):
                 hint = nearest(key, ("name", "by", *OF_A_TASK))
                 raise ConfigError(f"{where}.{key}: unknown key{hint}")
-        found[by[0]] = name, {key: table[key] for key in OF_A_TASK if key in table}
+        own: Document = {key: table[key] for key in OF_A_TASK if key in table}
+        found[by[0]] = _Task(name, f"tasks[{i}]", own)
+    for i, name in enumerate(names):
+        if name in mechanisms and name not in found:
+            raise ConfigError(
+                f"{path}: tasks[{i}].name: value '{name}': the task of mechanism '{name}', which "
+                "has no table, is called so"
+            )
     return found
 
 

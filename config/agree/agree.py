@@ -1,7 +1,6 @@
 """What must agree between a cell's sections, and between the cell and its robot."""
 
-import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -20,14 +19,16 @@ REQUIRED_POSTURES: Final = ("start", "ready")
 INT32_MAX: Final = 2**31 - 1
 
 
-def check_agreement(path: Path, config: CellConfig, robot: Robot, place: str) -> None:
+def check_agreement(
+    path: Path, config: CellConfig, robot: Robot, words: Callable[[str], str]
+) -> None:
     """Raise `ConfigError`, of the first disagreement found, naming the file and the key.
 
-    The mechanism stands at `place` in the file.
+    `words` turns a complaint about a mechanism's cell into one that begins with the file's key.
     """
     first = next(_disagreements(config, robot), None)
     if first is not None:
-        raise ConfigError(f"{path}: {re.sub(r'^mechanism(?=[.])', place, first)}")
+        raise ConfigError(f"{path}: {words(first)}")
 
 
 def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:

@@ -3,25 +3,65 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ..errors import ConfigError
+from ..errors import ConfigError, nearest
 from ..schema.cell import CellConfig
 from ..schema.on_bus import Entry
 from .buses import bus_disagreements
 
+Parts = Sequence[tuple[str, CellConfig]]
+"""A cell's mechanisms: each one's place in the file, and what the file says of it."""
 
-def check_cell(
-    path: Path, parts: Sequence[tuple[str, CellConfig]], devices: Sequence[Entry]
-) -> None:
-    """Raise `ConfigError`, of the first disagreement found, naming the file and the key.
 
-    `parts` are the cell's mechanisms: each one's place in the file, and what the file says of it.
-    """
+def check_cell(path: Path, parts: Parts, devices: Sequence[Entry]) -> None:
+    """Raise `ConfigError`, of the first disagreement found, naming the file and the key."""
     first = next(_disagreements(parts, devices), None)
     if first is not None:
         raise ConfigError(f"{path}: {first}")
 
 
-def _disagreements(
-    parts: Sequence[tuple[str, CellConfig]], devices: Sequence[Entry]
-) -> Iterator[str]:
+def _disagreements(parts: Parts, devices: Sequence[Entry]) -> Iterator[str]:
     yield from bus_disagreements(parts, devices)
+    yield from _standing(parts)
+    yield from _cameras(parts)
+    rigs = [part.rig is not None for _, part in parts]
+    if any(rigs) and not all(rigs):
+        place, _ = parts[rigs.index(False)]
+        yield f"{place}.rig: missing: other mechanisms of the cell are simulated"
+
+
+def _standing(parts: Parts) -> Iterator[str]:
+    """Judge which mechanism stands on which."""
+    on = {part.mechanism.name: part.mechanism.on for _, part in parts}
+    for place, part in parts:
+        under = part.mechanism.on
+        if under is None:
+            if part.mechanism.T_on is not None:
+                yield f"{place}.T_on: there is no {place}.on that says what it stands on"
+            continue
+        where = f"{place}.on: value '{under}'"
+        if under not in on:
+            yield f"{where}: no such mechanism{nearest(under, list(on))}"
+        way = [part.mechanism.name]
+        while (below := on.get(way[-1])) is not None and below not in way:
+            way.append(below)
+        if below is not None:
+            yield f"{where}: goes round in a circle: {' on '.join((*way, below))}"
+        yield f"{where}: a mechanism that stands on another one is not supported yet"
+
+
+def _cameras(parts: Parts) -> Iterator[str]:
+    """Pictures are told by the camera's name, whichever task it is of."""
+    seen: dict[str, str] = {}
+    for _, part in parts:
+        name = part.mechanism.name
+        for camera in part.cameras:
+            if camera.name in seen:
+                yield (
+                    f"tasks: camera '{camera.name}' of mechanism '{name}' is also one of "
+                    f"'{seen[camera.name]}': give one another name"
+                )
+            seen[camera.name] = name
+    _, config = parts[0]
+    for i, tag in enumerate(() if config.rig is None else config.rig.tags):
+        if tag.T_wrist_tag is not None and len(parts) > 1:
+            yield f"rig.tags[{i}].T_wrist_tag: there are several mechanisms: tags stand in World"

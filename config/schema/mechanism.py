@@ -182,6 +182,10 @@ class Mechanism(Section):
         None, description="bus of its drives, sensor and gripper; none: the first of the cell"
     )
     T_world_base: Pose = Field(default_factory=Pose, description="Base frame in World")
+    on: Name | None = Field(None, description="mechanism that it stands on; none: World")
+    T_on: Pose | None = Field(
+        None, description="Base frame on the mechanism that it stands on, instead of T_world_base"
+    )
     operation_mode: Literal["csp", "csv", "cst"] = Field(
         "csp",
         description="what the drives are sent: positions, speeds, or the torques of [torque]",

@@ -117,6 +117,98 @@ def test_what_does_not_fit_is_refused_in_one_line(cell, text, words):
     assert "\n" not in str(caught.value)
 
 
+CAMERA = """
+[[tasks.cameras]]
+name = "eye"
+tag = 7
+tag_size = 0.1
+device = "0"
+T_wrist_lens = { xyz = [0.05, 0.0, 0.0] }
+"""
+ON = ('[[mechanisms]]\nname = "right', 'on = "right"\n[[mechanisms]]\nname = "right')
+TAG = "[[rig.tags]]\nname = 'tag'\nT_wrist_tag = {}\n"
+LEFT = "[[tasks]]\nname = 'left'\n"
+RIGHT = "[[tasks]]\nname = 'right'\n"
+
+
+def test_a_task_has_its_own_cameras(cell):
+    a, b = cell(PAIR + RIGHT + CAMERA).parts
+    assert a.config.cameras == ()
+    assert [camera.name for camera in b.config.cameras] == ["eye"]
+
+
+def test_a_task_is_called_as_its_mechanism_unless_its_table_names_it(cell):
+    assert [part.task for part in cell(PAIR).parts] == ["left", "right"]
+    text = PAIR + "[[tasks]]\nname = 'fine'\nby = ['right']\n"
+    assert [part.task for part in cell(text).parts] == ["left", "fine"]
+    assert load_cell("pa10").task == "arm"
+
+
+def test_a_mechanism_has_hardware_and_null_space_of_its_own(cell):
+    text = (
+        PAIR
+        + """
+[mechanisms.redundancy]
+posture = 0.3
+[mechanisms.rig]
+payload_mass = 1.5
+tool_radius = 0.0
+[rig]
+payload_mass = 0.5
+"""
+    )
+    a, b = cell(text).parts
+    assert (a.config.rig.payload_mass, b.config.rig.payload_mass) == (0.5, 1.5)
+    assert (a.config.rig.tool_radius, b.config.rig.tool_radius) == (0.012, 0.0)
+    assert (a.config.redundancy.posture, b.config.redundancy.posture) == (0.0, 0.3)
+    assert a.config.rig.seed == b.config.rig.seed
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (PAIR + "[frames.base]\n", "frames.base: there are several mechanisms: only the Base"),
+        (PAIR + CAMERA.replace("tasks.", ""), "cameras: there are several mechanisms: give each"),
+        (
+            PAIR + LEFT + CAMERA + RIGHT + CAMERA,
+            "tasks: camera 'eye' of mechanism 'right' is also one of 'left'",
+        ),
+        (PAIR + RIGHT + CAMERA.replace("= 7", "= 'a'"), "tasks[0].cameras[0].tag: value 'a'"),
+        (PAIR + LEFT + "[tasks.sources.vision]\ncamera = 'eye'\n",
+         "tasks[0].sources.vision.camera: value 'eye': no such camera"),
+        (PAIR + LEFT + RIGHT + "[tasks.sources.force]\nweight = 3\n",
+         "tasks[1].sources.force.weight: unknown key"),
+        (PAIR + "[sources.position]\nspeed = -1\n" + RIGHT
+         + "[tasks.sources.position]\nangular_speed = 1.0\n",
+         "cell.toml: sources.position.speed: value -1"),
+        (PAIR + "[mechanisms.redundancy]\nposture_name = 'hom'\n",
+         "mechanisms[1].redundancy.posture_name: value 'hom': no such posture"),
+        (PAIR + "[mechanisms.rig]\nwall = {}\n", "mechanisms[1].rig.wall: is no mechanism's own"),
+        (PAIR + "[mechanisms.rig]\npayload_mass = 'x'\n",
+         "mechanisms[1].rig.payload_mass: value 'x'"),
+        (PAIR + "[mechanisms.rig.drive]\nfriction = [1.0, 2.0]\n",
+         "mechanisms[1].rig.drive.friction: 2 values: must be 1, or 6"),
+        (PAIR + "on = 'lefd'\n", "mechanisms[1].on: value 'lefd': no such mechanism; did you mean"),
+        (PAIR + "on = 'right'\n", "mechanisms[1].on: value 'right': goes round in a circle"),
+        (PAIR.replace(*ON) + "on = 'left'\n",
+         "mechanisms[0].on: value 'right': goes round in a circle: left on right on left"),
+        (PAIR + "on = 'left'\n", "mechanisms[1].on: value 'left': a mechanism that stands on"),
+        (PAIR + "T_on = { xyz = [0.0, 0.0, 1.0] }\n", "mechanisms[1].T_on: there is no"),
+        (PAIR + "[[obstacles]]\nname = 'ray'\nshape = 'sight_line'\ncamera = 'eye'\n",
+         "obstacles[0].camera: value 'eye': there are several mechanisms: sight lines"),
+        (PAIR + "[[tasks]]\nname = 'left'\nby = ['right']\n",
+         "tasks[0].name: value 'left': the task of mechanism 'left', which has no table, is"),
+        (PAIR + TAG, "rig.tags[0].T_wrist_tag: there are several mechanisms: tags stand in World"),
+        (PAIR + "alike = 'pa10'\n", "mechanisms[1].alike: unknown key"),
+    ],
+)  # fmt: skip
+def test_what_is_cell_wide_or_a_tasks_own_is_refused_by_the_files_key(cell, text, words):
+    with pytest.raises(ConfigError) as caught:
+        cell(text)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 def test_what_drives_one_mechanism_refuses_a_cell_of_two(tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(PAIR)

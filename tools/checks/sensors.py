@@ -18,7 +18,7 @@ def sensors(cell: Cell) -> Iterator[Finding]:
     """Tell for each sensor key what its news can move, and how fast at most."""
     for name, frame in cell.config.frames.moving.items():
         yield _frame(cell, name, frame)
-    if cell.config.cameras:
+    if cell.cameras:
         yield _pictures(cell)
     yield _obstacles(cell)
 

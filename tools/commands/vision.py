@@ -117,7 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Look until told to end. Raises `ConfigError`, `DeviceError`."""
     cell = cell_from(args)
-    cameras = [c for c in cell.config.cameras if args.camera in (None, c.name)]
+    cameras = [c for c in cell.cameras if args.camera in (None, c.name)]
     if not cameras:
         wanted = "cameras" if args.camera is None else f"camera {args.camera!r}"
         raise ConfigError(f"{cell.path}: cameras: the cell has no {wanted}")

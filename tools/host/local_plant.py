@@ -52,7 +52,7 @@ class LocalPlant:
     def __enter__(self) -> Self:
         self.start_rig()
         self.start_daemon()
-        if self.cell.config.cameras:
+        if self.cell.cameras:
             self.start_vision()
         return self
 

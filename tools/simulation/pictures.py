@@ -52,7 +52,7 @@ class SimulatedCameras:
     def __init__(self, cell: Cell, rig: Rig, put: Put) -> None:
         self._rig, self._put = rig, put
         self._pictures = RigCameras(cell)
-        self._eyes = [_Eye(c, Detector(c)) for c in cell.config.cameras if c.device is None]
+        self._eyes = [_Eye(c, Detector(c)) for c in cell.cameras if c.device is None]
 
     def run(self, now_s: float, tick: int) -> None:
         """Hand over what has arrived by `now_s`, and take the pictures due at SYNC `tick`."""

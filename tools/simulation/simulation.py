@@ -145,7 +145,7 @@ class Simulation:
 
     def _open_cameras(self) -> "Cameras | None":
         """Return the cell's rendered cameras; none where it has none, or they cannot be had."""
-        if not any(c.device is None for c in self.cell.config.cameras):
+        if not any(c.device is None for c in self.cell.cameras):
             return None
         try:
             from .pictures import SimulatedCameras

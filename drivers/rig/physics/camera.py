@@ -43,14 +43,16 @@ class RigCameras:
         if rig is None:
             raise DeviceError(f"cell {cell.config.name} has no [rig]: nothing to render")
         spec = build_spec(cell)
-        self._cameras = {c.name: c for c in cell.config.cameras if c.device is None}
+        self._cameras = {c.name: c for c in cell.cameras if c.device is None}
         spec.compiler.discardvisual = False  # what only can be seen is what we are here for
-        tip = spec.body(cell.config.mechanism.tip_link)
-        for camera in self._cameras.values():
-            stands = {"world": spec.worldbody, "base": spec.worldbody.first_body(), "wrist": tip}
-            _add_camera(stands[camera.on], camera)
+        for part in cell.parts:
+            tip = spec.body(part.prefix + part.config.mechanism.tip_link)
+            stands = {"world": spec.worldbody, "base": _root(tip), "wrist": tip}
+            for camera in part.config.cameras:
+                if camera.name in self._cameras:
+                    _add_camera(stands[camera.on], camera)
         for tag in rig.tags:
-            _add_tag(spec, spec.worldbody if tag.T_world_tag else tip, tag)
+            _add_tag(spec, spec.worldbody if tag.T_world_tag else tip, tag)  # of the only arm
         _light(spec)
         width = max((c.size[0] for c in self._cameras.values()), default=640)
         height = max((c.size[1] for c in self._cameras.values()), default=480)
@@ -58,7 +60,7 @@ class RigCameras:
         self._root = spec.worldbody.first_body().name
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._n = len(cell.config.mechanism.drives)
+        self._n = len(cell.joints)
         self._first = len(PLATFORM) if cell.config.frames.base is not None else 0
         self._tags = {t.name: int(self._model.geom(f"tag_{t.name}").id) for t in rig.tags}
         self._bodies = {t.name: f"tag_{t.name}" for t in rig.tags if t.T_world_tag is not None}
@@ -74,7 +76,7 @@ class RigCameras:
         tags: Mapping[str, Sequence[float]] | None = None,
         base: Sequence[float] | None = None,
     ) -> Picture:
-        """Return an RGB picture (h, w, 3) with the joints at q (n,) [rad].
+        """Return an RGB picture (h, w, 3) with the joints of all arms at q (n,) [rad].
 
         `covered` names tags that are not to be seen; `tags` says where those are that stand in
         World: x, y, z [m], roll, pitch, yaw [rad]; `base` the same of Base, where that may move.
@@ -108,6 +110,13 @@ class RigCameras:
                 "pictures cannot be rendered here: apt-get install libosmesa6 "
                 f"({type(error).__name__}: {words})"
             ) from None
+
+
+def _root(body: mujoco.MjsBody) -> mujoco.MjsBody:
+    """Return the base of the arm that a body belongs to."""
+    while body.parent.name != "world":
+        body = body.parent
+    return body
 
 
 def _put(model: "mujoco.MjModel", name: str, pose: Sequence[float]) -> None:

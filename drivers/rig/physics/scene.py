@@ -87,7 +87,7 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
         solid = add_solid(spec, obstacle, quaternion(attitude(obstacle)))
         if solid is not None:
             fixed(solid)
-    if cell.config.cameras:
+    if cell.cameras:
         add_probe(spec)
     return spec
 

@@ -46,7 +46,7 @@ class SightLines:
         self._model, self._data = model, data
         self._lines = [
             (camera.name, camera.T_world_lens.xyz, tag.name)
-            for camera in cell.config.cameras
+            for camera in cell.cameras
             for tag in tags
             if camera.T_world_lens is not None
             and tag.T_world_tag is not None
