@@ -11,7 +11,8 @@ Rules, which `tests/server/control/test_compiled.py` holds:
 - Indices are checked: one out of bounds is an IndexError.
 
 Write loops over elements: a slice, a copy or an expression of whole arrays becomes ten times the
-machine code, which a tick finds cold.
+machine code, which a tick finds cold. What a tick calls writes to arrays that its caller made
+(`ROW`, `TABLE`): an array that is returned costs more than a call.
 """
 
 from collections.abc import Callable
@@ -52,8 +53,12 @@ ARRAY3: Final = _array(types.float64, 3)
 ARRAY4: Final = _array(types.float64, 4)
 INDEX: Final = _array(types.int64, 1)
 INDEX2: Final = _array(types.int64, 2)
+ROW: Final = types.Array(types.float64, 1, "C")
+"""A new vector that a kernel fills in."""
 TABLE: Final = types.Array(types.float64, 2, "C")
-"""A matrix that a kernel made, and that another one of its file writes to."""
+"""Likewise a new matrix, or one that another kernel of the file made."""
+STACK: Final = types.Array(types.float64, 3, "C")
+"""Likewise a new array of three dimensions."""
 FLAGS: Final = _array(types.boolean, 1)
 FLAGS2: Final = _array(types.boolean, 2)
 

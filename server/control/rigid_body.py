@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .compiled import MATRIX, VECTOR, compiled
+from .compiled import MATRIX, ROW, VECTOR, compiled
 from .spatial import Array, Pose, cross, sizes, skew
 from .stop.motion import Motion
 
@@ -14,9 +14,18 @@ def differ(a: Pose, b: Pose) -> bool:
 
 def twist_at(twist: Array, lever: Array) -> Array:
     """Return a body's twist (6,) at a point that is `lever` (3,) [m] away, in the same axes."""
-    moved = twist.copy()
-    moved[:3] += cross(twist[3:], lever)
+    moved = np.empty(6)
+    _at(twist, lever, moved)
     return moved
+
+
+@compiled(VECTOR, VECTOR, ROW)
+def _at(twist: Array, lever: Array, out: Array) -> None:
+    out[0] = twist[0] + (twist[4] * lever[2] - twist[5] * lever[1])
+    out[1] = twist[1] + (twist[5] * lever[0] - twist[3] * lever[2])
+    out[2] = twist[2] + (twist[3] * lever[1] - twist[4] * lever[0])
+    for i in range(3, 6):
+        out[i] = twist[i]
 
 
 def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
@@ -24,7 +33,9 @@ def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
 
     Williams 1997, eq. 5, with a the MRF and b the Sensor.
     """
-    return _wrench_to(T_a_b.R, T_a_b.p, wrench_b)
+    out = np.empty(6)
+    _wrench_to(T_a_b.R, T_a_b.p, wrench_b, out)
+    return out
 
 
 def jacobian_at(J: Array, lever: Array) -> Array:
@@ -67,13 +78,11 @@ def within(twist: Array, most: tuple[float, float]) -> Array:
     return twist if share == 1.0 else share * twist
 
 
-@compiled(MATRIX, VECTOR, VECTOR)
-def _wrench_to(R: Array, p: Array, wrench: Array) -> Array:
-    out = np.empty(6)
+@compiled(MATRIX, VECTOR, VECTOR, ROW)
+def _wrench_to(R: Array, p: Array, wrench: Array, out: Array) -> None:
     for i in range(3):
         out[i] = R[i, 0] * wrench[0] + R[i, 1] * wrench[1] + R[i, 2] * wrench[2]
         out[3 + i] = R[i, 0] * wrench[3] + R[i, 1] * wrench[4] + R[i, 2] * wrench[5]
     out[3] += p[1] * out[2] - p[2] * out[1]
     out[4] += p[2] * out[0] - p[0] * out[2]
     out[5] += p[0] * out[1] - p[1] * out[0]
-    return out

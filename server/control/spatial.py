@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import MATRIX, NUMBER, VECTOR, compiled
+from .compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 
 Array = NDArray[np.float64]
 
@@ -28,11 +28,13 @@ class Pose(NamedTuple):
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Compose: `T_a_b @ T_b_c` is `T_a_c`."""
-        return Pose(*_composed(self.R, self.p, other.R, other.p))
+        R, p = np.empty((3, 3)), np.empty(3)
+        _compose(self.R, self.p, other.R, other.p, R, p)
+        return Pose(R, p)
 
     def inverse(self) -> "Pose":
         """Return `T_b_a` of `T_a_b`."""
-        return Pose(self.R.T, -(self.R.T @ self.p))
+        return Pose(self.R.T, -(self.R.T.dot(self.p)))
 
     def to_xyz_rpy(self) -> tuple[float, float, float, float, float, float]:
         """Return x, y, z [m] and fixed-axis roll, pitch, yaw [rad]."""
@@ -166,14 +168,20 @@ def right_jacobian(r: Array) -> Array:
     return Jr
 
 
-@compiled(MATRIX, VECTOR, VECTOR)
 def turned(R_target: Array, r: Array, rates: Array) -> tuple[Array, Array]:
     """Return the attitude R (3, 3) at a rotation vector r (3,) from a target's, and the twist (6,).
 
     `rates` (6,) are velocity in World and the rate of r, which is in the target's axes.
     """
-    R, Jr, turn = np.zeros((3, 3)), right_jacobian(r), rotation_exp(r)
-    twist = np.zeros(6)
+    R, twist = np.zeros((3, 3)), np.zeros(6)
+    _turn(R_target, r, rates, R, twist)
+    return R, twist
+
+
+@compiled(MATRIX, VECTOR, VECTOR, TABLE, ROW)
+def _turn(R_target: Array, r: Array, rates: Array, R: Array, twist: Array) -> None:
+    """Write the attitude to R (3, 3) and the twist (6,) there; both are zeros before."""
+    Jr, turn = right_jacobian(r), rotation_exp(r)
     for i in range(3):
         twist[i] = rates[i]
         for j in range(3):
@@ -183,7 +191,6 @@ def turned(R_target: Array, r: Array, rates: Array) -> tuple[Array, Array]:
         for j in range(3):
             for k in range(3):
                 twist[3 + i] += R[i, j] * Jr[j, k] * rates[3 + k]
-    return R, twist
 
 
 @compiled(VECTOR, VECTOR)
@@ -218,14 +225,18 @@ def from_target(R_target: Array, R: Array, w: Array) -> tuple[Array, Array]:
     return r, vector_rate(r, body)
 
 
-@compiled(MATRIX, VECTOR)
 def rotate_twist(R: Array, twist: Array) -> Array:
     """Return the same twist (6,) (or wrench), same point, in the axes that R (3, 3) maps to."""
     out = np.empty(6)
+    _rotate(R, twist, out)
+    return out
+
+
+@compiled(MATRIX, VECTOR, ROW)
+def _rotate(R: Array, twist: Array, out: Array) -> None:
     for i in range(3):
         out[i] = R[i, 0] * twist[0] + R[i, 1] * twist[1] + R[i, 2] * twist[2]
         out[3 + i] = R[i, 0] * twist[3] + R[i, 1] * twist[4] + R[i, 2] * twist[5]
-    return out
 
 
 def pose_error(T_target: Pose, T: Pose) -> Array:
@@ -233,7 +244,9 @@ def pose_error(T_target: Pose, T: Pose) -> Array:
 
     Translation difference and rotation logarithm, both poses in World.
     """
-    return _way(T_target.R, T_target.p, T.R, T.p)
+    out = np.empty(6)
+    _way_to(T_target.R, T_target.p, T.R, T.p, out)
+    return out
 
 
 def moved_near(T: Pose, step: Array, T_near: Pose, slack: tuple[float, float]) -> Pose:
@@ -244,30 +257,26 @@ def moved_near(T: Pose, step: Array, T_near: Pose, slack: tuple[float, float]) -
     return Pose(*_moved_near(T.R, T.p, step, T_near.R, T_near.p, *slack))
 
 
-@compiled(MATRIX, VECTOR, MATRIX, VECTOR)
-def _composed(R_a_b: Array, p_a_b: Array, R_b_c: Array, p_b_c: Array) -> tuple[Array, Array]:
-    R, p = np.empty((3, 3)), np.empty(3)
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, TABLE, ROW)
+def _compose(R_a_b: Array, p_a_b: Array, R_b_c: Array, p_b_c: Array, R: Array, p: Array) -> None:
     for i in range(3):
         x, y, z = R_a_b[i, 0], R_a_b[i, 1], R_a_b[i, 2]
         for j in range(3):
             R[i, j] = x * R_b_c[0, j] + y * R_b_c[1, j] + z * R_b_c[2, j]
         p[i] = x * p_b_c[0] + y * p_b_c[1] + z * p_b_c[2] + p_a_b[i]
-    return R, p
 
 
-@compiled(MATRIX, VECTOR, MATRIX, VECTOR)
-def _way(R_target: Array, p_target: Array, R: Array, p: Array) -> Array:
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, ROW)
+def _way_to(R_target: Array, p_target: Array, R: Array, p: Array, out: Array) -> None:
     turn = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
             for k in range(3):
                 turn[i, j] += R[k, i] * R_target[k, j]
     r = rotation_log(turn)
-    out = np.empty(6)
     for i in range(3):
         out[i] = p_target[i] - p[i]
         out[3 + i] = R[i, 0] * r[0] + R[i, 1] * r[1] + R[i, 2] * r[2]
-    return out
 
 
 @compiled(MATRIX, MATRIX)
@@ -284,7 +293,8 @@ def _moved_near(
     R: Array, p: Array, step: Array, R_near: Array, p_near: Array, slack_m: float, slack_rad: float
 ) -> tuple[Array, Array]:
     R, p = _product(rotation_exp(step[3:]), R), p + step[:3]
-    away = _way(R, p, R_near, p_near)
+    away = np.empty(6)
+    _way_to(R, p, R_near, p_near, away)
     distance, angle = sizes(away)
     if distance > slack_m or angle > slack_rad:
         p = p_near + away[:3] / max(1.0, distance / slack_m)

@@ -16,11 +16,11 @@ payload's own force falls out of `hand` whatever the tool does between two SYNCs
 """
 
 import math
-from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from ..compiled import ARRAY3, FLAG, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import ARRAY3, FLAG, MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled
 from ..rigid_body import wrench_to
 from ..spatial import GRAVITY, Array, Pose
 
@@ -42,15 +42,17 @@ def load_of(mass: float, com: Array, bias: Array) -> Array:
     return np.concatenate([[mass], mass * com, bias])
 
 
-@dataclass(frozen=True)
-class WrenchState:
+_NOWHERE: Final = np.empty((0, 3, 4))
+
+
+class WrenchState(NamedTuple):
     """What the next sample is seen with; empty before the first one and after a stale one."""
 
     wrench: Array | None = None
     """Filtered contact wrench (6,) at and in the Sensor frame."""
     contact: Array | None = None
     """The newest wrench (6,) without weight, not filtered."""
-    places: Array = field(default_factory=lambda: np.empty((0, 3, 4)))
+    places: Array = _NOWHERE
     """T_world_sensor at the newest SYNCs, newest first (0 to 4, 3, 4): R and p side by side."""
     hand: Array | None = None
     """Filtered contact wrench (6,) of the mean readings, at and in the Sensor frame."""
@@ -119,7 +121,8 @@ class ContactWrench:
             state = WrenchState(state.wrench, hand=state.hand)
         whole, whole_age_s = (sample, age_s) if mean is None else mean
         last, before = state.contact, state.wrench
-        wrench, newest, places, hand, whole = _seen(
+        wrenches, places = np.empty((4, 6)), np.zeros((min(len(state.places) + 1, 4), 3, 4))
+        _see(
             *T_world_wrist,
             *self.T_wrist_sensor,
             state.places,
@@ -138,8 +141,10 @@ class ContactWrench:
             self._max_acceleration + commanded,
             1.0 if before is None else self._smoothing,
             self.inertia and last is not None,
+            wrenches,
+            places,
         )
-        return WrenchState(wrench, newest, places, hand, whole, time_s)
+        return WrenchState(wrenches[0], wrenches[1], places, wrenches[2], wrenches[3], time_s)
 
     def _older(self, age_s: float) -> float:
         return min(max(age_s / self._period_s, 0.0), _OLDEST)
@@ -176,15 +181,14 @@ def _held(load: Array, acceleration: Array) -> Array:
     return out
 
 
-@compiled(MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3)
-def _followed(
-    R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array
-) -> Array:
-    """Return placements (k, 3, 4) with a newer one before them, the newest four.
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3, STACK)
+def _follow(
+    R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array, out: Array
+) -> None:
+    """Write placements (k, 3, 4) with a newer one before them, the newest four.
 
-    The newer one is that of the Sensor on a Wrist at R, p.
+    The newer one is that of the Sensor on a Wrist at R, p. `out` is zeros before.
     """
-    out = np.zeros((min(len(places) + 1, 4), 3, 4))
     for i in range(3):
         for k in range(3):
             for j in range(3):
@@ -195,7 +199,6 @@ def _followed(
         for i in range(3):
             for j in range(4):
                 out[s, i, j] = places[s - 1, i, j]
-    return out
 
 
 @compiled(MATRIX, VECTOR, VECTOR, ARRAY3, VECTOR, NUMBER)
@@ -244,35 +247,35 @@ def _inertial(load: Array, places: Array, ahead: float, period_s: float, bound: 
 @compiled(
     MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3, MATRIX,
     VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
-    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
+    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, FLAG, TABLE, STACK,
 )  # fmt: skip
-def _seen(
+def _see(
     R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array,
     calibration: Array, sample: Array, mean: Array, load: Array, free_fall: Array,
     last: Array, before: Array, last_mean: Array, hand_before: Array,
     older: float, mean_older: float, period_s: float, bound: float, smoothing: float,
-    inertia: bool,
-) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
-    """Return the filtered wrench (6,), the newest without weight (6,), placements, hand and mean.
+    inertia: bool, wrenches: Array, at: Array,
+) -> None:  # fmt: skip
+    """Write the filtered wrench, the newest without weight, hand and mean (4, 6), and placements.
 
     The Wrist is at R, p. With `inertia`, the newest is taken in the mean with the `last` one, and
     the payload's acceleration is taken off as soon as four placements tell it. `smoothing` is the
     share of what is new that is taken over `before` (6,), the filtered wrench of the tick before.
     The last two are the same of the period's `mean` reading, which needs no trend carried on.
     """
-    at = _followed(R, p, R_wrist_sensor, p_wrist_sensor, places)
+    _follow(R, p, R_wrist_sensor, p_wrist_sensor, places, at)
     newest = _unladen(calibration, sample, load, at, free_fall, older)
     whole = _unladen(calibration, mean, load, at, free_fall, mean_older)
     carried, swung = np.zeros(6), np.zeros(6)
     if inertia and len(at) == 4 and load[0] > 0.0:
         carried = _inertial(load, at, 1.0 - INERTIA_PERIODS - older, period_s, bound)
         swung = _inertial(load, at, 0.0, period_s, bound)
-    filtered, hand = np.empty(6), np.empty(6)
     for i in range(6):
         contact, felt = newest[i], whole[i]
         if inertia:
             contact = 0.5 * (newest[i] + last[i]) - carried[i]
             felt = 0.5 * (whole[i] + last_mean[i]) - swung[i]
-        filtered[i] = before[i] + smoothing * (contact - before[i])
-        hand[i] = hand_before[i] + smoothing * (felt - hand_before[i])
-    return filtered, newest, at, hand, whole
+        wrenches[0, i] = before[i] + smoothing * (contact - before[i])
+        wrenches[1, i] = newest[i]
+        wrenches[2, i] = hand_before[i] + smoothing * (felt - hand_before[i])
+        wrenches[3, i] = whole[i]

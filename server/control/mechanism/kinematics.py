@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ..compiled import MATRIX, VECTOR, compiled
+from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
 from ..spatial import GRAVITY, Array, Pose
 
 _POSTURES = 12
@@ -84,8 +84,9 @@ class Mechanism:
         if T_world_base is not None or not self._base_is_world:
             turn = self.T_world_base.R if T_world_base is None else T_world_base.R
             J = np.matmul(turn, J.reshape(2, 3, self.n)).reshape(6, self.n)
-        R_mrf, p_mrf, J = _at_mrf(J, R, p, T_wrist_mrf.R, T_wrist_mrf.p)
-        return Kinematics(T_world_wrist, Pose(R_mrf, p_mrf), J)
+        T_world_mrf, moved = Pose(np.zeros((3, 3)), np.empty(3)), np.empty(J.shape)
+        _move_to_mrf(J, R, p, T_wrist_mrf.R, T_wrist_mrf.p, *T_world_mrf, moved)
+        return Kinematics(T_world_wrist, T_world_mrf, moved)
 
     def pose_wrist(self, q: Array, T_world_base: Pose | None = None) -> Pose:
         """Return T_world_wrist at joint angles q (n,) [rad], without a Jacobian."""
@@ -124,22 +125,29 @@ class Mechanism:
         return pose if self._base_is_world else self.T_world_base @ pose
 
 
-@compiled(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)
-def _at_mrf(
-    J: Array, R: Array, p: Array, R_wrist_mrf: Array, p_wrist_mrf: Array
-) -> tuple[Array, Array, Array]:
-    """Return the MRF's placement, and its Jacobian from the Wrist's, whose placement is R, p.
+@compiled(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR, TABLE, ROW, TABLE)
+def _move_to_mrf(
+    J: Array,
+    R: Array,
+    p: Array,
+    R_wrist_mrf: Array,
+    p_wrist_mrf: Array,
+    R_mrf: Array,
+    p_mrf: Array,
+    out: Array,
+) -> None:
+    """Write the MRF's placement, and its Jacobian from the Wrist's, whose placement is R, p.
 
-    v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards.
+    v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards. `R_mrf` is
+    zeros before.
     """
-    R_mrf, lever, p_mrf = np.zeros((3, 3)), np.zeros(3), np.empty(3)
+    lever = np.zeros(3)
     for i in range(3):
         for k in range(3):
             lever[i] += R[i, k] * p_wrist_mrf[k]
             for j in range(3):
                 R_mrf[i, j] += R[i, k] * R_wrist_mrf[k, j]
         p_mrf[i] = p[i] + lever[i]
-    out = np.empty(J.shape)
     x, y, z = lever[0], lever[1], lever[2]
     for j in range(J.shape[1]):
         wx, wy, wz = J[3, j], J[4, j], J[5, j]
@@ -147,4 +155,3 @@ def _at_mrf(
         out[1, j] = J[1, j] + wz * x - wx * z
         out[2, j] = J[2, j] + wx * y - wy * x
         out[3, j], out[4, j], out[5, j] = wx, wy, wz
-    return R_mrf, p_mrf, out

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.schema.cell import Resolve
-from ..compiled import COUNT, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import COUNT, MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 from ..spatial import Array
 from .singularity import Directions, Travel, answer
 from .svd import svd
@@ -48,10 +48,12 @@ def resolve(
     of 6 and n by default.
     """
     length = p.characteristic_length
-    U, s, Vt = svd(_weighted(J, length))
+    weighted, along, dq = np.empty(J.shape), np.zeros(6), np.zeros(J.shape[1])
+    _weigh(J, length, weighted)
+    U, s, Vt = svd(weighted)
     rank = len(s) if rank is None else rank
     sigma_min = float(s[rank - 1])
-    along, dq = _answered(U, s, Vt, twist, length, rank)
+    _answer(U, s, Vt, twist, length, rank, along, dq)
     # Rows of V belong to real task directions even where σ is small: motion in the null space
     # must not disturb them.
     null = Vt[rank:]
@@ -63,25 +65,29 @@ def resolve(
     return Resolved(found.dq, null, sigma_min, found.singular, found.way_home)
 
 
-@compiled(MATRIX, NUMBER)
-def _weighted(J: Array, length: float) -> Array:
-    Jw = np.empty(J.shape)
+@compiled(MATRIX, NUMBER, TABLE)
+def _weigh(J: Array, length: float, Jw: Array) -> None:
     for i in range(6):
         for j in range(J.shape[1]):
             Jw[i, j] = J[i, j] if i < 3 else length * J[i, j]
-    return Jw
 
 
-@compiled(MATRIX, VECTOR, MATRIX, VECTOR, NUMBER, COUNT)
-def _answered(
-    U: Array, s: Array, Vt: Array, twist: Array, length: float, rank: int
-) -> tuple[Array, Array]:
-    """Return the parts (6,) of the weighted twist along U, and rates (n,) that answer in full.
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, NUMBER, COUNT, ROW, ROW)
+def _answer(
+    U: Array,
+    s: Array,
+    Vt: Array,
+    twist: Array,
+    length: float,
+    rank: int,
+    along: Array,
+    dq: Array,
+) -> None:
+    """Write the parts (6,) of the weighted twist along U, and rates (n,) that answer in full.
 
     From U (6, 6), singular values (r,) and Vt (n, n) of the weighted Jacobian. Of the parts the
-    first `rank` are answered.
+    first `rank` are answered. Both are zeros before.
     """
-    along, dq = np.zeros(6), np.zeros(len(Vt))
     for i in range(6):
         for k in range(6):
             along[i] += U[k, i] * (twist[k] if k < 3 else length * twist[k])
@@ -89,4 +95,3 @@ def _answered(
             rate = along[i] / s[i]
             for j in range(len(dq)):
                 dq[j] += rate * Vt[i, j]
-    return along, dq

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..compiled import COUNT, MATRIX, TABLE, compiled
+from ..compiled import COUNT, MATRIX, ROW, TABLE, compiled
 from ..spatial import Array
 
 _ORTHOGONAL = 1e-15
@@ -96,16 +96,23 @@ def _complete(basis: Array, count: int) -> None:
         basis[count, k] /= size
 
 
-@compiled(MATRIX)
 def svd(A: Array) -> tuple[Array, Array, Array]:
     """Return U (m, m), the singular values (r,), largest first, and Vt (n, n) of a matrix (m, n).
 
     A = U[:, :r] diag(s) Vt[:r], r = min(m, n); U and Vt are orthogonal. As `numpy.linalg.svd`.
     """
     m, n = A.shape
+    U, s, Vt = np.empty((m, m)), np.zeros(min(m, n)), np.zeros((n, n))
+    _decompose(A, U, s, Vt)
+    return U, s, Vt
+
+
+@compiled(MATRIX, TABLE, ROW, TABLE)
+def _decompose(A: Array, U: Array, s: Array, Vt: Array) -> None:
+    """Write what `svd` returns; s and Vt are zeros before."""
+    m, n = A.shape
     r = min(m, n)
     made, rows, size = _orthogonal_rows(A)
-    U, s, Vt = np.empty((m, m)), np.zeros(r), np.zeros((n, n))
     for i in range(m):
         largest = 0
         for k in range(m):
@@ -123,4 +130,3 @@ def svd(A: Array) -> tuple[Array, Array, Array]:
         size[largest] = -1.0
     for i in range(r, n):
         _complete(Vt, i)
-    return U, s, Vt

@@ -1,12 +1,10 @@
 """What one wrist's sensor tells: the contact wrench, with the load in effect taken off."""
 
 import math
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from ..evolve import evolve
 from ..frame_tree import Moved
 from ..spatial import GRAVITY, Array, Pose
 from .contact_wrench import ContactWrench, WrenchState, load_of
@@ -19,11 +17,10 @@ LOAD_TIME_S = 0.15
 """Time constant with which a changed payload or bias takes effect [s]."""
 
 
-@dataclass(frozen=True)
-class WristMemory:
+class WristMemory(NamedTuple):
     """What a wrist remembers from tick to tick."""
 
-    wrench: WrenchState = field(default_factory=WrenchState)
+    wrench: WrenchState = WrenchState()
     load: Array | None = None
     """Payload and bias in effect (10,), see `contact_wrench.load_of`."""
 
@@ -93,7 +90,7 @@ class Wrist:
             OVERSHOOT * quickness,
             sample.mean,
         )
-        return evolve(memory, wrench=wrench, load=load)
+        return WristMemory(wrench, load)
 
     def wrench_mrf(self, memory: WristMemory, T_wrist_mrf: Pose) -> Array | None:
         """Return what the arm exerts at and in the MRF (6,), None when stale."""

@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from ...compiled import MATRIX, NUMBER, compiled
+from ...compiled import MATRIX, NUMBER, ROW, TABLE, compiled
 from ...spatial import Array
 from ..svd import svd
 
@@ -29,10 +29,10 @@ REGULAR: Final = 1e-14
 """Added to J Jᵀ, so that the slope stays finite at a singularity [m²]."""
 
 
-@compiled(MATRIX)
-def _solved(J: Array) -> tuple[float, Array]:
-    """Return w and G (6, n) of a Jacobian J (6, n), by elimination."""
-    G, A = np.empty(J.shape), np.empty((6, 6))
+@compiled(MATRIX, TABLE)
+def _solve(J: Array, G: Array) -> float:
+    """Return w, and write G (6, n), of a Jacobian J (6, n), by elimination."""
+    A = np.empty((6, 6))
     for i in range(6):
         for j in range(J.shape[1]):
             G[i, j] = J[i, j]
@@ -56,7 +56,7 @@ def _solved(J: Array) -> tuple[float, Array]:
             for k in range(i + 1, 6):
                 G[i, j] -= A[i, k] * G[k, j]
             G[i, j] /= A[i, i]
-    return w, G
+    return w
 
 
 def slope(J: Array, rank: int = 6) -> tuple[float, Array]:
@@ -64,8 +64,12 @@ def slope(J: Array, rank: int = 6) -> tuple[float, Array]:
 
     `rank` is how many axes the arm reaches anywhere [1].
     """
-    w, G = _solved(J) if rank == 6 else _solved_where_reached(J, rank)
-    return w, _slope(J, w, G)
+    found = np.zeros(J.shape[1])
+    if rank == 6:
+        return _climb(J, found), found
+    w, G = _solved_where_reached(J, rank)
+    _slope(J, w, G, found)
+    return w, found
 
 
 def _solved_where_reached(J: Array, rank: int) -> tuple[float, Array]:
@@ -76,11 +80,10 @@ def _solved_where_reached(J: Array, rank: int) -> tuple[float, Array]:
     return w, (U[:, :rank] * (s[:rank] / size2)) @ Vt[:rank]
 
 
-@compiled(MATRIX, NUMBER, MATRIX)
-def _slope(J: Array, w: float, G: Array) -> Array:
-    """Return ∂w/∂q (n,) of a Jacobian J (6, n) with manipulability w and G (6, n)."""
+@compiled(MATRIX, NUMBER, MATRIX, ROW)
+def _slope(J: Array, w: float, G: Array, found: Array) -> None:
+    """Write ∂w/∂q (n,) of a Jacobian J (6, n) with manipulability w and G (6, n)."""
     n = J.shape[1]
-    found = np.zeros(n)
     x = y = z = 0.0
     for j in range(n):  # Σ_{j<k} g_j × ω_j
         found[j] = w * (J[0, j] * x + J[1, j] * y + J[2, j] * z)
@@ -94,4 +97,12 @@ def _slope(J: Array, w: float, G: Array) -> Array:
             y += J[v + 2, j] * G[v, j] - J[v, j] * G[v + 2, j]
             z += J[v, j] * G[v + 1, j] - J[v + 1, j] * G[v, j]
         found[j] += w * (J[3, j] * x + J[4, j] * y + J[5, j] * z)
-    return found
+
+
+@compiled(MATRIX, ROW)
+def _climb(J: Array, found: Array) -> float:
+    """Return w of a Jacobian J (6, n) that reaches all axes, and write ∂w/∂q (n,)."""
+    G = np.empty(J.shape)
+    w = _solve(J, G)
+    _slope(J, w, G, found)
+    return w

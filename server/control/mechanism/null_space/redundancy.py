@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from .....config.schema.null_space.redundancy import Redundancy as Config
-from ...compiled import MATRIX, NUMBER, VECTOR, compiled
+from ...compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
 from ...joints import Joints
 from ...spatial import Array
 from ..kinematics import Mechanism
@@ -56,12 +56,14 @@ class Redundancy:
         self._bound = section.max_rate * joints.velocity
         self.objectives = ObjectiveGains(section.gains, pull_posture)
         """Those of the cell file."""
+        self._none = SelfMotion(np.zeros(joints.n), {})
+        self._none.dq.flags.writeable = False
         # Scratch: of the gains seen last, which objectives act, and their gains.
         self._acting: tuple[ObjectiveGains | None, list[str], Array] = (None, [], np.zeros(0))
 
     def none(self) -> SelfMotion:
         """Return an idle null space."""
-        return SelfMotion(np.zeros(len(self._bound)), {})
+        return self._none
 
     def ramped(self, now: ObjectiveGains, target: ObjectiveGains, part: float) -> ObjectiveGains:
         """Return the gains a `part` (0 to 1) of the way from those in effect to the set ones."""
@@ -97,10 +99,12 @@ class Redundancy:
         """
         names, gains = self._act(objectives)
         if not self._spare or not names:
-            return self.none()
+            return self._none
         view = View(q, J, dq_task, null, objectives.posture, outside)
-        asked = np.array([self._objectives[name].rate(view) for name in names])
-        dq, norms = _composed(asked, gains, null, dq_task, self._velocity, self._bound, factor)
+        asked, dq, norms = np.empty((len(names), len(q))), np.zeros(len(q)), np.zeros(len(names))
+        for i, name in enumerate(names):
+            asked[i] = self._objectives[name].rate(view)
+        _compose(asked, gains, null, dq_task, self._velocity, self._bound, factor, dq, norms)
         return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
 
     def _act(self, objectives: ObjectiveGains) -> tuple[list[str], Array]:
@@ -111,8 +115,8 @@ class Redundancy:
         return self._acting[1:]
 
 
-@compiled(MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
-def _composed(
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER, ROW, ROW)
+def _compose(
     asked: Array,
     gains: Array,
     null: Array,
@@ -120,14 +124,16 @@ def _composed(
     velocity: Array,
     most: Array,
     factor: float,
-) -> tuple[Array, Array]:
-    """Return the self-motion (n,) and the size (k,) of each objective's part of it [rad/s].
+    dq: Array,
+    norms: Array,
+) -> None:
+    """Write the self-motion (n,) and the size (k,) of each objective's part of it [rad/s].
 
     Objectives ask for rates (k, n) at gains (k,). Of joints' speed bounds (n,), and of those of
-    self-motion, counts the part that is the reduced-speed setting.
+    self-motion, counts the part that is the reduced-speed setting. What is written is zeros before.
     """
     objectives, n = asked.shape
-    dq, norms, part = np.zeros(n), np.zeros(objectives), np.empty(n)
+    part = np.empty(n)
     for i in range(objectives):
         for j in range(n):
             part[j] = 0.0
@@ -154,4 +160,3 @@ def _composed(
         dq[j] *= share
     for i in range(objectives):
         norms[i] = share * math.sqrt(norms[i])
-    return dq, norms

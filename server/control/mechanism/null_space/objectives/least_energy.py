@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from ....compiled import MATRIX, VECTOR, compiled
+from ....compiled import MATRIX, ROW, VECTOR, compiled
 from ....joints import Joints
 from ....spatial import Array
 from ...kinematics import Mechanism
@@ -32,18 +32,24 @@ class LeastEnergy(Objective):
         return saving(view.dq_task, view.null, self._mechanism.mass_matrix(view.q))
 
 
-@compiled(VECTOR, MATRIX, MATRIX)
 def saving(dq_task: Array, null: Array, M: Array) -> Array:
     """Return z (n,) [rad/s] for the task's rates (n,) and the mass matrix M (n, n).
 
     `null` (n − rank, n) has orthonormal rows that span the spare motions.
     """
+    z = np.zeros(len(dq_task))
+    _save(dq_task, null, M, z)
+    return z
+
+
+@compiled(VECTOR, MATRIX, MATRIX, ROW)
+def _save(dq_task: Array, null: Array, M: Array, z: Array) -> None:
     n = len(dq_task)
     momentum = np.zeros(n)
     for i in range(n):
         for j in range(n):
             momentum[i] += M[i, j] * dq_task[j]
-    z, E = np.zeros(n), null.copy()
+    E = null.copy()
     ME = np.empty(E.shape)
     for r in range(len(E)):
         for before in range(r):
@@ -62,4 +68,3 @@ def saving(dq_task: Array, null: Array, M: Array) -> Array:
         for i in range(n):
             z[i] -= saved / size2 * E[r, i]
             ME[r, i] /= size2  # so that E need not be made of size one
-    return z

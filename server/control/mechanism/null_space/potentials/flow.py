@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....compiled import MATRIX, VECTOR, compiled
+from ....compiled import MATRIX, ROW, VECTOR, compiled
 from ....scene import Scene
 from ....spatial import Array
 from .curvature import curvature, weighed
@@ -49,7 +49,8 @@ class Flow:
         `null` (r, n) holds orthonormal rows that span the self-motions. The size of the slope
         along them, |Pτ| [N·m], is returned with the rates.
         """
-        slope, size = _along(null, seen.value.torque)
+        slope = np.zeros(null.shape[1])
+        size = _project(null, seen.value.torque, slope)
         if size < 1e-12:
             return slope, size
         # Where there is but one way, both its senses bend alike.
@@ -89,10 +90,13 @@ def _lever(at: Shape, direction: Array) -> Array:
     return np.asarray(at.screws.T @ weighed(at.screws, twist))
 
 
-@compiled(MATRIX, VECTOR)
-def _along(null: Array, torque: Array) -> tuple[Array, float]:
-    """Return the part (n,) of torques that acts along the rows of `null` (r, n), and its size."""
-    slope, size2 = np.zeros(null.shape[1]), 0.0
+@compiled(MATRIX, VECTOR, ROW)
+def _project(null: Array, torque: Array, slope: Array) -> float:
+    """Write the part (n,) of torques along the rows of `null` (r, n), and return its size.
+
+    `slope` is zeros before.
+    """
+    size2 = 0.0
     for row in range(len(null)):
         part = 0.0
         for j in range(len(torque)):
@@ -101,4 +105,4 @@ def _along(null: Array, torque: Array) -> tuple[Array, float]:
             slope[j] += part * null[row, j]
     for j in range(len(torque)):
         size2 += slope[j] * slope[j]
-    return slope, math.sqrt(size2)
+    return math.sqrt(size2)

@@ -38,6 +38,7 @@ from ....compiled import (
     INDEX,
     MATRIX,
     NUMBER,
+    ROW,
     VECTOR,
     XYZ,
     compiled,
@@ -224,11 +225,6 @@ def by_box(p: Xyz, u: Xyz, length: float, centre: Xyz, R: Array, half: Xyz, leas
     return force, lever, potential
 
 
-@compiled(
-    *(MATRIX, ARRAY3, INDEX),
-    record(record(MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX), VECTOR, FLAGS),
-    *(NUMBER, NUMBER, NUMBER, FLAG),
-)
 def push(
     screws: Array,
     ends: Array,
@@ -246,6 +242,26 @@ def push(
     [N·m], lines `k_line` per metre [N]; `least` [m] bounds distances from below. Sight lines
     without radius are charged all along where `smooth`, else at their point closest to each link.
     """
+    torque = np.zeros(screws.shape[1])
+    return torque, _push(screws, ends, body, obstacles, k, k_line, least, smooth, torque)
+
+
+@compiled(
+    *(MATRIX, ARRAY3, INDEX),
+    record(record(MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX), VECTOR, FLAGS),
+    *(NUMBER, NUMBER, NUMBER, FLAG, ROW),
+)
+def _push(
+    screws: Array,
+    ends: Array,
+    body: Index,
+    obstacles: tuple[tuple[Array, Array, Array, Array, Array], Array, Flags],
+    k: float,
+    k_line: float,
+    least: float,
+    smooth: bool,
+    torque: Array,
+) -> float:
     (start, end, R, centre, half), radius, line = obstacles
     n = screws.shape[1]
     wrench, total = np.zeros((n + 1, 6)), 0.0
@@ -277,9 +293,8 @@ def push(
             wrench[body[i], axis] += force[axis]
             wrench[body[i], 3 + axis] += moment[axis]
         total += potential
-    torque = np.zeros(n)
     for j in range(n - 1, -1, -1):  # a link's wrench acts on the joints inboard of it
         for row in range(6):
             wrench[j, row] += wrench[j + 1, row]
             torque[j] += screws[row, j] * wrench[j + 1, row]
-    return torque, total
+    return total

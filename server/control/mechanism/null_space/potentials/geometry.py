@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....compiled import ARRAY3, INDEX, MATRIX, NUMBER, VECTOR, XYZ, compiled
+from ....compiled import ARRAY3, INDEX, MATRIX, NUMBER, ROW, STACK, TABLE, VECTOR, XYZ, compiled
 from ....spatial import Array
 
 Index = NDArray[np.int64]
@@ -42,7 +42,11 @@ def ahead(at: Shape, body: Index, way: Array, step: float) -> Shape:
 
     `body` (m,) counts the joints inboard of each link.
     """
-    return Shape(*_moved(at.q, at.screws, at.ends, at.tool, body, way, step))
+    there = Shape(
+        np.empty(at.q.shape), np.empty(at.screws.shape), np.empty(at.ends.shape), np.empty(3)
+    )
+    _move(at.q, at.screws, at.ends, at.tool, body, way, step, *there)
+    return there
 
 
 @compiled(XYZ, XYZ)
@@ -50,10 +54,15 @@ def _cross(a: Xyz, b: Xyz) -> Xyz:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled(MATRIX, VECTOR)
 def screws(J: Array, p: Array) -> Array:
     """Return twists (6, n) at World's origin of joints whose Jacobian at p (3,) is J (6, n)."""
     found = np.empty(J.shape)
+    _twist(J, p, found)
+    return found
+
+
+@compiled(MATRIX, VECTOR, TABLE)
+def _twist(J: Array, p: Array, found: Array) -> None:
     for j in range(J.shape[1]):
         w = (J[3, j], J[4, j], J[5, j])
         # How the point of each body moves that is at World's origin.
@@ -61,16 +70,24 @@ def screws(J: Array, p: Array) -> Array:
         for i in range(3):
             found[i, j] = J[i, j] + lever[i]
             found[3 + i, j] = w[i]
-    return found
 
 
-@compiled(VECTOR, MATRIX, ARRAY3, VECTOR, INDEX, VECTOR, NUMBER)
-def _moved(
-    q: Array, S: Array, ends: Array, tool: Array, body: Index, way: Array, step: float
-) -> tuple[Array, Array, Array, Array]:
-    """Return angles, screws, ends and tool of a shape after a small step."""
+@compiled(VECTOR, MATRIX, ARRAY3, VECTOR, INDEX, VECTOR, NUMBER, ROW, TABLE, STACK, ROW)
+def _move(
+    q: Array,
+    S: Array,
+    ends: Array,
+    tool: Array,
+    body: Index,
+    way: Array,
+    step: float,
+    angles: Array,
+    turned: Array,
+    shifted: Array,
+    moved: Array,
+) -> None:
+    """Write angles, screws, ends and tool of a shape after a small step."""
     n = len(q)
-    angles, turned, shifted = np.empty(n), np.empty((6, n)), np.empty(ends.shape)
     twist = np.zeros((n + 1, 6))  # of each body, over the step
     for j in range(n):
         angles[j] = q[j] + step * way[j]
@@ -91,8 +108,7 @@ def _moved(
             dx = _cross(W, x)
             for i in range(3):
                 shifted[link, e, i] = x[i] + twist[b, i] + dx[i]
-    moved, W = np.empty(3), (twist[n, 3], twist[n, 4], twist[n, 5])
+    W = (twist[n, 3], twist[n, 4], twist[n, 5])
     dx = _cross(W, (tool[0], tool[1], tool[2]))
     for i in range(3):
         moved[i] = tool[i] + twist[n, i] + dx[i]
-    return angles, turned, shifted, moved

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....compiled import VECTOR, compiled
+from ....compiled import ROW, VECTOR, compiled
 from ....scene import Scene
 from ....spatial import Array
 from .. import manipulability
@@ -72,8 +72,8 @@ class Potential:
     def at(self, here: Shape, scene: Scene | None) -> Value:
         """Return V and −∂V/∂q of a shape in a scene; None: nothing repels its links."""
         k = self._strengths
-        torque, held = _to_the_middle(here.q, self._middle, self._stiffness)
-        parts = {"joint_limits": held}
+        torque = np.empty(len(here.q))
+        parts = {"joint_limits": _hold(here.q, self._middle, self._stiffness, torque)}
         if k.manipulability > 0.0:
             # With all six axes it is the same about any point: what moves the point has
             # determinant one.
@@ -97,12 +97,12 @@ class Potential:
         return Value(torque, parts)
 
 
-@compiled(VECTOR, VECTOR, VECTOR)
-def _to_the_middle(q: Array, middle: Array, stiffness: Array) -> tuple[Array, float]:
-    """Return the torques (n,) of springs that hold q (n,) to `middle`, and their potential."""
-    torque, potential = np.empty(len(q)), 0.0
+@compiled(VECTOR, VECTOR, VECTOR, ROW)
+def _hold(q: Array, middle: Array, stiffness: Array, torque: Array) -> float:
+    """Write the torques (n,) of springs that hold q (n,) to `middle`, return their potential."""
+    potential = 0.0
     for j in range(len(q)):
         away = middle[j] - q[j]
         torque[j] = stiffness[j] * away
         potential += 0.5 * torque[j] * away
-    return torque, potential
+    return potential
