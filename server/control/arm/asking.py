@@ -18,6 +18,7 @@ from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory
 from ..stop.motion import Motion
 from ..stop.trajectory import Stop
+from ..task.source import NO_TWIST
 from ..task.task import TaskMemory
 from .context import context_of, quantities, sample_of
 from .stages import Stages
@@ -175,14 +176,15 @@ class Asking:
         """
         twist = np.zeros(6)
         for part in twists.values():
-            twist = twist + part
+            if part is not NO_TWIST:
+                twist += part
         joint_rates = None
         if inputs.intent is Intent.MOVE:
             joint_rates = self.stages.joint_motion.rates(
                 q, inputs.jog, inputs.posture, inputs.settings.speed_factor
             )
         if joint_rates is not None:
-            twists = {name: np.zeros(6) for name in twists}
+            twists = dict.fromkeys(twists, NO_TWIST)
             twist = k.J @ joint_rates
         s_tool = self._tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()

@@ -5,17 +5,16 @@ are pure; the objects here only keep scratch memory.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple
 
 import numpy as np
 import ruckig
 
-from ..evolve import evolve
 from ..spatial import Array
 from .motion import Motion
 from .velocity_profile import (
     reach,
+    shape,
     stepped,
     stop_at,
     stop_postures,
@@ -28,16 +27,44 @@ class TrajectoryError(Exception):
     """There is no way from a state, or under a bound: it says which."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _UnderWay:
-    """How far along something that was planned is."""
+class Profile(NamedTuple):
+    """A planned motion to a target."""
 
+    trajectory: "ruckig.Trajectory"
     duration_s: float
     elapsed_s: float = 0.0
 
-    def advanced(self, by_s: float) -> Self:
+    def advanced(self, by_s: float) -> "Profile":
         """Return the same, further along."""
-        return evolve(self, elapsed_s=self.elapsed_s + by_s)
+        return Profile(self.trajectory, self.duration_s, self.elapsed_s + by_s)
+
+    @property
+    def finished(self) -> bool:
+        """True once the end is reached."""
+        return self.elapsed_s >= self.duration_s
+
+    def at(self, ahead_s: float = 0.0) -> Motion:
+        """Return the motion `ahead_s` after now."""
+        return _state(self.trajectory.at_time(self.elapsed_s + ahead_s))
+
+
+class Stop(NamedTuple):
+    """A jerk-limited way to rest."""
+
+    start: Motion
+    """Where it began."""
+    phases: Array
+    """How long each part of it lasts, and its jerk (2, k, n) [s, 1/s³]."""
+    low: Array
+    """Least position of each joint along the whole stop (n,)."""
+    high: Array
+    """Greatest position of each joint along the whole stop (n,)."""
+    duration_s: float
+    elapsed_s: float = 0.0
+
+    def advanced(self, by_s: float) -> "Stop":
+        """Return the same, further along."""
+        return self._replace(elapsed_s=self.elapsed_s + by_s)
 
     @property
     def to_go_s(self) -> float:
@@ -49,36 +76,11 @@ class _UnderWay:
         """True once the end is reached."""
         return self.elapsed_s >= self.duration_s
 
-
-@dataclass(frozen=True)
-class Profile(_UnderWay):
-    """A planned motion to a target."""
-
-    trajectory: "ruckig.Trajectory"
-
-    def at(self, ahead_s: float = 0.0) -> Motion:
-        """Return the motion `ahead_s` after now."""
-        return _state(self.trajectory.at_time(self.elapsed_s + ahead_s))
-
-
-@dataclass(frozen=True)
-class Stop(_UnderWay):
-    """A jerk-limited way to rest."""
-
-    start: Motion
-    """Where it began."""
-    phases: Array
-    """How long each part of it lasts, and its jerk (2, k, n) [s, 1/s³]."""
-    low: Array
-    """Least position of each joint along the whole stop (n,)."""
-    high: Array
-    """Greatest position of each joint along the whole stop (n,)."""
-
     @staticmethod
     def along(start: Motion, phases: Array) -> "Stop":
         """Return the stop from `start` that goes through phases (2, k, n)."""
         low, high, duration_s = reach(*start, phases)
-        return Stop(start, phases, low, high, duration_s=duration_s)
+        return Stop(start, phases, low, high, duration_s)
 
     @staticmethod
     def at_rest(q: Array) -> "Stop":
@@ -99,14 +101,13 @@ class Stop(_UnderWay):
             np.concatenate(phases, axis=2),
             np.concatenate([stop.low for stop in each]),
             np.concatenate([stop.high for stop in each]),
-            duration_s=max(stop.duration_s for stop in each),
-            elapsed_s=each[0].elapsed_s,
+            max(stop.duration_s for stop in each),
+            each[0].elapsed_s,
         )
 
     def of(self, part: slice) -> "Stop":
         """Return that of some freedoms."""
-        return evolve(
-            self,
+        return self._replace(
             start=self.start.of(part),
             phases=np.ascontiguousarray(self.phases[:, :, part]),
             low=self.low[part],
@@ -195,10 +196,11 @@ class VelocityPlanner:
 
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
         """Return the motion one period later on the way to velocities `target` (n,)."""
+        acceleration, jerk = self._bounds
         try:
             if not self._parts:
-                return Motion(*stepped(*motion, target, *self._bounds, period_s, synchronised))
-            acceleration, jerk = self._bounds
+                moved = stepped(*motion, target, acceleration, jerk, period_s, synchronised)
+                return Motion(moved[0], moved[1], moved[2])
             return Motion.of_all(
                 [
                     Motion(
@@ -216,6 +218,20 @@ class VelocityPlanner:
             )
         except ValueError as error:
             raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
+
+    def shape(self, motion: Motion, target: Array, period_s: float) -> Motion:
+        """Return velocities one period later on the way to `target` (n,), which arrive together.
+
+        Their position, which nobody asks for, stays. It is the motion itself while all stands and
+        is told to.
+        """
+        moved = np.empty((2, self._n))
+        try:
+            if not shape(motion.dq, motion.ddq, target, *self._bounds, period_s, moved):
+                return motion
+        except ValueError as error:
+            raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
+        return Motion(motion.q, moved[0], moved[1])
 
     def straight(self, motion: Motion, target: Array, period_s: float) -> tuple[Motion, Stop]:
         """Return the motion one period later on the way to velocities `target` (n,), and its stop.
@@ -265,4 +281,4 @@ class PositionPlanner:
         i.max_velocity, i.max_acceleration, i.max_jerk = bounds
         i.target_position = target
         trajectory = _calculated(self._ruckig, i, motion, "position", target)
-        return Profile(trajectory, duration_s=trajectory.duration)
+        return Profile(trajectory, trajectory.duration)

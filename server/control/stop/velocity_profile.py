@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from ..compiled import ARRAY3, FLAG, NUMBER, VECTOR, compiled
+from ..compiled import ARRAY3, FLAG, NUMBER, ROW, STACK, TABLE, VECTOR, compiled
 from ..spatial import Array
 
 _INSTANT = 1e-12
@@ -63,16 +63,21 @@ def _plateau(change: float, a: float, jerk: float, duration: float) -> float:
     return size if change >= stopping else -size
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, FLAG)
-def _planned(
-    dq: Array, ddq: Array, target: Array, acceleration: Array, jerk: Array, together: bool
-) -> Array:
-    """Return the phases (2, 4, n) of the quickest way to velocities (n,), all `together` or not.
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, FLAG, STACK)
+def _plan(
+    dq: Array,
+    ddq: Array,
+    target: Array,
+    acceleration: Array,
+    jerk: Array,
+    together: bool,
+    phases: Array,
+) -> None:
+    """Write the phases (2, 4, n) of the quickest way to velocities (n,), all `together` or not.
 
-    Raises `ValueError` where a change of velocity is not finite.
+    They are zeros before. Raises `ValueError` where a change of velocity is not finite.
     """
     n = len(dq)
-    phases = np.zeros((2, 4, n))
     change, shortest = np.empty(n), np.empty(n)
     longest = 0.0
     for i in range(n):
@@ -99,13 +104,13 @@ def _planned(
         phases[0, 1, i], phases[1, 1, i] = up_s, mirror * math.copysign(j, held - start)
         phases[0, 2, i] = max(lasts - up_s - down_s, 0.0)
         phases[0, 3, i], phases[1, 3, i] = down_s, -mirror * math.copysign(j, held)
-    return phases
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)
-def _along(q: Array, dq: Array, ddq: Array, target: Array, phases: Array, t: float) -> Array:
-    """Return position, velocity and acceleration (3, n) a time t after those of a start (n,)."""
-    out = np.empty((3, len(q)))
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER, TABLE)
+def _go_along(
+    q: Array, dq: Array, ddq: Array, target: Array, phases: Array, t: float, out: Array
+) -> None:
+    """Write position, velocity and acceleration (3, n) a time t after those of a start (n,)."""
     for i in range(len(q)):
         x, v, a, left = q[i], dq[i], ddq[i], t
         for phase in range(phases.shape[1]):
@@ -120,10 +125,8 @@ def _along(q: Array, dq: Array, ddq: Array, target: Array, phases: Array, t: flo
         out[0, i], out[1, i], out[2, i] = x, v, a
         if not math.isfinite(x + v + a):
             raise ValueError("not finite")
-    return out
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG)
 def stepped(
     q: Array,
     dq: Array,
@@ -139,14 +142,65 @@ def stepped(
     `acceleration` and `jerk` (n,) bound the way. Freedoms arrive `together`, or each as soon as it
     can. Raises `ValueError` where the result would not be finite.
     """
-    phases = _planned(dq, ddq, target, acceleration, jerk, together)
-    return _along(q, dq, ddq, target, phases, period_s)
+    out = np.empty((3, len(q)))
+    _step(q, dq, ddq, target, acceleration, jerk, period_s, together, out)
+    return out
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR)
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG, TABLE)
+def _step(
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    target: Array,
+    acceleration: Array,
+    jerk: Array,
+    period_s: float,
+    together: bool,
+    out: Array,
+) -> None:
+    phases = np.zeros((2, 4, len(q)))
+    _plan(dq, ddq, target, acceleration, jerk, together, phases)
+    _go_along(q, dq, ddq, target, phases, period_s, out)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, TABLE)
+def shape(
+    dq: Array,
+    ddq: Array,
+    target: Array,
+    acceleration: Array,
+    jerk: Array,
+    period_s: float,
+    out: Array,
+) -> bool:
+    """Write velocity and acceleration (2, n) one period on the way to velocities (n,), together.
+
+    Nothing is written, and False returned, where all stands and is told to. Raises `ValueError`
+    where the result would not be finite.
+    """
+    n, stands = len(dq), True
+    for i in range(n):
+        stands = stands and dq[i] == 0.0 and ddq[i] == 0.0 and target[i] == 0.0
+    if stands:
+        return False
+    moved = np.empty((3, n))
+    _step(np.zeros(n), dq, ddq, target, acceleration, jerk, period_s, True, moved)
+    for i in range(n):
+        out[0, i], out[1, i] = moved[1, i], moved[2, i]
+    return True
+
+
 def stopping(dq: Array, ddq: Array, acceleration: Array, jerk: Array) -> Array:
     """Return the phases (2, 4, n) of the quickest stop of each freedom."""
-    return _planned(dq, ddq, np.zeros(len(dq)), acceleration, jerk, False)
+    phases = np.zeros((2, 4, len(dq)))
+    _stop(dq, ddq, acceleration, jerk, phases)
+    return phases
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, STACK)
+def _stop(dq: Array, ddq: Array, acceleration: Array, jerk: Array, phases: Array) -> None:
+    _plan(dq, ddq, np.zeros(len(dq)), acceleration, jerk, False, phases)
 
 
 @compiled(NUMBER, NUMBER, NUMBER, NUMBER, NUMBER)
@@ -193,7 +247,8 @@ def stopping_in_proportion(dq: Array, ddq: Array, acceleration: Array, jerk: Arr
     phases = np.zeros((2, 4, n))
     if not (dq.any() or ddq.any()):
         return phases
-    own = stopping(dq, ddq, acceleration, jerk)
+    own = np.zeros((2, 4, n))
+    _stop(dq, ddq, acceleration, jerk, own)
     lasts = np.empty(n)
     for i in range(n):
         lasts[i] = own[0, :, i].sum()
@@ -233,13 +288,16 @@ def stopping_in_proportion(dq: Array, ddq: Array, acceleration: Array, jerk: Arr
     return phases
 
 
-@compiled(VECTOR, VECTOR, VECTOR, ARRAY3)
 def reach(q: Array, dq: Array, ddq: Array, phases: Array) -> tuple[Array, Array, float]:
     """Return the least and the greatest position (n,) along a way, and how long it lasts [s]."""
-    n = len(q)
-    low, high, duration = np.empty(n), np.empty(n), 0.0
-    turns = np.empty(2)
-    for i in range(n):
+    low, high = np.empty(len(q)), np.empty(len(q))
+    return low, high, _reach(q, dq, ddq, phases, low, high)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3, ROW, ROW)
+def _reach(q: Array, dq: Array, ddq: Array, phases: Array, low: Array, high: Array) -> float:
+    duration, turns = 0.0, np.empty(2)
+    for i in range(len(q)):
         x, v, a, total = q[i], dq[i], ddq[i], 0.0
         low[i] = high[i] = x
         for phase in range(phases.shape[1]):
@@ -260,21 +318,23 @@ def reach(q: Array, dq: Array, ddq: Array, phases: Array) -> tuple[Array, Array,
             x, v, a = at, v + seconds * (a + 0.5 * seconds * j), a + seconds * j
             total += seconds
         duration = max(duration, total)
-    return low, high, duration
+    return duration
 
 
 @compiled(VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)
 def stop_at(q: Array, dq: Array, ddq: Array, phases: Array, t: float) -> Array:
     """Return position, velocity and acceleration (3, n) a time t after a stop began."""
-    return _along(q, dq, ddq, np.zeros(len(q)), phases, t)
+    out = np.empty((3, len(q)))
+    _go_along(q, dq, ddq, np.zeros(len(q)), phases, t, out)
+    return out
 
 
 @compiled(VECTOR, VECTOR, VECTOR, ARRAY3, VECTOR)
 def stop_postures(q: Array, dq: Array, ddq: Array, phases: Array, times: Array) -> Array:
     """Return the positions (s, n) at times (s,) after a stop began."""
-    out, rest = np.empty((len(times), len(q))), np.zeros(len(q))
+    out, rest, at = np.empty((len(times), len(q))), np.zeros(len(q)), np.empty((3, len(q)))
     for k in range(len(times)):
-        at = _along(q, dq, ddq, rest, phases, times[k])
+        _go_along(q, dq, ddq, rest, phases, times[k], at)
         for i in range(len(q)):
             out[k, i] = at[0, i]
     return out

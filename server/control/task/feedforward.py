@@ -13,7 +13,7 @@ No more is ever owed than the tool's greatest speed, so that it is soon paid, ho
 change.
 """
 
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -21,16 +21,22 @@ from ..rigid_body import twist_at, within
 from ..spatial import Array
 from ..stop.motion import Motion
 from ..stop.trajectory import VelocityPlanner
+from .source import NO_TWIST
 
 
-@dataclass(frozen=True)
-class FeedforwardState:
+class FeedforwardState(NamedTuple):
     """What is still owed."""
 
     leading: bool = False
     """Sources led the arm in the last tick."""
     owed: Motion | None = None
     """At a point of the tool that stays the same, World axes (6,)."""
+
+
+NOT_LED: Final = FeedforwardState()
+"""No source leads the arm."""
+_LED: Final = FeedforwardState(True)
+"""Sources lead the arm, and nothing is owed."""
 
 
 class Feedforward:
@@ -66,7 +72,7 @@ class Feedforward:
             already, ddq = (np.zeros(6), np.zeros(6)) if owed is None else owed[1:]
             more = within(already + twist_at(jump, lever), self._most)
             owed = Motion(np.zeros(6), more, ddq)
-        twist = np.zeros(6) if carried is None else carried
-        if owed is not None:
-            twist = twist + twist_at(owed.dq, -lever)
-        return twist, FeedforwardState(True, owed)
+        twist = NO_TWIST if carried is None else carried
+        if owed is None:
+            return twist, _LED
+        return twist + twist_at(owed.dq, -lever), FeedforwardState(True, owed)

@@ -6,11 +6,17 @@ no joints, no other source, and no more of the cell than its own section.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar
+
+import numpy as np
 
 from ..frame_tree import Body, Moved
 from ..spatial import Array, Pose
 from .asked import Asked
+
+NO_TWIST: Final[Array] = np.zeros(6)
+"""What a source asks for that asks for nothing (6,); one array, which a sum leaves out."""
+NO_TWIST.flags.writeable = False
 
 State = TypeVar("State")
 """What a source remembers from tick to tick; immutable."""

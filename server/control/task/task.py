@@ -17,10 +17,10 @@ from ....config.schema.sources.sources import Sources
 from ..evolve import evolve
 from ..rigid_body import differ
 from ..spatial import Array, sizes
-from .feedforward import Feedforward, FeedforwardState
+from .feedforward import NOT_LED, Feedforward, FeedforwardState
 from .gains import Gains, Quantities
 from .paths.leading import PositionState
-from .source import About, Context, Granted, Redefined, Shaping
+from .source import NO_TWIST, About, Context, Granted, Redefined, Shaping, Source
 from .sources.force import ForceState
 from .table import KINDS
 
@@ -29,9 +29,6 @@ FRAMES: Final = "frames"
 
 ORDERED: Final = 1e-3
 """A source that asks for more than this means it; below, it makes up for noise [m/s, rad/s]."""
-
-_OFF = np.zeros(6)
-_OFF.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class TaskMemory:
     """Each source's state by name."""
     gains: dict[str, Array] = field(default_factory=dict)
     """The sources' gains (6,) in effect."""
-    feedforward: FeedforwardState = field(default_factory=FeedforwardState)
+    feedforward: FeedforwardState = NOT_LED
     about: About | None = None
     """What the sources' rates of the last tick were about."""
     off_path: Array | None = None
@@ -77,8 +74,13 @@ class Task:
         self._gains = Gains(schedules, shaping.period_s)
         self.part = self._gains.part
         """Share of the way to a new gain that is gone in one period [1]."""
-        idle = {name: source.idle() for name, source in self._sources.items()}
-        self.idle = TaskMemory(MappingProxyType(idle))
+        self._advancing = tuple(
+            (name, source)
+            for name, source in self._sources.items()
+            if type(source).advance is not Source.advance
+        )
+        self._idle = {name: source.idle() for name, source in self._sources.items()}
+        self.idle = TaskMemory(MappingProxyType(self._idle))
         """The memory of a task that was asked for nothing yet."""
 
     def tuned(
@@ -115,10 +117,10 @@ class Task:
         for name, source in self._sources.items():
             gain = gains.get(name)
             if gain is None:
-                twists[name], states[name] = _OFF, source.idle()
+                twists[name], states[name] = NO_TWIST, self._idle[name]
             else:
                 twists[name], states[name] = source.rate(context, before[name], gain)
-        frames, feedforward = np.zeros(6), FeedforwardState()
+        frames, feedforward = NO_TWIST, NOT_LED
         asked = context.asked
         about = About(
             asked.T_wrist_mrf,
@@ -144,7 +146,7 @@ class Task:
         return any(
             max(sizes(twist)) > ORDERED
             for name, twist in twists.items()
-            if name not in self._no_orders
+            if twist is not NO_TWIST and name not in self._no_orders
         )
 
     def advanced(
@@ -154,10 +156,9 @@ class Task:
 
         `off_path` (3,) is where the virtual link has the tool off its path now.
         """
-        states = {
-            name: source.advance(memory.states[name], granted)
-            for name, source in self._sources.items()
-        }
+        states = dict(memory.states)
+        for name, source in self._advancing:
+            states[name] = source.advance(states[name], granted)
         return evolve(memory, states=states, off_path=off_path)
 
     def _jump(

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -63,6 +64,10 @@ class PositionState:
         return None
 
 
+NO_GOAL: Final = PositionState()
+"""Nothing is under way."""
+
+
 class Leader:
     """Plans paths inside bounds `speed`, `acceleration` and `jerk` (6,)."""
 
@@ -92,7 +97,7 @@ class Leader:
     def lead(
         self, state: PositionState, goal: Goal, T: Pose, twist: Array, factor: float, paused: bool
     ) -> tuple[PositionState, Path | Free]:
-        """Return the state with a path to what the goal is now, begun, turned or gone on with."""
+        """Return the state, and the path to what the goal is now: begun, turned or gone on with."""
         before = state.goal
         if before is None or before.serial != goal.serial:
             state, begin = PositionState(goal=goal), True
@@ -115,7 +120,7 @@ class Leader:
             case Pursuit():
                 aim = np.zeros(6) if goal.T_world_target is None else goal.T_world_target
                 path = self._freed(state, T, twist, factor, begin)._replace(aim=aim)
-        return evolve(state, path=path), path
+        return state, path
 
     def _straightly(
         self,

@@ -1,12 +1,11 @@
 """Straight, jerk-limited paths to a pose: translation in a line, rotation by the geodesic."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ...compiled import NUMBER, VECTOR, compiled
-from ...evolve import evolve
 from ...spatial import Array, Pose, from_target, turned
 from ...stop.motion import Motion
 from ...stop.trajectory import PositionPlanner, Profile, TrajectoryError
@@ -18,8 +17,7 @@ _LEAST_SHARE = 1e-3
 """Every axis gets some of the bounds, so that it can be corrected [1]."""
 
 
-@dataclass(frozen=True)
-class Path:
+class Path(NamedTuple):
     """A path under way: World position, and rotation vector from the target's attitude."""
 
     goal: PathGoal
@@ -44,7 +42,7 @@ class Path:
 
     def advanced(self, by_s: float) -> "Path":
         """Return the same path, further along."""
-        return self if self.finished else evolve(self, profile=self.profile.advanced(by_s))
+        return self if self.finished else Path(self.goal, self.profile.advanced(by_s))
 
     def distance(self) -> float:
         """Return how far from its target the path is now [m]."""

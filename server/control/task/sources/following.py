@@ -11,16 +11,16 @@ m / M.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from .....config.schema.sources.following import Following as Section
 from ...compiled import MATRIX, NUMBER, VECTOR, compiled
-from ...evolve import evolve
 from ...rigid_body import slowed_at
 from ...spatial import Array, Pose, moved_near, pose_error, right_jacobian
-from ..source import Context, Granted, Redefined, Shaping, Source
+from ..source import NO_TWIST, Context, Granted, Redefined, Shaping, Source
 
 STANDING = 1e-6
 """A reference that is slower than this, and has no force to come, is at rest [m/s, rad/s]."""
@@ -28,9 +28,6 @@ STANDING = 1e-6
 SLACK = (0.02, 0.1)
 """The reference is at most this far from the command [m, rad]: an arm that cannot follow does not
 catch up afterwards with all that it missed."""
-
-_NONE = np.zeros(6)
-_NONE.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -51,22 +48,21 @@ class Impedance:
     """Time constant of the force for a payload of the mass M_e, and of the moment likewise [s]."""
 
 
-@dataclass(frozen=True)
-class FollowingState:
+class FollowingState(NamedTuple):
     """The reference; without a pose it is wherever the command is, at rest."""
 
-    twist: Array = field(default_factory=lambda: np.zeros(6))
+    twist: Array = NO_TWIST
     """Its velocity in World axes (6,)."""
     T_world_reference: Pose | None = None
-    step: Array = field(default_factory=lambda: np.zeros(6))
+    step: Array = NO_TWIST
     """What it moves by in this tick (6,) [m, rad]."""
-    asked: Array = field(default_factory=lambda: np.zeros(6))
+    asked: Array = NO_TWIST
     """The rate that was asked for in this tick (6,)."""
     felt: Array | None = None
     """The low-passed wrench on the arm at the MRF, in World axes (6,); None before there is one."""
 
 
-_IDLE = FollowingState()
+_IDLE: Final = FollowingState()
 
 
 class Following(Source[FollowingState]):
@@ -90,10 +86,10 @@ class Following(Source[FollowingState]):
         (eq. 10).
         """
         if not context.guided:
-            state, gain = _IDLE, _NONE
+            state, gain = _IDLE, NO_TWIST
         strength = min(1.0, float(gain.max()))
         if strength <= 0.0 and float(np.abs(state.twist).max()) < STANDING:
-            return np.zeros(6), _IDLE
+            return NO_TWIST, _IDLE
         T_world_mrf, felt = context.T_world_mrf, None
         wrench_on_arm = None if context.hand is None else -context.hand
         if wrench_on_arm is not None:
@@ -103,7 +99,7 @@ class Following(Source[FollowingState]):
         i, T = self._impedance, state.T_world_reference or T_world_mrf
         # What is switched off lets go of its reference as its gain fades.
         twist, step, asked = _led(
-            state.twist, _NONE if wrench_on_arm is None else wrench_on_arm, gain, T_world_mrf.R,
+            state.twist, NO_TWIST if wrench_on_arm is None else wrench_on_arm, gain, T_world_mrf.R,
             pose_error(T, T_world_mrf), i.mass, i.damping, *i.deadband, *i.most,
             1.0 - context.precedence, strength * i.stiffness, self._period_s,
         )  # fmt: skip
@@ -120,7 +116,7 @@ class Following(Source[FollowingState]):
             T = T @ (redefined.before.T_wrist_mrf.inverse() @ context.T_wrist_mrf)
             T = moved_near(T, np.zeros(6), context.T_world_mrf, SLACK)
         twist = slowed_at(state.twist, redefined.lever, self._most)
-        return evolve(state, T_world_reference=T, twist=twist)
+        return state._replace(T_world_reference=T, twist=twist)
 
     def advance(self, state: FollowingState, granted: Granted) -> FollowingState:
         """Return the state with the reference moved on by what was let through."""
@@ -131,7 +127,7 @@ class Following(Source[FollowingState]):
             # As all points of one rigid body move, so that it does not matter which is the MRF.
             step[:3] = right_jacobian(-step[3:]) @ step[:3]
         reference = moved_near(state.T_world_reference, step, granted.T_world_mrf, SLACK)
-        return evolve(state, T_world_reference=reference)
+        return state._replace(T_world_reference=reference)
 
     def _shares(self, load: Array | None) -> tuple[float, float]:
         """Return the share of a new force and of a new moment that is taken over, 0 to 1."""

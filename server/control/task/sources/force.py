@@ -6,20 +6,19 @@ turns a rate into a force by itself: F = K_HC u / K_F. In HOLD it goes on alone,
 leash, until contact is bled off.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 
 from .....config.schema.sources.force import Force as Section
+from ...compiled import MATRIX, ROW, VECTOR, compiled
 from ...rigid_body import twist_at, wrench_to
 from ...spatial import Array, rotate_twist
 from ..bleed import bleed
-from ..source import Context, Redefined, Shaping, Source
+from ..source import NO_TWIST, Context, Redefined, Shaping, Source
 
 
-@dataclass(frozen=True)
-class ForceState:
+class ForceState(NamedTuple):
     """Contact being bled off in HOLD."""
 
     hold: Array | None = None
@@ -27,7 +26,7 @@ class ForceState:
     bleeding: bool = False
 
 
-_FREE = ForceState()
+_FREE: Final = ForceState()
 
 
 class Force(Source[ForceState]):
@@ -45,7 +44,7 @@ class Force(Source[ForceState]):
     def rate(self, context: Context, state: ForceState, gain: Array) -> tuple[Array, ForceState]:
         """Return K_F (desired − wrench); `gain` (6,) is K_F [m/s/N, rad/s/(N·m)], MRF axes."""
         if not (context.moving or context.holding):
-            return np.zeros(6), _FREE
+            return NO_TWIST, _FREE
         twist = accommodation(context.wrench, desired_at_mrf(context), gain, context.T_world_mrf.R)
         return (twist, _FREE) if context.moving else self._bled(context, state, twist)
 
@@ -84,5 +83,17 @@ def desired_at_mrf(context: Context) -> Array:
 def accommodation(wrench: Array | None, desired: Array, gain: Array, R_world_mrf: Array) -> Array:
     """Return the twist (6,) in World axes for wrenches (6,) in MRF axes; zero for a stale one."""
     if wrench is None:
-        return np.zeros(6)
-    return rotate_twist(R_world_mrf, gain * (desired - wrench))
+        return NO_TWIST
+    out = np.empty(6)
+    _accommodate(R_world_mrf, gain, desired, wrench, out)
+    return out
+
+
+@compiled(MATRIX, VECTOR, VECTOR, VECTOR, ROW)
+def _accommodate(R: Array, gain: Array, desired: Array, wrench: Array, out: Array) -> None:
+    for part in (0, 3):
+        x = gain[part] * (desired[part] - wrench[part])
+        y = gain[part + 1] * (desired[part + 1] - wrench[part + 1])
+        z = gain[part + 2] * (desired[part + 2] - wrench[part + 2])
+        for i in range(3):
+            out[part + i] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z

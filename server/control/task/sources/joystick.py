@@ -4,20 +4,17 @@ Shaped in Cartesian acceleration and jerk before it enters the sum, so that the 
 direction when joints saturate; a stick that falls silent fades by the same bounds.
 """
 
-from dataclasses import dataclass
-
-import numpy as np
+from typing import Final, NamedTuple
 
 from .....config.schema.sources.joystick import Joystick as Section
 from ...rigid_body import motion_at
 from ...spatial import Array, rotate_twist
 from ...stop.motion import Motion
 from ...stop.trajectory import VelocityPlanner
-from ..source import Context, Redefined, Shaping, Source
+from ..source import NO_TWIST, Context, Redefined, Shaping, Source
 
 
-@dataclass(frozen=True)
-class JoystickState:
+class JoystickState(NamedTuple):
     """The shaped twist in World axes, before the gain, as a motion of six freedoms."""
 
     motion: Motion
@@ -25,7 +22,10 @@ class JoystickState:
     @staticmethod
     def idle() -> "JoystickState":
         """Return the state of a released stick."""
-        return JoystickState(Motion(np.zeros(6), np.zeros(6), np.zeros(6)))
+        return _RELEASED
+
+
+_RELEASED: Final = JoystickState(Motion(NO_TWIST, NO_TWIST, NO_TWIST))
 
 
 class Joystick(Source[JoystickState]):
@@ -37,22 +37,20 @@ class Joystick(Source[JoystickState]):
 
     def idle(self) -> JoystickState:
         """Return the state of a released stick."""
-        return JoystickState.idle()
+        return _RELEASED
 
     def rate(
         self, context: Context, state: JoystickState, gain: Array
     ) -> tuple[Array, JoystickState]:
         """Return the shaped twist; `gain` (6,) applies in the stick's own axes [1]."""
-        stick, target = context.asked.stick, np.zeros(6)
+        stick, target = context.asked.stick, NO_TWIST
         if not context.moving:
-            stick, state = None, JoystickState.idle()
+            stick, state = None, _RELEASED
         if stick is not None:
             target = rotate_twist(stick.R_world_axes, gain * stick.twist)
-        motion = state.motion
-        if motion.stands() and not np.count_nonzero(target):
-            return target, state
-        shaped = self._planner.step(motion, target, self._shaping.period_s, synchronised=True)
-        shaped = Motion(np.zeros(6), shaped.dq, shaped.ddq)
+        shaped = self._planner.shape(state.motion, target, self._shaping.period_s)
+        if shaped is state.motion:
+            return NO_TWIST, state
         return shaped.dq, JoystickState(shaped)
 
     def carry(self, state: JoystickState, context: Context, redefined: Redefined) -> JoystickState:

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from .....config.schema.sources.position import Position as Section
-from ...compiled import MATRIX, VECTOR, compiled
+from ...compiled import MATRIX, ROW, VECTOR, compiled
 from ...evolve import evolve
 from ...rigid_body import differ, motion_at, twist_at
 from ...spatial import Array, Pose, pose_error, rotate_twist
@@ -21,9 +21,9 @@ from ...stop.motion import Motion
 from ..asked import Asked
 from ..paths.free import Free
 from ..paths.goals import Goal
-from ..paths.leading import Leader, PositionState, within_bounds
+from ..paths.leading import NO_GOAL, Leader, PositionState, within_bounds
 from ..paths.straight import Path
-from ..source import Context, Granted, Redefined, Shaping, Source
+from ..source import NO_TWIST, Context, Granted, Redefined, Shaping, Source
 
 FULL_FEED_FORWARD = 0.5
 """Gain from which the path's own rate is passed on in full [1/s]; below, in proportion."""
@@ -46,7 +46,7 @@ class Position(Source[PositionState]):
 
     def idle(self) -> PositionState:
         """Return the state without a goal."""
-        return PositionState()
+        return NO_GOAL
 
     def rate(
         self, context: Context, state: PositionState, gain: Array
@@ -97,7 +97,7 @@ class Position(Source[PositionState]):
         """Return the twist of the MRF and the next state; `axes` (3, 3) are the gains' in World."""
         asked, goal, ground = context.asked, context.asked.goal, context.ground
         if goal is None:
-            return np.zeros(6), PositionState()
+            return NO_TWIST, NO_GOAL
         T, twist, lever = context.T_world_mrf, context.twist, None
         if context.carried is not None:
             twist = twist - context.carried
@@ -135,20 +135,26 @@ class Position(Source[PositionState]):
         if isinstance(path, Path):
             twist_path = state.pace * twist_path
         error = pose_error(T_path, T)
-        rate = _followed(R_axes, error, twist_path, gain, factor * self._speed)
-        reached = self._leader.reached(state, path, goal, T)
-        behind = state.behind and not within_bounds(error, CAUGHT_UP)
-        return rate, evolve(state, at_goal=reached, T_world_path=T_path, behind=behind)
+        rate = np.zeros(6)
+        _follow(R_axes, error, twist_path, gain, factor * self._speed, rate)
+        return rate, evolve(
+            state,
+            path=path,
+            at_goal=self._leader.reached(state, path, goal, T),
+            T_world_path=T_path,
+            behind=state.behind and not within_bounds(error, CAUGHT_UP),
+        )
 
 
-@compiled(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR)
-def _followed(R_world_axes: Array, error: Array, own: Array, gain: Array, speed: Array) -> Array:
-    """Return the rate (6,) for a pose error and a path's own twist (6,), all in World axes.
+@compiled(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, ROW)
+def _follow(
+    R_world_axes: Array, error: Array, own: Array, gain: Array, speed: Array, out: Array
+) -> None:
+    """Write the rate (6,) for a pose error and a path's own twist (6,), all in World axes.
 
     `gain` (6,) acts per axis of `R_world_axes`. The correction is no faster than the path's bound
-    `speed` (6,), however far a stick has pushed the tool.
+    `speed` (6,), however far a stick has pushed the tool. `out` (6,) is zeros before.
     """
-    out = np.zeros(6)
     for part in range(0, 6, 3):
         back, ahead, size2 = np.zeros(3), np.zeros(3), 0.0
         for i in range(3):
@@ -162,4 +168,3 @@ def _followed(R_world_axes: Array, error: Array, own: Array, gain: Array, speed:
         for i in range(3):
             for k in range(3):
                 out[part + i] += R_world_axes[i, k] * (share * back[k] + ahead[k])
-    return out

@@ -10,7 +10,7 @@ a new MRF nor a frame that jumps makes the tool jump.
 """
 
 import math
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,19 +20,18 @@ from ...rigid_body import twist_at
 from ...spatial import Array, Pose
 from ...stop.motion import Motion
 from ...stop.trajectory import VelocityPlanner
-from ..source import Context, Shaping, Source
+from ..source import NO_TWIST, Context, Shaping, Source
 
 _WORLD = Pose.identity()
 
 
-@dataclass(frozen=True)
-class SpringState:
+class SpringState(NamedTuple):
     """The shaped twist of a point of the tool in World axes, as a motion of six freedoms."""
 
     motion: Motion
 
 
-_IDLE = SpringState(Motion(np.zeros(6), np.zeros(6), np.zeros(6)))
+_IDLE: Final = SpringState(Motion(NO_TWIST, NO_TWIST, NO_TWIST))
 
 
 class Spring(Source[SpringState]):
@@ -53,21 +52,17 @@ class Spring(Source[SpringState]):
 
     def rate(self, context: Context, state: SpringState, gain: Array) -> tuple[Array, SpringState]:
         """Return the twist that leads to the fixture; `gain` (6,) is K_S [1/s], in its frame."""
-        target, pulls = np.zeros(6), context.guided and np.count_nonzero(gain) > 0
+        target, pulls = NO_TWIST, context.guided and np.count_nonzero(gain) > 0
         if not context.moving:
             state = _IDLE
         if state is _IDLE and not pulls:
-            return target, _IDLE
+            return NO_TWIST, _IDLE
         if pulls:
             target = twist_at(self._pull(context, gain), context.lever)
-        motion = state.motion
-        if motion.stands() and not np.count_nonzero(target):
-            return target, _IDLE
-        shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
-        return (
-            twist_at(shaped.dq, -context.lever),
-            SpringState(Motion(np.zeros(6), shaped.dq, shaped.ddq)),
-        )
+        shaped = self._planner.shape(state.motion, target, self._period_s)
+        if shaped is state.motion:
+            return NO_TWIST, _IDLE
+        return twist_at(shaped.dq, -context.lever), SpringState(shaped)
 
     def _pull(self, context: Context, gain: Array) -> Array:
         """Return the twist (6,) of the MRF that is asked for, before shaping."""

@@ -13,22 +13,21 @@ only the news that the target itself has moved.
 """
 
 import math
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from .....config.schema.sources.vision import Vision as Section
-from ...compiled import MATRIX, NUMBER, VECTOR, compiled
+from ...compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
 from ...rigid_body import twist_at
 from ...spatial import Array, Pose, pose_error
 from ...stop.motion import Motion
 from ...stop.trajectory import VelocityPlanner
 from ..asked import ViewGoal
-from ..source import Context, Shaping, Source
+from ..source import NO_TWIST, Context, Shaping, Source
 
 
-@dataclass(frozen=True)
-class VisionState:
+class VisionState(NamedTuple):
     """The shaped twist of a point of the tool in World axes, as a motion of six freedoms."""
 
     motion: Motion
@@ -36,7 +35,10 @@ class VisionState:
     @staticmethod
     def idle() -> "VisionState":
         """Return the state of a source that asks for nothing."""
-        return VisionState(Motion(np.zeros(6), np.zeros(6), np.zeros(6)))
+        return _IDLE
+
+
+_IDLE: Final = VisionState(Motion(NO_TWIST, NO_TWIST, NO_TWIST))
 
 
 class Vision(Source[VisionState]):
@@ -49,7 +51,7 @@ class Vision(Source[VisionState]):
 
     def idle(self) -> VisionState:
         """Return the state of a source that asks for nothing."""
-        return VisionState.idle()
+        return _IDLE
 
     def rate(self, context: Context, state: VisionState, gain: Array) -> tuple[Array, VisionState]:
         """Return the twist that leads to the desired view.
@@ -58,28 +60,21 @@ class Vision(Source[VisionState]):
         always the same point of the tool. Without a goal, or with a new one, the rate changes
         within the acceleration and jerk bounds.
         """
-        twist, state = self._shaped(context, state, gain)
-        if np.count_nonzero(context.lever):
-            twist = twist_at(twist, -context.lever)
-        return twist, state
-
-    def _shaped(
-        self, context: Context, state: VisionState, gain: Array
-    ) -> tuple[Array, VisionState]:
         goal = context.asked.view if context.guided else None
-        target = np.zeros(6)
+        target = NO_TWIST
         if goal is not None and np.count_nonzero(gain):
             p_world_tool = context.T_world_mrf.p + context.lever
             factor = context.asked.speed_factor
             target = self._asked(goal, context.T_world_wrist, p_world_tool, gain, factor)
         if not context.moving:
-            state = VisionState.idle()
-        motion = state.motion
-        if motion.stands() and not np.count_nonzero(target):
-            return target, state
-        shaped = self._planner.step(motion, target, self._period_s, synchronised=True)
-        shaped = Motion(np.zeros(6), shaped.dq, shaped.ddq)
-        return shaped.dq, VisionState(shaped)
+            state = _IDLE
+        shaped = self._planner.shape(state.motion, target, self._period_s)
+        if shaped is state.motion:
+            return NO_TWIST, state
+        twist = shaped.dq
+        if np.count_nonzero(context.lever):
+            twist = twist_at(twist, -context.lever)
+        return twist, VisionState(shaped)
 
     def _asked(
         self, goal: ViewGoal, T_world_wrist: Pose, p_world_tool: Array, gain: Array, factor: float
@@ -88,20 +83,29 @@ class Vision(Source[VisionState]):
         axes = here.R if goal.R_world_lens is None else goal.R_world_lens
         speed, turn = factor * self._speed, factor * self._turn
         error = pose_error(goal.T_world_goal, here)
-        return _seen(axes, error, gain, speed, turn, p_world_tool, here.p)
+        out = np.zeros(6)
+        _ask(axes, error, gain, speed, turn, p_world_tool, here.p, out)
+        return out
 
 
-@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, VECTOR, VECTOR)
-def _seen(
-    axes: Array, error: Array, gain: Array, speed: float, turn: float, tool: Array, point: Array
-) -> Array:
-    """Return the rate (6,) of the tool for the pose error (6,) of a point, all in World.
+@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, VECTOR, VECTOR, ROW)
+def _ask(
+    axes: Array,
+    error: Array,
+    gain: Array,
+    speed: float,
+    turn: float,
+    tool: Array,
+    point: Array,
+    out: Array,
+) -> None:
+    """Write the rate (6,) of the tool for the pose error (6,) of a point, all in World.
 
     `gain` (6,) acts per axis of the Lens, whose `axes` (3, 3) are in World. One factor keeps all
     six within `speed` [m/s] and `turn` [rad/s]: the target is to stay in the picture, so the way
     stays straight. `tool` and `point` (3,) are on one rigid body [m].
     """
-    asked, out, size2 = np.zeros(6), np.zeros(6), np.zeros(2)
+    asked, size2 = np.zeros(6), np.zeros(2)
     for i in range(6):
         part = i // 3
         for k in range(3):
@@ -118,4 +122,3 @@ def _seen(
     out[0] += out[4] * z - out[5] * y
     out[1] += out[5] * x - out[3] * z
     out[2] += out[3] * y - out[4] * x
-    return out
