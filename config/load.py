@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from .agree.agree import check_agreement
-from .agree.cell import check_cell
+from .agree.cell import PartOf, check_cell
 from .devices import devices_of, shared_devices
 from .errors import ConfigError, nearest
 from .joint_ranges import expand
@@ -136,7 +136,8 @@ def _agreed(cell: Cell) -> Cell:
     """Return a cell whose parts agree with each other. Raises `ConfigError`."""
     beam = None if cell.config.rig is None else cell.config.rig.beam
     agree_with_beam(cell.path, cell.joint_tasks, beam)
-    check_cell(cell.path, [(part.place, part.config) for part in cell.parts], cell.devices)
+    parts = [PartOf(part.place, part.prefix, part.config, part.robot) for part in cell.parts]
+    check_cell(cell.path, parts, cell.devices)
     return cell
 
 

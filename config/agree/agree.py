@@ -40,7 +40,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from _gripper(config)
     yield from _payloads(config.mechanism)
     yield from camera_disagreements(config)
-    yield from obstacle_disagreements(config, robot)
+    yield from obstacle_disagreements(config)
     yield from mode_disagreements(config)
     yield from source_disagreements(config)
     if config.touch is not None and len(config.touch.torque) not in (1, len(robot.joints)):

@@ -2,14 +2,27 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import ConfigError, nearest
 from ..schema.cell import CellConfig
 from ..schema.on_bus import Entry
+from ..urdf import Robot
 from .buses import bus_disagreements
+from .obstacles import link_disagreements
 
-Parts = Sequence[tuple[str, CellConfig]]
-"""A cell's mechanisms: each one's place in the file, and what the file says of it."""
+
+class PartOf(NamedTuple):
+    """One mechanism of a cell: its place in the file, and what the file says of it."""
+
+    place: str
+    prefix: str
+    """What names of its links and devices begin with."""
+    config: CellConfig
+    robot: Robot
+
+
+Parts = Sequence[PartOf]
 
 
 def check_cell(path: Path, parts: Parts, devices: Sequence[Entry]) -> None:
@@ -20,28 +33,31 @@ def check_cell(path: Path, parts: Parts, devices: Sequence[Entry]) -> None:
 
 
 def _disagreements(parts: Parts, devices: Sequence[Entry]) -> Iterator[str]:
-    yield from bus_disagreements(parts, devices)
+    first = parts[0].config
+    yield from bus_disagreements([(p.place, p.config) for p in parts], devices)
+    yield from link_disagreements(first, [(p.prefix, p.robot) for p in parts])
     yield from _standing(parts)
     yield from _cameras(parts)
-    rigs = [part.rig is not None for _, part in parts]
+    rigs = [part.config.rig is not None for part in parts]
     if any(rigs) and not all(rigs):
-        place, _ = parts[rigs.index(False)]
+        place = parts[rigs.index(False)].place
         yield f"{place}.rig: missing: other mechanisms of the cell are simulated"
 
 
 def _standing(parts: Parts) -> Iterator[str]:
     """Judge which mechanism stands on which."""
-    on = {part.mechanism.name: part.mechanism.on for _, part in parts}
-    for place, part in parts:
-        under = part.mechanism.on
+    on = {part.config.mechanism.name: part.config.mechanism.on for part in parts}
+    for part in parts:
+        place, mechanism = part.place, part.config.mechanism
+        under = mechanism.on
         if under is None:
-            if part.mechanism.T_on is not None:
+            if mechanism.T_on is not None:
                 yield f"{place}.T_on: there is no {place}.on that says what it stands on"
             continue
         where = f"{place}.on: value '{under}'"
         if under not in on:
             yield f"{where}: no such mechanism{nearest(under, list(on))}"
-        way = [part.mechanism.name]
+        way = [mechanism.name]
         while (below := on.get(way[-1])) is not None and below not in way:
             way.append(below)
         if below is not None:
@@ -52,16 +68,16 @@ def _standing(parts: Parts) -> Iterator[str]:
 def _cameras(parts: Parts) -> Iterator[str]:
     """Pictures are told by the camera's name, whichever task it is of."""
     seen: dict[str, str] = {}
-    for _, part in parts:
-        name = part.mechanism.name
-        for camera in part.cameras:
+    for part in parts:
+        name = part.config.mechanism.name
+        for camera in part.config.cameras:
             if camera.name in seen:
                 yield (
                     f"tasks: camera '{camera.name}' of mechanism '{name}' is also one of "
                     f"'{seen[camera.name]}': give one another name"
                 )
             seen[camera.name] = name
-    _, config = parts[0]
-    for i, tag in enumerate(() if config.rig is None else config.rig.tags):
+    rig = parts[0].config.rig
+    for i, tag in enumerate(() if rig is None else rig.tags):
         if tag.T_wrist_tag is not None and len(parts) > 1:
             yield f"rig.tags[{i}].T_wrist_tag: there are several mechanisms: tags stand in World"

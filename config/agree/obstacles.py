@@ -1,13 +1,13 @@
 """What must agree between a cell's obstacles, its cameras and what may touch what."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ..errors import nearest
 from ..schema.cell import CellConfig
 from ..urdf import Robot
 
 
-def obstacle_disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
+def obstacle_disagreements(config: CellConfig) -> Iterator[str]:
     """Yield what does not fit, each in one line with its key."""
     names = [o.name for o in config.obstacles]
     cameras = [c.name for c in config.cameras]
@@ -39,20 +39,30 @@ def obstacle_disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
             f"avoidance.near_distance: value {near:g}: must be above {promised:g}, clearance and "
             "margin"
         )
+
+
+def link_disagreements(config: CellConfig, robots: Sequence[tuple[str, Robot]]) -> Iterator[str]:
+    """Yield what does not fit the links of a cell's arms, each with what their names begin with."""
     if config.keeps_clear:
-        shaped = {capsule.link for capsule in avoidance.capsules}
-        for link in robot.unshaped_links():
-            if link not in shaped:
-                yield (
-                    f"avoidance.capsules: link '{link}' of {robot.urdf} has mass but no "
-                    "<collision>: nothing would keep it clear; give it capsules here"
-                )
-    links = robot.links()
-    for i, pair in enumerate(avoidance.allowed_contacts):
-        # What it may touch can be an obstacle that only comes while the arm works.
-        if pair.link not in links:
-            hint = nearest(pair.link, links)
-            yield (
-                f"avoidance.allowed_contacts[{i}].link: value '{pair.link}': no such link in "
-                f"{robot.urdf}{hint}"
-            )
+        shaped = {capsule.link for capsule in config.avoidance.capsules}
+        for prefix, robot in robots:
+            for link in robot.unshaped_links():
+                if f"{prefix}{link}" not in shaped:
+                    yield (
+                        f"avoidance.capsules: link '{prefix}{link}' of {robot.urdf} has mass but "
+                        "no <collision>: nothing would keep it clear; give it capsules here"
+                    )
+    links = [f"{prefix}{link}" for prefix, robot in robots for link in robot.links()]
+    named = [
+        (f"avoidance.capsules[{i}].link", c.link) for i, c in enumerate(config.avoidance.capsules)
+    ]
+    # What a link may touch can be an obstacle that only comes while the arm works.
+    contacts = enumerate(config.avoidance.allowed_contacts)
+    for i, pair in contacts:
+        where = f"avoidance.allowed_contacts[{i}]"
+        named += [(f"{where}.link", pair.link)]
+        named += [(f"{where}.other", pair.other)] if "." in pair.other else []
+    for where, link in named:
+        if link not in links:
+            files = ", ".join(sorted({str(robot.urdf) for _, robot in robots}))
+            yield f"{where}: value '{link}': no such link in {files}{nearest(link, links)}"

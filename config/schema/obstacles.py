@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .section import Name, Section, Vector3
+from .section import LinkName, Name, Section, Vector3
 
 Shape = Literal["point", "sphere", "capsule", "box", "sight_line"]
 Stale = Literal["keep", "grow", "stop"]
@@ -91,7 +91,7 @@ class Obstacle(Section):
 class LinkCapsule(Section):
     """A part of the arm: all points within `radius` of a segment in a link's frame."""
 
-    link: Name = Field(description="link of the URDF that it is fixed to")
+    link: LinkName = Field(description="link of the URDF that it is fixed to")
     start: Vector3 = Field(description="one end of the segment, in the link [m]")
     end: Vector3 = Field(description="the other end [m]")
     radius: float = Field(gt=0, le=2, description="around the segment [m]")
@@ -100,8 +100,8 @@ class LinkCapsule(Section):
 class AllowedContact(Section):
     """A link and an obstacle, or two links, that may touch: they are not kept apart."""
 
-    link: Name = Field(description="link of the arm")
-    other: Name = Field(description="obstacle, or another link")
+    link: LinkName = Field(description="link of the arm")
+    other: LinkName = Field(description="obstacle, or another link")
 
 
 class Workspace(Section):

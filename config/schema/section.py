@@ -15,6 +15,8 @@ Positive = Annotated[float, Field(gt=0, le=1e9)]
 NonNegative = Annotated[float, Field(ge=0, le=1e9)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+LinkName = Annotated[str, Field(pattern=r"^([a-z][a-z0-9_]{0,31}\.)?[a-z][a-z0-9_]{0,31}$")]
+"""A link; in a cell of several mechanisms it begins with the name of its own: `left.hand`."""
 
 
 class Section(BaseModel):

@@ -33,10 +33,14 @@ def timing(cell: Cell) -> Iterator[Finding]:
     yield _at_least("heartbeat period", t.heartbeat_period_s, t.period_s, "the tick produces it")
     yield _watch("lease", t.lease_timeout_s, 1.0 / (KEEPALIVE.rate_hz or 1.0))
     yield _watch("stream", t.stream_timeout_s, 1.0 / (JOYSTICK.rate_hz or 1.0))
+
+
+def sampling(cell: Cell) -> Iterator[Finding]:
+    """Judge the timeouts of an arm's sensor against its rate."""
     sensor = cell.config.mechanism.force_torque
     if sensor is not None:
         sample_s = 1.0 / sensor.rate_hz
-        yield _watch("force/torque", sensor.timeout_s, max(sample_s, t.period_s))
+        yield _watch("force/torque", sensor.timeout_s, max(sample_s, cell.config.timing.period_s))
         yield _at_least(
             "sample halves",
             sample_s,

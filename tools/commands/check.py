@@ -2,9 +2,11 @@
 
 import argparse
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Final
 
 from ...config.load import Cell, load_cell
+from ..checks.arms import arms
 from ..checks.bus_load import bus_load
 from ..checks.drives import drives
 from ..checks.enabling import enabling
@@ -17,12 +19,14 @@ from ..checks.loops.torque import torque
 from ..checks.network import network
 from ..checks.postures import postures
 from ..checks.sensors import sensors
-from ..checks.timing import timing
+from ..checks.timing import sampling, timing
 
-CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
-    timing,
-    network,
-    bus_load,
+Check = Callable[[Cell], Iterator[Finding]]
+
+OF_THE_CELL: Final[tuple[Check, ...]] = (timing, network, bus_load, arms)
+
+OF_AN_ARM: Final[tuple[Check, ...]] = (
+    sampling,
     drives,
     enabling,
     stability,
@@ -36,8 +40,12 @@ CHECKS: Final[tuple[Callable[[Cell], Iterator[Finding]], ...]] = (
 
 
 def judge(cell: Cell) -> list[Finding]:
-    """Return what every check found about a cell."""
-    return [finding for check in CHECKS for finding in check(cell)]
+    """Return what every check found about a cell, and about each of its arms by its name."""
+    found = [finding for check in OF_THE_CELL for finding in check(cell)]
+    for part in cell.parts:
+        of_arm = [finding for check in OF_AN_ARM for finding in check(part)]
+        found += [replace(finding, check=f"{part.prefix}{finding.check}") for finding in of_arm]
+    return found
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return 0, or 1 if one is an error. Raises `ConfigError`."""
-    cell = load_cell(args.cell)
+    cell = load_cell(args.cell, several=True)
     findings = judge(cell)
     bad = failed(findings)
     if args.json:

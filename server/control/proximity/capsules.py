@@ -96,6 +96,8 @@ def fitted(cell: Cell, forest: Forest) -> tuple[Capsule, ...]:
     Raises `ConfigError` for a link whose shape is a mesh and that the cell gives no capsule.
     """
     stated = cell.config.avoidance.capsules
+    if cell.prefix and not cell.others:  # one of several: the file tells of all
+        stated = tuple(given for given in stated if given.link.startswith(cell.prefix))
     bodies: list[tuple[int, Pose]] = []
     for i, given in enumerate(stated):
         try:

@@ -61,7 +61,7 @@ class ControlPoints:
     def _place(self, cell: Cell, i: int, sphere: VirtualSphere) -> tuple[int, Array]:
         where = f"{cell.path}: priority.spheres[{i}].link: value '{sphere.link}'"
         try:
-            body, T = self._forest.body_of(sphere.link)
+            body, T = self._forest.body_of(f"{cell.prefix}{sphere.link}")
         except KeyError:
             raise ConfigError(f"{where}: no such link in {cell.robot.urdf}") from None
         if body == 0:
