@@ -106,7 +106,7 @@ class Arm:
             ),
         )
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
-        accelerated = sizes(seen.kinematics.J @ limited.motion.ddq)[0]
+        accelerated = sizes(seen.kinematics.J.dot(limited.motion.ddq))[0]
         memory = evolve(
             memory,
             levels=clear.levels,

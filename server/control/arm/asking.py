@@ -99,13 +99,17 @@ class Asking:
             near = self.p.priority.look(motion.q, inputs.scene, near, base)
         wrench = self.stages.wrist.wrench_mrf(wrist, mrf)
         hand = self.stages.wrist.hand_mrf(wrist, mrf)
+        # A new MRF is no new point of the tool: singularities and shaped rates are told there.
+        lever = k.T_world_wrist.R.dot(self.p.T_wrist_tool.p - mrf.p)
         context = context_of(
             motion.dq, task.off_path, wrist, near, inputs, k,
-            self.stages.wrist, self.p.T_wrist_tool.p, wrench, hand,
+            self.stages.wrist, lever, wrench, hand,
         )  # fmt: skip
         task, twists = self.stages.task.twists(task, context)
         around = Around(inputs.scene, near, base, placed)
-        asked = self._resolved(motion.q, twists, objectives, task.off_path, inputs, k, around)
+        asked = self._resolved(
+            motion.q, twists, objectives, task.off_path, inputs, k, lever, around
+        )
         retreat, asked = self._giving_way(memory, inputs, k, asked)
         memory = evolve(
             memory,
@@ -168,6 +172,7 @@ class Asking:
         off_path: Array | None,
         inputs: Inputs,
         k: Kinematics,
+        lever: Array,
         around: Around,
     ) -> Wanted:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
@@ -192,8 +197,8 @@ class Asking:
             dq, self_motion = s_tool * joint_rates, self.stages.redundancy.none()
             return Wanted(dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True)
         wish = Wish(
-            s_tool * twist,
-            inputs.settings.T_wrist_mrf,
+            twist if s_tool == 1.0 else s_tool * twist,
+            lever,
             objectives,
             inputs.settings.speed_factor,
             inputs.intent is Intent.MOVE and not inputs.at_posture,
@@ -234,7 +239,11 @@ class Asking:
         it.
         """
         asked = inputs.jog is not None or inputs.posture is not None
-        return asked or bool(inputs.wrench_desired.any()) or self.stages.task.orders(twists)
+        return (
+            asked
+            or bool(np.count_nonzero(inputs.wrench_desired))
+            or self.stages.task.orders(twists)
+        )
 
     def _tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""

@@ -26,16 +26,16 @@ def context_of(
     inputs: Inputs,
     k: Kinematics,
     wrist: Wrist,
-    p_wrist_tool: Array,
+    lever: Array,
     wrench: Array | None,
     hand: Array | None,
 ) -> Context:
     """Return what the sources see; `near` is what is near the control points now.
 
     Joints are commanded to go at `dq` (n,) [rad/s], the virtual link has the tool `off_path` (3,)
-    [m], `told` is what the sensor of the `wrist` told. `p_wrist_tool` (3,) is where the MRF was at
-    start, in the Wrist [m]; `wrench` and `hand` (6,) are what the arm exerts, at and in the MRF, of
-    the newest and of the mean readings.
+    [m], `told` is what the sensor of the `wrist` told. `lever` (3,) leads from the MRF to where it
+    was at start [m]; `wrench` and `hand` (6,) are what the arm exerts, at and in the MRF, of the
+    newest and of the mean readings.
     """
     settings, moving, moved = inputs.settings, inputs.intent is Intent.MOVE, inputs.moved
     mrf, led = settings.T_wrist_mrf, inputs.T_wrist_goal
@@ -60,8 +60,8 @@ def context_of(
         holding=inputs.intent is Intent.HOLD,
         T_world_wrist=k.T_world_wrist,
         T_world_mrf=k.T_world_mrf,
-        twist=k.J @ dq,
-        lever=k.T_world_wrist.R @ (p_wrist_tool - mrf.p),
+        twist=k.J.dot(dq),
+        lever=lever,
         moved=moved,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),

@@ -39,7 +39,7 @@ class Stages:
         self.redundancy = Redundancy(joints, mechanism, p.redundancy, p.pull_posture)
         field = Field(joints, p.potential, p.capsules, mechanism.rank)
         self.resolver = Resolver(
-            joints, p.resolve, p.T_wrist_tool, mechanism.rank, self.redundancy, field, p.priority
+            joints, p.resolve, mechanism.rank, self.redundancy, field, p.priority
         )
         room = JointRoom.of(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)

@@ -12,11 +12,11 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..compiled import VECTOR, compiled
+from ..compiled import ROW, VECTOR, compiled
 from ..joints import Joints
 from ..scene import Index
 from ..spatial import Array
-from .resisted import Resistance, Resisted, slowed
+from .resisted import Resistance, Resisted, slow
 
 BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
@@ -89,12 +89,12 @@ class JointRoom:
 
         `q` (n,) and what the command is ahead of the joints, `error` (n,), set the others.
         """
-        return Within(
-            *_within(
-                dq, most, q, self._lower, self._upper, self._a, self._b,
-                error, self._leash, self._velocity,
-            )
+        scaled, low, high = np.empty(len(q)), np.empty(len(q)), np.empty(len(q))
+        share, beyond = _bound(
+            dq, most, q, self._lower, self._upper, self._a, self._b,
+            error, self._leash, self._velocity, scaled, low, high,
         )  # fmt: skip
+        return Within(scaled, share, low, high, beyond)
 
     def resisted(
         self, dq: Array, now: Array, way: Array, error: Array, memory: Resistance | None
@@ -106,9 +106,10 @@ class JointRoom:
         """
         if memory is None:
             return Resisted(1.0, -1, Resistance(error, np.zeros(len(error))))
-        share, joint, pressed = slowed(
+        pressed = np.zeros(len(error))
+        share, joint = slow(
             dq, now, way, error, *memory, self._leash, self._window, self._velocity,
-            self._a, self._b, self._period_s,
+            self._a, self._b, self._period_s, pressed,
         )  # fmt: skip
         return Resisted(share, joint, Resistance(error, pressed))
 
@@ -125,7 +126,9 @@ class JointRoom:
 
     def leash(self, following_error: Array) -> Room:
         """Return the rate bounds that the leash sets; `following_error` is command − joint."""
-        return Room(*_leashed(following_error, self._leash, self._velocity))
+        low, high = np.empty(len(following_error)), np.empty(len(following_error))
+        _leash(following_error, self._leash, self._velocity, low, high)
+        return Room(low, high)
 
 
 @compiled(VECTOR, VECTOR, VECTOR)
@@ -139,22 +142,23 @@ def _approach(room: Array, a: Array, b: Array) -> Array:
     return out
 
 
-@compiled(VECTOR, VECTOR, VECTOR)
-def _leashed(error: Array, leash: Array, velocity: Array) -> tuple[Array, Array]:
+@compiled(VECTOR, VECTOR, VECTOR, ROW, ROW)
+def _leash(error: Array, leash: Array, velocity: Array, low: Array, high: Array) -> None:
     # Beyond the leash a command may stand still: the drive, not the command, comes back.
-    low, high = np.empty(len(error)), np.empty(len(error))
     for j in range(len(error)):
         ahead = error[j] / leash[j]
         low[j] = -velocity[j] * min(1.0, max(0.0, 2.0 * (1.0 + ahead)))
         high[j] = velocity[j] * min(1.0, max(0.0, 2.0 * (1.0 - ahead)))
-    return low, high
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
-def _within(
+@compiled(
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, ROW, ROW, ROW
+)
+def _bound(
     dq: Array, most: Array, q: Array, lower: Array, upper: Array, a: Array, b: Array,
-    error: Array, leash: Array, velocity: Array,
-) -> tuple[Array, float, Array, Array, bool]:  # fmt: skip
+    error: Array, leash: Array, velocity: Array, scaled: Array, low: Array, high: Array,
+) -> tuple[float, bool]:  # fmt: skip
+    """Write the arrays of `Within`, and return its share and whether its rates are beyond."""
     n = len(q)
     fastest = 1.0
     for j in range(n):
@@ -166,8 +170,8 @@ def _within(
     for j in range(n):
         below[j], above[j] = q[j] - lower[j], upper[j] - q[j]
     below, above = _approach(below, a, b), _approach(above, a, b)
-    low, high = _leashed(error, leash, velocity)
-    scaled, beyond = np.empty(n), False
+    _leash(error, leash, velocity, low, high)
+    beyond = False
     for j in range(n):
         scaled[j] = share * dq[j]
         if abs(scaled[j]) > most[j]:  # by rounding, which is no reason to name a limit
@@ -176,7 +180,7 @@ def _within(
         greatest = min(above[j], high[j], most[j])
         low[j], high[j] = min(least, greatest), max(least, greatest)
         beyond = beyond or scaled[j] < low[j] or scaled[j] > high[j]
-    return scaled, share, low, high, beyond
+    return share, beyond
 
 
 @compiled(VECTOR, VECTOR, VECTOR)

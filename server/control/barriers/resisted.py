@@ -12,9 +12,7 @@ a following error; and the way back, against the motion that pressed it there, i
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from ..compiled import NUMBER, VECTOR, compiled
+from ..compiled import NUMBER, ROW, VECTOR, compiled
 from ..spatial import Array
 
 USED = 0.9
@@ -53,13 +51,16 @@ class Resisted(NamedTuple):
 
 
 @compiled(
-    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER
-)
-def slowed(
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER,
+    ROW,
+)  # fmt: skip
+def slow(
     dq: Array, now: Array, way: Array, error: Array, before: Array, pressed: Array, leash: Array,
-    window: Array, velocity: Array, a: Array, b: Array, period_s: float,
-) -> tuple[float, int, Array]:  # fmt: skip
-    """Return the share of rates dq (n,) [rad/s] that is left, who decides, and `pressed` anew.
+    window: Array, velocity: Array, a: Array, b: Array, period_s: float, against: Array,
+) -> tuple[float, int]:  # fmt: skip
+    """Return the share of rates dq (n,) [rad/s] that is left, and who decides.
+
+    `pressed` anew is written to `against` (n,), zeros before.
 
     Joints are told to go at `now` (n,), and went the `way` (n,) [rad] in the tick whose effect is
     seen; command − joint is `error` (n,) [rad], and was `before` a period ago. `leash` and `window`
@@ -74,7 +75,7 @@ def slowed(
         gone, farthest = max(gone, abs(way[j])), max(farthest, behind)
         if behind > 0.0:
             falling = max(falling, abs(error[j]) - abs(before[j]))
-    against, along = np.zeros(n), 0.0
+    along = 0.0
     for j in range(n):
         if farthest > 0.0:
             against[j] = way[j] if falling > 0.0 and gone > _STANDS else pressed[j]
@@ -96,4 +97,4 @@ def slowed(
                 bound = max(bound, RETREAT)
         if bound < most:
             most, which = bound, j
-    return most / max(asked, 1e-12) if which >= 0 else 1.0, which, against
+    return most / max(asked, 1e-12) if which >= 0 else 1.0, which

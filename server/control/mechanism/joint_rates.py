@@ -26,7 +26,8 @@ class Wish(NamedTuple):
 
     twist: Array
     """Of its MRF, World axes (6,) [m/s, rad/s]."""
-    T_wrist_mrf: Pose
+    lever: Array
+    """From the MRF to the point of the tool at which singularities are judged (3,) [m]."""
     objectives: ObjectiveGains
     """Gains of the redundancy objectives."""
     speed_factor: float
@@ -72,24 +73,19 @@ class Resolver:
         self,
         joints: Joints,
         section: Resolve,
-        T_wrist_tool: Pose,
         rank: int,
         redundancy: Redundancy,
         field: Field,
         priority: Priority | None,
     ) -> None:
-        """Build it; singularities are judged at the tool `T_wrist_tool`, wherever the MRF is.
-
-        `rank` is how many axes the mechanism reaches anywhere.
-        """
+        """Build it; `rank` is how many axes the mechanism reaches anywhere."""
         self._joints, self._section, self._rank = joints, section, rank
-        self._p_wrist_tool = T_wrist_tool.p
         self._redundancy, self._field, self._priority = redundancy, field, priority
 
     def rates(self, q: Array, k: Kinematics, wish: Wish, around: Around) -> JointRates:
         """Return joint rates at the commanded posture q (n,) [rad], whose kinematics are `k`."""
         # A new MRF brings no singularity nearer: they are judged at the same point of the tool.
-        lever = k.T_world_wrist.R @ (self._p_wrist_tool - wish.T_wrist_mrf.p)
+        lever = wish.lever
         elsewhere = np.count_nonzero(lever) > 0
         if elsewhere:
             there = Pose(k.T_world_mrf.R, k.T_world_mrf.p + lever)

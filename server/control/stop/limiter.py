@@ -110,7 +110,7 @@ class Limiter:
         least, least_bad = np.inf, None
         for part, way in ATTEMPTS if judge is not None else ATTEMPTS[:3]:
             try:
-                candidate, stop = self._tried(motion, part * target, way)
+                candidate, stop = self._tried(motion, target if part == 1.0 else part * target, way)
             except TrajectoryError:
                 continue
             if _leaves(stop.low, stop.high, held.low, held.high, self._lower, self._upper):
