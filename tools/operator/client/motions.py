@@ -1,16 +1,17 @@
-"""Motions of an operator: paths, the master's clutch and scale, frames, the null space."""
+"""Motions of a task: stick, targets, postures, paths, master, frames, the null space."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ....protocols import topics as t
 from ....protocols.messages import messages as m
 from ....protocols.messages import requests
+from ....protocols.messages.telemetry import State, TaskState
 
 
 class Motions(ABC):
-    """The part of an operator that leads motions; how it sends is its heir's."""
+    """What leads the motions of one task; how it sends is its heirs'."""
 
     @abstractmethod
     def command(self, topic: t.Topic, **fields: Any) -> None:
@@ -19,6 +20,101 @@ class Motions(ABC):
     @abstractmethod
     def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
         """Send any request and return its reply."""
+
+    @abstractmethod
+    def stream(self, topic: t.Topic, **fields: Any) -> None:
+        """Keep sending a command at 100 Hz."""
+
+    @abstractmethod
+    def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
+        """Fall silent on a topic, for a task or mechanism; without a name, for all."""
+
+    @abstractmethod
+    def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
+        """Keep the session alive for a while, or until something holds; return whether it did."""
+
+    @abstractmethod
+    def need_lease(self) -> None:
+        """Raise `OperatorError` without the lease."""
+
+    @abstractmethod
+    def task_state(self) -> TaskState | None:
+        """Return the newest state of the task."""
+
+    @property
+    @abstractmethod
+    def cell_state(self) -> State | None:
+        """The newest state of the cell."""
+
+    @property
+    @abstractmethod
+    def sent(self) -> int:
+        """Number of the newest message that was sent."""
+
+    def joystick(
+        self,
+        twist: Sequence[float],
+        seconds: float = 0.0,
+        expressed_in: str = "crf",
+        relative_to: str = "crf",
+    ) -> None:
+        """Stream a stick twist (6,) [m/s, rad/s] for a while; with `seconds` 0, until told
+        otherwise (and only while `spin` is called).
+
+        Raises `OperatorError` without the lease, or when it is lost meanwhile, `ValueError` for
+        what is no twist.
+        """
+        self.stream(
+            t.JOYSTICK,
+            twist=tuple(twist),
+            expressed_in=m.Frame(expressed_in),
+            relative_to=m.Frame(relative_to),
+        )
+        if seconds > 0.0:
+            self.spin(seconds)
+            self.end_stream(t.JOYSTICK)
+            self.need_lease()
+
+    def move_to(
+        self, xyz: Sequence[float], rpy: Sequence[float], relative_to: str = "crf", **more: Any
+    ) -> None:
+        """Set a target pose of the MRF [m, rad]; returns at once."""
+        self.command(
+            t.POSITION, xyz=tuple(xyz), rpy=tuple(rpy), relative_to=m.Frame(relative_to), **more
+        )
+
+    def posture(self, posture: str | Sequence[float]) -> None:
+        """Move to a joint posture, by name or angles [rad]; returns at once.
+
+        It ends when it is reached, or when the stick is moved; until then stick and target wait.
+        """
+        if isinstance(posture, str):
+            self.command(t.POSTURE, posture=posture)
+        else:
+            self.command(t.POSTURE, q=tuple(posture))
+
+    def store_view(self, camera: str | None = None) -> None:
+        """Make what a camera sees now the view that the vision source keeps.
+
+        Without a name: of the camera whose view is kept. Raises `OperatorError` where it sees
+        nothing. The source moves nothing before it is switched on.
+        """
+        self.request(t.STORE_VIEW, camera=camera)
+
+    def cancel(self) -> None:
+        """Drop target, posture and desired wrench."""
+        self.command(t.CANCEL)
+
+    def wait_goal(self, timeout_s: float) -> bool:
+        """Wait until the goal that was set last is reached; return whether it was."""
+        seq = self.sent
+
+        def reached() -> bool:
+            cell, s = self.cell_state, self.task_state()
+            heard = cell is not None and max(cell.last_seq.values(), default=0) >= seq
+            return s is not None and heard and s.at_goal
+
+        return self.spin(timeout_s, reached)
 
     def follow(
         self,

@@ -4,21 +4,26 @@ with Operator("pa10") as operator:
     operator.acquire()
     operator.enable()
     operator.joystick([0.02, 0, 0, 0, 0, 0], seconds=2.0)
+
+Where the cell has several tasks, it leads the first; `operator.task(NAME)` leads another.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self
 
 from ....protocols import topics as t
-from ....protocols.messages import messages as m
 from ....protocols.messages import requests
-from ....protocols.messages.telemetry import State
+from ....protocols.messages.telemetry import State, TaskState
 from .connection import Connection, OperatorError
 from .motions import Motions
 from .protocol_client import NoLease, OnReply
 from .session import REPLY_TIMEOUT_S
+from .task import Task
+
+DESCRIBED_S = 2.0
+"""A daemon describes its cell at least this often [s]."""
 
 
 class Operator(Connection, Motions):
@@ -110,76 +115,51 @@ class Operator(Connection, Motions):
         """Send any request and return its reply. Raises `OperatorError` when refused."""
         return self._wait(lambda on_reply: self.client.request(topic, on_reply, **fields))
 
-    def joystick(
-        self,
-        twist: Sequence[float],
-        seconds: float = 0.0,
-        expressed_in: str = "crf",
-        relative_to: str = "crf",
-    ) -> None:
-        """Stream a stick twist (6,) [m/s, rad/s] for a while; with `seconds` 0, until told
-        otherwise (and only while `spin` is called).
+    def task(self, name: str) -> Task:
+        """Return what leads one task of the cell, by its name, through this session.
 
-        Raises `OperatorError` without the lease, or when it is lost meanwhile, `ValueError` for
-        what is no twist.
+        Raises `OperatorError` where the cell has no such task, or does not describe itself.
         """
-        self._need_lease()
-        self.client.stream(
-            t.JOYSTICK,
-            twist=tuple(twist),
-            expressed_in=m.Frame(expressed_in),
-            relative_to=m.Frame(relative_to),
-        )
-        if seconds > 0.0:
-            self.spin(seconds)
-            self.client.end_stream(t.JOYSTICK)
-            self._need_lease()
+        self.spin(DESCRIBED_S, lambda: self.description is not None)
+        if self.description is None:
+            raise OperatorError("no_answer", f"cell {self.cell} did not describe itself")
+        try:
+            return Task(self, self.description.of(name))
+        except ValueError as error:
+            raise OperatorError("unknown_task", str(error)) from None
 
-    def move_to(
-        self, xyz: Sequence[float], rpy: Sequence[float], relative_to: str = "crf", **more: Any
-    ) -> None:
-        """Set a target pose of the MRF [m, rad]; returns at once."""
-        self.command(
-            t.POSITION, xyz=tuple(xyz), rpy=tuple(rpy), relative_to=m.Frame(relative_to), **more
-        )
+    def stream(self, topic: t.Topic, **fields: Any) -> None:
+        """Keep sending a command at 100 Hz, inside `spin`, until the next call or `end_stream`.
 
-    def posture(self, posture: str | Sequence[float]) -> None:
-        """Move to a joint posture, by name or angles [rad]; returns at once.
-
-        It ends when it is reached, or when the stick is moved; until then stick and target wait.
+        Raises `OperatorError` without the lease, `ValueError` for fields that its message does not
+        take.
         """
-        if isinstance(posture, str):
-            self.command(t.POSTURE, posture=posture)
-        else:
-            self.command(t.POSTURE, q=tuple(posture))
+        self.need_lease()
+        self.client.stream(topic, **fields)
 
-    def store_view(self, camera: str | None = None) -> None:
-        """Make what a camera sees now the view that the vision source keeps.
+    def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
+        """Fall silent on a topic, for a task or mechanism; without a name, for all."""
+        self.client.end_stream(topic, named)
 
-        Without a name: of the camera whose view is kept. Raises `OperatorError` where it sees
-        nothing. The source moves nothing before it is switched on.
-        """
-        self.request(t.STORE_VIEW, camera=camera)
+    def task_state(self) -> TaskState | None:
+        """Return the newest state of the cell's first task."""
+        return self.state
 
-    def cancel(self) -> None:
-        """Drop target, posture and desired wrench."""
-        self.command(t.CANCEL)
+    @property
+    def cell_state(self) -> State | None:
+        """The newest state of the cell."""
+        return self.state
 
-    def wait_goal(self, timeout_s: float) -> bool:
-        """Wait until the goal that was set last is reached; return whether it was."""
-        seq = self.client.seq
-
-        def reached() -> bool:
-            s = self.state
-            return s is not None and s.at_goal and max(s.last_seq.values(), default=0) >= seq
-
-        return self.spin(timeout_s, reached)
+    @property
+    def sent(self) -> int:
+        """Number of the newest message that was sent."""
+        return self.client.seq
 
     def command(self, topic: t.Topic, **fields: Any) -> None:
         """Send any command. Raises `OperatorError` without the lease, `ValueError` for fields that
         its message does not take.
         """
-        self._need_lease()
+        self.need_lease()
         self.client.command(topic, **fields)
 
     def close(self) -> None:
@@ -191,7 +171,8 @@ class Operator(Connection, Motions):
                 self.client.secret = None  # it has run out already: there is nothing to release
         super().close()
 
-    def _need_lease(self) -> None:
+    def need_lease(self) -> None:
+        """Raise `OperatorError` without the lease."""
         if not self.holds_lease:
             raise OperatorError("no_lease", f"{self.client.name} does not hold the lease")
 

@@ -64,7 +64,8 @@ class ProtocolClient:
     """Number of the newest message that was sent."""
     _keepalive_due_s: float = 0.0
     _stream_due_s: float = 0.0
-    _streams: dict[t.Topic, Mapping[str, Any] | Fields] = field(default_factory=dict)
+    _streams: dict[tuple[t.Topic, str], Mapping[str, Any] | Fields] = field(default_factory=dict)
+    """By topic, and by the task or mechanism that it names, if any."""
     _seals: deque[bytes] = field(default_factory=lambda: deque(maxlen=SEALS))
     """Secrets that open this client's protective stops."""
 
@@ -94,26 +95,28 @@ class ProtocolClient:
             self.command(t.KEEPALIVE)
         if now_s >= self._stream_due_s:
             self._stream_due_s = now_s + STREAM_S - 1e-6
-            for topic, made in self._streams.items():
+            for (topic, _), made in self._streams.items():
                 fields = made(now_s) if callable(made) else made
                 if fields is not None:
                     self.command(topic, **fields)
 
     def stream(self, topic: t.Topic, **fields: Any) -> None:
-        """Keep sending a command at 100 Hz, these fields until the next call.
+        """Keep sending a command at 100 Hz, these fields until the next call for the same task.
 
         Raises `ValueError` for fields that its message does not take.
         """
         topic.message(**ANYBODY, **fields)  # now, and not in some later `run`
-        self._streams[topic] = fields
+        self._streams[topic, str(fields.get("task") or fields.get("mechanism") or "")] = fields
 
     def stream_made(self, topic: t.Topic, fields: Fields) -> None:
         """Keep sending a command at 100 Hz whose fields are made anew each time."""
-        self._streams[topic] = fields
+        self._streams[topic, ""] = fields
 
-    def end_stream(self, topic: t.Topic) -> None:
-        """Fall silent on a stream."""
-        self._streams.pop(topic, None)
+    def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
+        """Fall silent on a topic, for a task or mechanism; without a name, for all."""
+        for streamed, name in tuple(self._streams):
+            if streamed is topic and named in (None, name):
+                del self._streams[streamed, name]
 
     def command(self, topic: t.Topic, **fields: Any) -> None:
         """Send a command now. Raises `NoLease` without a lease."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from ....protocols import topics as t
 from ....protocols.messages import requests
-from ....protocols.messages.telemetry import Event
+from ....protocols.messages.telemetry import Event, TaskDescription
 from ..client.operator import Operator
 from ..client.protocol_client import NoLease, OnReply
 from .keyboard import HeldKeys
@@ -25,6 +25,9 @@ HELP = """\
  p  ready posture    P or 0  park   t  tare           g     force source on, off
  L  take the lease                  q  quit           ?     this help"""
 
+HANDS = " y  next arm"
+"""Where the cell has several."""
+
 SILENT_S = 0.3
 """Telemetry older than this is shown as missing [s]."""
 
@@ -37,6 +40,8 @@ class KeyboardTeleop:
 
     def __init__(self, operator: Operator, say: Callable[[str], None]) -> None:
         self.stick = Stick()
+        self.hand = 0
+        """Place of the task that the keys lead, among the cell's."""
         self.held = HeldKeys()
         self.quit = False
         self._operator, self._client, self._say = operator, operator.client, say
@@ -54,9 +59,10 @@ class KeyboardTeleop:
             "p": lambda: self._posture("ready"),
             "P": lambda: self._posture("park"),
             "0": lambda: self._posture("park"),
-            "t": lambda: self._request("tare", t.TARE),
+            "t": lambda: self._request("tare", t.TARE, **self._mechanism),
             "g": self._toggle_force,
             "L": self.acquire,
+            "y": self._change_hands,
             "+": lambda: self.stick.faster(1),
             "=": lambda: self.stick.faster(1),
             "-": lambda: self.stick.faster(-1),
@@ -84,7 +90,7 @@ class KeyboardTeleop:
 
     def help(self) -> None:
         """Say what the keys do."""
-        for line in HELP.splitlines():
+        for line in (*HELP.splitlines(), *([HANDS] if len(self._tasks) > 1 else [])):
             self._say(line)
 
     def acquire(self) -> None:
@@ -118,15 +124,43 @@ class KeyboardTeleop:
         if self.stick.joint is None:
             self._client.end_stream(t.JOG)
             frame, twist = self.stick.frame, self.stick.twist(held)
-            self._client.stream(t.JOYSTICK, twist=twist, expressed_in=frame)
+            self._client.stream(t.JOYSTICK, twist=twist, expressed_in=frame, **self._task)
         else:
             self._client.end_stream(t.JOYSTICK)
             rates = self.stick.rates(held, self._max_velocity(len(state.q)))
-            self._client.stream(t.JOG, rates=rates)
+            self._client.stream(t.JOG, rates=rates, **self._mechanism)
 
     def _max_velocity(self, joints: int) -> Sequence[float]:
+        tasks = self._tasks
+        return tasks[self.hand].max_velocity if tasks else [0.0] * joints
+
+    # --- which arm ---------------------------------------------------------------------------
+
+    @property
+    def _tasks(self) -> tuple[TaskDescription, ...]:
+        """The cell's tasks; none before it has described itself."""
         description = self._operator.description
-        return [0.0] * joints if description is None else description.max_velocity
+        return () if description is None else description.each
+
+    @property
+    def _task(self) -> dict[str, str]:
+        """What names the task that the keys lead, where the cell has several."""
+        return {"task": self._tasks[self.hand].task} if len(self._tasks) > 1 else {}
+
+    @property
+    def _mechanism(self) -> dict[str, str]:
+        return {"mechanism": self._tasks[self.hand].mechanism} if len(self._tasks) > 1 else {}
+
+    def _change_hands(self) -> None:
+        """Lead the next arm; the one that was led stands."""
+        if len(self._tasks) < 2:
+            self._say("the cell has one arm" if self._tasks else "no description yet")
+            return
+        for topic in (t.JOYSTICK, t.JOG):
+            self._client.end_stream(topic)
+        self.hand = (self.hand + 1) % len(self._tasks)
+        self.stick.joint, self._goal = None, False
+        self._say(f"the keys lead {self._tasks[self.hand].task}")
 
     def _move(self, key: str, now_s: float) -> None:
         state = self._operator.state
@@ -138,7 +172,7 @@ class KeyboardTeleop:
             if self._goal:
                 # A posture in force does not hear the stick.
                 self._goal = False
-                self._client.command(t.CANCEL)
+                self._client.command(t.CANCEL, **self._task)
         elif self.stick.joint is None:
             self._say("choose a joint first: 1 … 9")
             return
@@ -146,7 +180,7 @@ class KeyboardTeleop:
         self.held.press(key, now_s)
 
     def _choose_joint(self, joint: int) -> None:
-        names = self._operator.description.joints if self._operator.description else ()
+        names = self._tasks[self.hand].joints if self._tasks else ()
         if joint >= len(names):
             self._say(f"the arm has {len(names)} joints" if names else "no description yet")
             return
@@ -162,7 +196,7 @@ class KeyboardTeleop:
     def _posture(self, name: str) -> None:
         self.stick.joint = None
         self._client.end_stream(t.JOG)
-        self._client.command(t.POSTURE, posture=name)
+        self._client.command(t.POSTURE, posture=name, **self._mechanism)
         self._goal = True
         self._say(f"moving to {name}: any move key ends that")
 
@@ -185,8 +219,9 @@ class KeyboardTeleop:
 
     def _toggle_force(self) -> None:
         state = self._operator.state
-        on = state is None or not state.on.get("force", True)
-        self._request(f"force {'on' if on else 'off'}", t.SWITCH, source="force", on=on)
+        on = state is None or not state.of(self._task.get("task")).on.get("force", True)
+        words = f"force {'on' if on else 'off'}"
+        self._request(words, t.SWITCH, source="force", on=on, **self._task)
 
     def _request(self, what: str, topic: t.Topic, **fields: Any) -> None:
         self._client.request(topic, self._answered(what), **fields)
@@ -210,18 +245,20 @@ class KeyboardTeleop:
             return f"no telemetry of {operator.cell} yet from {operator.endpoint}", self._stick()
         if now_s - since > SILENT_S:
             return f"no telemetry for {now_s - since:.1f} s", self._stick()
-        x, y, z, roll, pitch, yaw = state.pose_mrf
+        led = state.of(self._task.get("task"))
+        x, y, z, roll, pitch, yaw = led.pose_mrf
         arm = [
             state.mode.upper(),
+            *self._task.values(),
             f"xyz {x:+.3f} {y:+.3f} {z:+.3f} m",
             f"rpy {roll:+.2f} {pitch:+.2f} {yaw:+.2f}",
         ]
-        if state.wrench_mrf is not None:
-            arm.append(f"|f| {math.hypot(*state.wrench_mrf[:3]):5.1f} N")
+        if led.wrench_mrf is not None:
+            arm.append(f"|f| {math.hypot(*led.wrench_mrf[:3]):5.1f} N")
         if state.protective_stop:
             arm.append("PROTECTIVE STOP")
-        if state.limits:
-            arm.append("limit " + " ".join(state.limits))
+        if led.limits:
+            arm.append("limit " + " ".join(led.limits))
         mine = " (you)" if operator.holds_lease else ""
         link = [f"lease {state.lease_holder or 'free'}{mine}"]
         trip = operator.round_trip

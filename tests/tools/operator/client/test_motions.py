@@ -1,11 +1,15 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.motion import MasterPose
+from telerobot.protocols.messages.telemetry import TaskDescription
 from telerobot.server.control.spatial import rotation_exp, rotation_rpy
 from telerobot.tools.operator.client.motions import Motions
+from telerobot.tools.operator.client.task import Task
 from telerobot.tools.scripts.generators.master import MasterHandle
 
 ENVELOPE = {"seen_tick": 1}
@@ -23,6 +27,27 @@ class Said(Motions):
     def request(self, topic, **fields):
         self.command(topic, **fields)
         return requests.Reply(ok=True)
+
+    stream = command
+
+    def end_stream(self, topic, named=None):
+        self.heard.append((topic, named))
+
+    def spin(self, seconds=0.0, until=None):
+        return until is None or until()
+
+    def need_lease(self):
+        pass
+
+    def task_state(self):
+        return self.cell_state
+
+    cell_state = SimpleNamespace(
+        at_goal=False,
+        last_seq={"cmd/position": 3},
+        of={"right": SimpleNamespace(at_goal=True)}.get,
+    )
+    sent = 3
 
 
 def test_every_word_is_a_sound_message_on_its_topic():
@@ -47,6 +72,24 @@ def test_every_word_is_a_sound_message_on_its_topic():
     assert [w.action for w in words[2:5]] == ["pause", "resume", "abort"]
     assert (words[5].engaged, words[5].translation) == (True, None)
     assert (words[6].engaged, words[6].translation, words[6].rotation) == (None, 0.1, None)
+
+
+def test_what_leads_one_task_names_it_or_its_mechanism():
+    said = Said()
+    described = TaskDescription.model_construct(task="right", mechanism="arm")
+    right = Task(said, described)
+    right.joystick([0.1, 0, 0, 0, 0, 0], seconds=1.0)
+    right.move_to([0, 0, 0.1], [0, 0, 0])
+    right.posture("park")
+    right.follow([[0.1] * 6])
+    right.clutch(True)
+    right.cancel()
+    (topic, stick), (ended, named), *others = said.heard
+    assert (topic, ended, stick.task, named) == (t.JOYSTICK, t.JOYSTICK, "right", "right")
+    assert [message.task for topic, message in others if topic is not t.POSTURE] == ["right"] * 4
+    assert others[1][1].mechanism == "arm"
+    assert right.wait_goal(1.0)
+    assert not said.wait_goal(1.0)
 
 
 @pytest.mark.parametrize("twist", [(0.1, 0.2, -0.1, 0, 0, 0), (0, 0, 0.1, 0.5, -0.3, 1.0)])
