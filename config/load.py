@@ -106,7 +106,7 @@ def shipped(kind: str) -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in (HERE / kind).glob(f"*{suffix}")))
 
 
-def load_cell(name_or_path: str | Path, several: bool = False) -> Cell:
+def load_cell(name_or_path: str | Path, several: bool = True) -> Cell:
     """Load a cell: the path of a TOML file, or the name of one that is shipped.
 
     The control computation and the physics take cells of `several` mechanisms; daemon, virtual

@@ -57,7 +57,8 @@ def encode(message: Message) -> bytes:
     Validates nothing, so that one built with `model_construct` from plain numbers and tuples
     costs no more than its packing. Raises `TypeError` for a value that MessagePack has no type for.
     """
-    packed: bytes = msgpack.packb({"v": VERSION, **message.__dict__})
+    fields = {"v": VERSION, **message.__dict__}
+    packed: bytes = msgpack.packb(fields, default=_fields_of)
     return packed
 
 
@@ -152,6 +153,13 @@ def _pairs(pairs: list[tuple[object, object]]) -> dict[object, object]:
     if len(fields) != len(pairs):
         raise CodecError(Reason.NOT_MESSAGEPACK, "a map's keys are strings, each there once")
     return fields
+
+
+def _fields_of(value: object) -> dict[str, Any]:
+    """Return the map of a message within a message."""
+    if isinstance(value, Message):
+        return value.__dict__
+    raise TypeError(f"can not serialize '{type(value).__name__}' object")
 
 
 def _no_extension(code: int, _data: bytes) -> object:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 
 from ...config.load import Cell
 from ...config.schema.mechanism import Drive
+from ...config.schema.on_bus import Entry
 
 STEPS = (1.0, 2.0, 4.0)
 """Encoder steps of tolerance on first, second and third differences [1]."""
@@ -46,6 +47,8 @@ class _Joint:
     """Bounds of one joint, and the setpoints that were in force at the last SYNCs."""
 
     name: str
+    mode: str
+    """Operation mode: csp, csv or cst."""
     scale: float
     zero: float
     lower: float
@@ -67,6 +70,11 @@ class _Joint:
     pending: float | None = None
     enabled: bool = False
     history: list[tuple[float, float]] = field(default_factory=list)
+
+    @property
+    def command(self) -> str:
+        """Layout of RPDO1: the controlword, and a setpoint."""
+        return "<Hh" if self.mode == "cst" else "<Hi"
 
     def stands(self, q: float) -> None:
         """Take in where the joint stands while its drive is off."""
@@ -98,32 +106,14 @@ class Observer:
     """Watches setpoints of every drive of a cell; told every frame on the bus, in order."""
 
     def __init__(self, cell: Cell) -> None:
-        limits = {j.name: j for j in cell.robot.joints}
         self._period = cell.config.timing.period_s
-        self._mode = cell.config.mechanism.operation_mode
-        self._length = 4 if self._mode == "cst" else 6
         buses = [bus.name for bus in cell.config.fieldbuses]
         self._on_bus: list[dict[int, _Joint]] = [{} for _ in buses]
         """Joints by node, of each bus."""
         for entry in cell.devices:
-            drive = entry.section
-            if not isinstance(drive, Drive):
-                continue
-            joint = limits[drive.joint]
-            self._on_bus[buses.index(entry.bus)][drive.node] = _Joint(
-                name=entry.name,
-                scale=drive.direction / drive.counts_per_radian,
-                zero=drive.zero_rad,
-                lower=joint.lower,
-                upper=joint.upper,
-                bounds=(drive.max_velocity, drive.max_acceleration, drive.max_jerk),
-                step=1.0 / drive.counts_per_radian,
-                torque_bounds=(drive.max_torque, drive.max_torque_rate or float("inf")),
-                torque_step=drive.direction * drive.rated_torque * 1e-3,
-                fastest=drive.max_velocity + cell.config.torque.speed_gain * drive.following_window,
-                low=joint.lower,
-                high=joint.upper,
-            )
+            if isinstance(entry.section, Drive):
+                made = _joint(entry, cell.parts[entry.part or 0])
+                self._on_bus[buses.index(entry.bus)][entry.section.node] = made
         self.violations: list[Violation] = []
         self.max_speed_ratio = 0.0
         self.max_acceleration_ratio = 0.0
@@ -136,10 +126,10 @@ class Observer:
             self.syncs += bus == 0
             for joint in joints.values():
                 self._at_sync(joint, time_s)
-        elif _RPDO1 < can_id <= _RPDO1 + 127 and len(data) == self._length:
+        elif _RPDO1 < can_id <= _RPDO1 + 127:
             watched = joints.get(can_id - _RPDO1)
-            if watched is not None:
-                controlword, raw = struct.unpack("<Hh" if self._length == 4 else "<Hi", data)
+            if watched is not None and len(data) == struct.calcsize(watched.command):
+                controlword, raw = struct.unpack(watched.command, data)
                 commanded = controlword & _COMMAND_MASK == _COMMAND
                 on = commanded and watched.enabled
                 watched.pending = self._setpoint(watched, raw) if on else None
@@ -150,14 +140,14 @@ class Observer:
                 watched.enabled = statusword & _ENABLED_MASK == _ENABLED
                 if not watched.enabled:
                     watched.stands(watched.zero + watched.scale * counts)
-                if self._mode != "csp":
+                if watched.mode != "csp":
                     self._moved(time_s, watched, watched.zero + watched.scale * counts)
 
     def _setpoint(self, joint: _Joint, raw: int) -> float:
         """Return a raw setpoint in the joint's unit: rad, rad/s or N·m."""
-        if self._mode == "cst":
+        if joint.mode == "cst":
             return joint.torque_step * raw
-        return joint.scale * raw + (joint.zero if self._mode == "csp" else 0.0)
+        return joint.scale * raw + (joint.zero if joint.mode == "csp" else 0.0)
 
     def _moved(self, time_s: float, joint: _Joint, q: float) -> None:
         """Judge where an enabled joint has come to."""
@@ -181,9 +171,9 @@ class Observer:
         if joint.pending is None:
             joint.history.clear()
             return
-        if self._mode == "cst":
+        if joint.mode == "cst":
             self._judge_torque(joint, time_s, joint.pending)
-        elif self._mode == "csv":
+        elif joint.mode == "csv":
             if abs(joint.pending) > joint.fastest * (1 + TRACKING) + joint.step:
                 self._found(time_s, joint, "velocity", joint.pending, joint.fastest)
         else:
@@ -227,3 +217,26 @@ def _difference(values: list[float], order: int) -> float:
         values = [b - a for a, b in itertools.pairwise(values)]
         order -= 1
     return values[-1]
+
+
+def _joint(entry: Entry, part: Cell) -> _Joint:
+    """Return the bounds of a drive's joint, by the cell of its mechanism."""
+    drive = entry.section
+    if not isinstance(drive, Drive):
+        raise TypeError(f"{entry.name} is no drive")
+    joint = next(j for j in part.robot.joints if j.name == drive.joint)
+    return _Joint(
+        name=entry.name,
+        mode=part.config.mechanism.operation_mode,
+        scale=drive.direction / drive.counts_per_radian,
+        zero=drive.zero_rad,
+        lower=joint.lower,
+        upper=joint.upper,
+        bounds=(drive.max_velocity, drive.max_acceleration, drive.max_jerk),
+        step=1.0 / drive.counts_per_radian,
+        torque_bounds=(drive.max_torque, drive.max_torque_rate or float("inf")),
+        torque_step=drive.direction * drive.rated_torque * 1e-3,
+        fastest=drive.max_velocity + part.config.torque.speed_gain * drive.following_window,
+        low=joint.lower,
+        high=joint.upper,
+    )

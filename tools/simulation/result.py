@@ -42,6 +42,11 @@ def least_clearance(truths: Sequence[RigTruth]) -> float | None:
     return min((t.clearance_m for t in truths if t.clearance_m is not None), default=None)
 
 
+def least_between_arms(truths: Sequence[RigTruth]) -> float | None:
+    """Return the least distance between arms [m], at most 1; None for one arm alone."""
+    return min((t.between_arms_m for t in truths if t.between_arms_m is not None), default=None)
+
+
 def least_sight(truths: Sequence[RigTruth]) -> float | None:
     """Return the least distance between a link and a line of sight [m]; None without any."""
     return min((d for t in truths for of in t.sight.values() for d in of.values()), default=None)

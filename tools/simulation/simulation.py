@@ -29,7 +29,15 @@ from ..scripts.player import Phase, Player
 from ..scripts.script import Script, load_script
 from .frame_sensors import SimulatedFrameSensors
 from .observer import Observer
-from .result import Result, contact_force, event_rows, least_clearance, least_sight, tick_times
+from .result import (
+    Result,
+    contact_force,
+    event_rows,
+    least_between_arms,
+    least_clearance,
+    least_sight,
+    tick_times,
+)
 from .seeded_keys import seeded_keys
 from .tool_judge import ToolJudge
 from .view_judge import ViewJudge
@@ -231,6 +239,7 @@ class Simulation:
             "violations": [v.__dict__ for v in self.observer.violations[:20]],
             "limited_ticks": sum(bool(s.limits) for s in self.states),
             "min_clearance_m": least_clearance(self.truths),
+            "min_between_arms_m": least_between_arms(self.truths),
             "min_sight_m": least_sight(self.truths),
             "max_speed_ratio": self.observer.max_speed_ratio,
             "max_acceleration_ratio": self.observer.max_acceleration_ratio,
