@@ -106,21 +106,16 @@ def shipped(kind: str) -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in (HERE / kind).glob(f"*{suffix}")))
 
 
-def load_cell(name_or_path: str | Path, several: bool = True) -> Cell:
+def load_cell(name_or_path: str | Path) -> Cell:
     """Load a cell: the path of a TOML file, or the name of one that is shipped.
 
-    The control computation and the physics take cells of `several` mechanisms; daemon, virtual
-    hardware and tools take those of one, so far. Raises `ConfigError`.
+    Raises `ConfigError`.
     """
     path = _find("cells", name_or_path, Path(), "")
     document = _whole(path)
     if "mechanisms" not in document:
         return _agreed(_part(path, Part(document, "mechanism")))
     parts = [_part(path, part) for part in parts_of(path, document, _whole_cell)]
-    if len(parts) > 1 and not several:
-        raise ConfigError(
-            f"{path}: mechanisms: {len(parts)} tables: a daemon drives one mechanism so far"
-        )
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
     joint = [

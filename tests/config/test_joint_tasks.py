@@ -40,7 +40,7 @@ def cell(tmp_path):
     def load(text):
         path = tmp_path / "cell.toml"
         path.write_text(text)
-        return load_cell(path, several=True)
+        return load_cell(path)
 
     return load
 

@@ -31,7 +31,7 @@ def cell(tmp_path):
     def load(text):
         path = tmp_path / "cell.toml"
         path.write_text(text)
-        return load_cell(path, several=True)
+        return load_cell(path)
 
     return load
 
@@ -207,13 +207,6 @@ def test_what_is_cell_wide_or_a_tasks_own_is_refused_by_the_files_key(cell, text
         cell(text)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_what_drives_one_mechanism_refuses_a_cell_of_two(tmp_path):
-    path = tmp_path / "cell.toml"
-    path.write_text(PAIR)
-    with pytest.raises(ConfigError, match="2 tables: a daemon drives one mechanism so far"):
-        load_cell(path)
 
 
 def test_one_mechanism_may_stand_in_a_list_too(cell, tmp_path):

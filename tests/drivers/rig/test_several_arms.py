@@ -100,7 +100,7 @@ class Run:
 def run(tmp_path):
     path = tmp_path / "two.toml"
     path.write_text(PAIR)
-    made = Run(load_cell(path, several=True))
+    made = Run(load_cell(path))
     yield made
     made.buses.close()
 
@@ -202,10 +202,10 @@ def test_contact_is_told_of_the_arm_that_touches(tmp_path):
     path = tmp_path / "two.toml"
     box = '[[rig.boxes]]\nname = "table"\nxyz = [0.0, 1.0, -10.0]\nhalf_size = [0.2, 0.2, 0.05]\n'
     path.write_text(PAIR + box)
-    run = Run(load_cell(path, several=True))
+    run = Run(load_cell(path))
     x, y, z, *_ = run.rig.truth().arms["right"].pose_mrf
     path.write_text(PAIR + box.replace("0.0, 1.0, -10.0", f"{x}, {y}, {z - 0.055}"))
-    run = Run(load_cell(path, several=True))
+    run = Run(load_cell(path))
     run.rig.advance(0.01)
     truth = run.rig.truth()
     assert np.linalg.norm(truth.arms["right"].contact_force) > 1.0

@@ -44,7 +44,7 @@ def pair(tmp_path):
     def load(left, right):
         path = tmp_path / "pair.toml"
         path.write_text(PAIR.replace("LEFT", str(left)).replace("RIGHT", str(right)))
-        return load_cell(path, several=True)
+        return load_cell(path)
 
     return load
 

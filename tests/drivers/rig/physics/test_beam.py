@@ -13,7 +13,7 @@ STIFFNESS, WEIGHT = 50_000.0, 5.0 * 9.81
 
 @pytest.fixture(scope="module")
 def cell():
-    return load_cell(PAIR, several=True)
+    return load_cell(PAIR)
 
 
 def settled(cell, seconds=0.4, change=None):

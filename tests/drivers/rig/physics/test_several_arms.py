@@ -32,7 +32,7 @@ LEFT, RIGHT = slice(0, 7), slice(7, 14)
 def pair(tmp_path):
     path = tmp_path / "pair.toml"
     path.write_text(PAIR)
-    return load_cell(path, several=True)
+    return load_cell(path)
 
 
 def fall(world, seconds):
