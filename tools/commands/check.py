@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return 0, or 1 if one is an error. Raises `ConfigError`."""
-    cell = load_cell(args.cell, several=True)
+    cell = load_cell(args.cell)
     findings = judge(cell)
     bad = failed(findings)
     if args.json:

@@ -41,7 +41,7 @@ capsules = [
 def two(tmp_path):
     path = tmp_path / "two.toml"
     path.write_text(PAIR)
-    return load_cell(path, several=True)
+    return load_cell(path)
 
 
 def test_a_capsule_is_on_the_arm_that_its_link_names(two):

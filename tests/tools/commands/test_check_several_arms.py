@@ -37,12 +37,12 @@ def path(tmp_path):
 
 
 def findings(path):
-    return {f.check: f for f in judge(load_cell(path, several=True))}
+    return {f.check: f for f in judge(load_cell(path))}
 
 
 def test_each_arm_is_judged_as_it_would_be_alone(path, capsys):
     found = findings(path)
-    for part in load_cell(path, several=True).parts:
+    for part in load_cell(path).parts:
         alone = {f.check: f.text for f in judge(part)}
         own = {check: text for check, text in alone.items() if check.startswith(part.prefix)}
         assert len(own) > 20
@@ -65,7 +65,7 @@ def test_the_load_of_a_bus_is_that_of_all_devices_on_it(path):
         )
     )
     with pytest.raises(Exception, match=r"mechanisms\[1\]\.drives\[0\]\.node: value \d+: already"):
-        load_cell(path, several=True)
+        load_cell(path)
     nodes = "".join(
         f'[[mechanisms.drives]]\njoint = "{d.joint}"\nnode = {d.node + 20}\n'
         + "\n".join(
