@@ -129,11 +129,15 @@ class Arm:
             i = joint.parent
         return J
 
-    def clearance(self, q: Array) -> tuple[float, float]:
-        """Return the least distance to fixed things and between links [m], inf for none."""
+    def balls(self, q: Array) -> tuple[Array, Array]:
+        """Return the centres (m, 3) in World and the radii (m,) of the arm's balls [m]."""
         T = self.frames(q)[self.shape.link]
         p = np.einsum("mij,mj->mi", T[:, :3, :3], self.shape.centre) + T[:, :3, 3]
-        radius = self.shape.radius
+        return p, self.shape.radius
+
+    def clearance(self, q: Array) -> tuple[float, float]:
+        """Return the least distance to fixed things and between links [m], inf for none."""
+        p, radius = self.balls(q)
         depth = np.array([j.depth for j in self.joints])[self.shape.link]
         things = math.inf
         moving = depth > 0
