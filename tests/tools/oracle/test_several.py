@@ -35,7 +35,7 @@ T_world_base = { xyz = [0.1, -0.40, 0.0], rpy = [0.0, 0.0, 0.5] }
 def pair(tmp_path):
     path = tmp_path / "pair.toml"
     path.write_text(PAIR)
-    return load_cell(path, several=True)
+    return load_cell(path)
 
 
 def test_arms_are_as_far_apart_as_the_physics_has_them(pair):

@@ -39,9 +39,9 @@ def cell_of(seed: int) -> str:
     return cells[seed % len(cells)]
 
 
-def play(seed: int) -> Outcome:
-    """Run one job in one of the shipped cells."""
-    cell = load_cell(cell_of(seed))
+def play(seed: int, name: str | None = None) -> Outcome:
+    """Run one job in the shipped cell of that name, or in that of the seed."""
+    cell = load_cell(cell_of(seed) if name is None else name)
     wild = seed % 3 == 2
     outcome = Outcome(f"network, {cell.config.name}, {'holder' if wild else 'stranger'}", seed)
     attacker = Attacker(cell, seed, outcome, wild=wild)
