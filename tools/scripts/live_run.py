@@ -85,7 +85,10 @@ class LiveRun:
         silent_s = now_s - (self._operator.state_since_s or start_s)
         if silent_s > SILENCE_S:
             return f"no telemetry for {silent_s:.1f} s"
-        if self.player.phase is not Phase.PLAYING and now_s - start_s > ENABLE_WITHIN_S:
+        if (
+            self.player.phase not in (Phase.PLAYING, Phase.OVER)
+            and now_s - start_s > ENABLE_WITHIN_S
+        ):
             state = self._operator.state
             return f"the arm was not enabled; mode is {state.mode if state else 'unknown'}"
         return ""
