@@ -1,5 +1,6 @@
 """The campaign's table of parts, in the order in which they are run."""
 
+from .arms import ARMS
 from .contact.peg_runs import PEG
 from .contact.reflection import REFLECTION
 from .contact.touch import TOUCH
@@ -27,4 +28,5 @@ PARTS: dict[str, Part] = {
     "fuzz": FUZZ,
     "crossings": CROSSINGS,
     "wild": WILD,
+    "arms": ARMS,
 }

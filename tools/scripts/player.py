@@ -160,8 +160,9 @@ class Player:
     def _run(self, step: Step, client: ProtocolClient) -> None:
         if step.message is not None:
             self._send(step.message, client, self._noted(step.at_s, step.message.topic))
-        for key in step.silence:
-            client.end_stream(SPOKEN[key])
+        for stream in step.silence:
+            key, _, named = stream.partition(":")
+            client.end_stream(SPOKEN[key], named or None)
         if step.link is not None:
             self.operators.connect(client.name, step.link)
         if step.master is not None:

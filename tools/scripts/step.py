@@ -34,7 +34,7 @@ STREAMS = frozenset(
 
 
 def _stream(key: str) -> str:
-    if key not in STREAMS:
+    if key.partition(":")[0] not in STREAMS:
         raise ValueError(f"one of {', '.join(sorted(STREAMS))} is expected")
     return key
 
@@ -51,7 +51,7 @@ class Step(Part):
     """Length of a stream [s]; absent, until the next step of its topic."""
     message: InstanceOf[TopicMessage] | None = None
     silence: tuple[StreamKey, ...] = ()
-    """Streams that fall silent."""
+    """Streams that fall silent: all of a topic, or as `cmd/joystick:NAME` that of one task."""
     link: LinkConditions | None = None
     master: MovingMaster | None = None
     device: Device | None = None
@@ -96,9 +96,12 @@ class Step(Part):
 
     @property
     def streams(self) -> frozenset[str]:
-        """Keys of the streams that begin, change or end here."""
+        """Streams that begin, change or end here, as `silence` has them."""
         if self.master is not None:
             return frozenset({t.MASTER_POSE.key})
         if self.message is not None and self.message.topic.key in STREAMS:
-            return frozenset({self.message.topic.key})
+            fields = self.message.fields
+            named = fields.get("task") or fields.get("mechanism")
+            key = self.message.topic.key
+            return frozenset({f"{key}:{named}" if named else key})
         return frozenset(self.silence)

@@ -5,7 +5,7 @@ from pydantic import ValidationError
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import shipped
 from telerobot.protocols import topics as t
-from telerobot.tools.scripts.script import load_script
+from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.scripts.step import Step
 
 
@@ -136,3 +136,24 @@ def test_every_topic_that_takes_commands_or_news_is_a_step(topic):
     """A new command needs its message and its row: here its message refuses by itself."""
     with pytest.raises(ValidationError, match=f"{topic.key}: .*(missing|nonsense is not a field)"):
         Step.model_validate({"at_s": 0, topic.key: {"nonsense": 1}})
+
+
+def test_streams_of_two_tasks_end_each_in_its_own_time():
+    stick = {"twist": [0.1, 0, 0, 0, 0, 0]}
+    script = Script.model_validate(
+        {
+            "duration_s": 6.0,
+            "step": [
+                {"at_s": 0.0, "for_s": 2.0, "cmd/joystick": {"task": "left", **stick}},
+                {"at_s": 0.0, "for_s": 5.0, "cmd/joystick": {"task": "right", **stick}},
+                {"at_s": 1.0, "cmd/jog": {"mechanism": "left", "rates": [0.1]}},
+                {"at_s": 4.0, "silence": ["cmd/jog:left"]},
+            ],
+        }
+    )
+    ends = [(step.at_s, step.silence) for step in script.steps if step.silence]
+    assert ends == [
+        (2.0, ("cmd/joystick:left",)),
+        (4.0, ("cmd/jog:left",)),
+        (5.0, ("cmd/joystick:right",)),
+    ]

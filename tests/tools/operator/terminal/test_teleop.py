@@ -1,8 +1,10 @@
 """What the teleop says of what happened."""
 
+from types import SimpleNamespace
+
 import pytest
-from telerobot.protocols.messages.telemetry import Event
-from telerobot.tools.operator.terminal.teleop import event_line
+from telerobot.protocols.messages.telemetry import Description, Event, TaskDescription
+from telerobot.tools.operator.terminal.teleop import KeyboardTeleop, event_line
 
 
 @pytest.mark.parametrize(
@@ -24,3 +26,76 @@ def test_an_event_is_a_line_that_says_nothing_twice(detail, values, line):
         values=values,
     )
     assert event_line(event).strip() == line
+
+
+class Client:
+    """A client that holds the lease, and keeps what it is told."""
+
+    name = "ann"
+
+    def __init__(self):
+        self.streams, self.said = {}, []
+
+    def stream(self, topic, **fields):
+        self.streams[topic.key] = fields
+
+    def end_stream(self, topic):
+        self.streams.pop(topic.key, None)
+
+    def command(self, topic, **fields):
+        self.said.append((topic.key, fields))
+
+    def request(self, topic, on_reply, **fields):
+        self.said.append((topic.key, fields))
+
+
+def described(*names):
+    tasks = [
+        TaskDescription.model_construct(
+            task=name, mechanism=f"arm_{name}", joints=("j1", "j2"), max_velocity=(1.0, 2.0)
+        )
+        for name in names
+    ]
+    return Description.model_construct(**tasks[0].__dict__, tasks=tuple(tasks[1:]))
+
+
+def keys(*names):
+    """Return a keyboard's teleop over a cell with those tasks, its client, and what it says."""
+    client, lines = Client(), []
+    operator = SimpleNamespace(
+        client=client,
+        state=SimpleNamespace(mode="enabled", q=(0.0,) * 4),
+        holds_lease=True,
+        description=described(*names),
+    )
+    return KeyboardTeleop(operator, lines.append), client, lines
+
+
+def test_a_key_changes_hands_and_the_arm_that_was_led_stands():
+    teleop, client, lines = keys("left", "right")
+    teleop.press("w", 0.0)
+    teleop.run(0.0)
+    assert client.streams["cmd/joystick"]["task"] == "left"
+    teleop.press("y", 0.1)
+    assert client.streams == {}
+    assert lines[-1] == "the keys lead right"
+    teleop.press("w", 0.2)
+    teleop.run(0.2)
+    assert client.streams["cmd/joystick"]["task"] == "right"
+    for key in ("2", "up"):
+        teleop.press(key, 0.3)
+    teleop.run(0.3)
+    assert client.streams["cmd/jog"]["mechanism"] == "arm_right"
+    teleop.press("p", 0.4)
+    assert client.said[-1] == ("cmd/posture", {"posture": "ready", "mechanism": "arm_right"})
+    teleop.press("y", 0.5)
+    assert lines[-1] == "the keys lead left"
+
+
+def test_with_one_arm_nothing_names_it():
+    teleop, client, lines = keys("arm")
+    teleop.press("y", 0.0)
+    assert lines == ["the cell has one arm"]
+    teleop.press("w", 0.0)
+    teleop.run(0.0)
+    assert set(client.streams["cmd/joystick"]) == {"twist", "expressed_in"}
