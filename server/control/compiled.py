@@ -59,8 +59,14 @@ TABLE: Final = types.Array(types.float64, 2, "C")
 """Likewise a new matrix, or one that another kernel of the file made."""
 STACK: Final = types.Array(types.float64, 3, "C")
 """Likewise a new array of three dimensions."""
+BLOCK: Final = types.Array(types.float64, 4, "C")
+"""Likewise one of four."""
+COUNTS: Final = types.Array(types.int64, 1, "C")
+"""A new array of indices that a kernel fills in."""
 FLAGS: Final = _array(types.boolean, 1)
 FLAGS2: Final = _array(types.boolean, 2)
+MARKS: Final = types.Array(types.boolean, 1, "C")
+"""A new array of flags that a kernel fills in."""
 
 
 def _made(arguments: tuple[Any, ...], function: Callable[..., Any], cache: bool) -> Any:

@@ -41,11 +41,9 @@ class Pose(NamedTuple):
         R = self.R
         pitch = math.asin(min(1.0, max(-1.0, -float(R[2, 0]))))
         if abs(R[2, 0]) < 1.0 - 1e-12:
-            roll = math.atan2(R[2, 1], R[2, 2])
-            yaw = math.atan2(R[1, 0], R[0, 0])
+            roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
         else:
-            roll = 0.0
-            yaw = math.atan2(-R[0, 1], R[1, 1])
+            roll, yaw = 0.0, math.atan2(-R[0, 1], R[1, 1])
         x, y, z = self.p.tolist()
         return (x, y, z, roll, pitch, yaw)
 
@@ -180,7 +178,6 @@ def turned(R_target: Array, r: Array, rates: Array) -> tuple[Array, Array]:
 
 @compiled(MATRIX, VECTOR, VECTOR, TABLE, ROW)
 def _turn(R_target: Array, r: Array, rates: Array, R: Array, twist: Array) -> None:
-    """Write the attitude to R (3, 3) and the twist (6,) there; both are zeros before."""
     Jr, turn = right_jacobian(r), rotation_exp(r)
     for i in range(3):
         twist[i] = rates[i]

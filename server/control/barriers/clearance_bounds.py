@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import COUNT, COUNTS, INDEX, MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 from ..scene import Index
 from ..spatial import Array
 
@@ -14,7 +14,6 @@ ROUNDEST: Final = 0.02
 """Paths of links around things are no more curved than a circle with this radius [m]."""
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, NUMBER)
 def held(
     tube: Array, gap: Array, promise: Array, speed: Array, between: float
 ) -> tuple[Array, Array, Index]:
@@ -22,17 +21,26 @@ def held(
 
     A gap is held if it is below its minimum, or may be soon since an obstacle moves.
     """
-    needed, floor = np.empty(len(gap)), np.full(len(gap), np.inf)
-    which, count = np.empty(len(gap), dtype=np.int64), 0
+    needed, floor = np.empty(len(gap)), np.empty(len(gap))
+    which = np.empty(len(gap), dtype=np.int64)
+    count = _hold(tube, gap, promise, speed, between, needed, floor, which)
+    return needed, floor, which[:count]
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, ROW, ROW, COUNTS)
+def _hold(
+    tube: Array, gap: Array, promise: Array, speed: Array, between: float,
+    needed: Array, floor: Array, which: Index,
+) -> int:  # fmt: skip
+    count = 0
     for i in range(len(gap)):
-        needed[i] = promise[i] + tube[i] + between
+        needed[i], floor[i] = promise[i] + tube[i] + between, np.inf
         if gap[i] < needed[i] + speed[i] * HORIZON_S:
             which[count] = i
             count += 1
-    return needed, floor, which[:count].copy()
+    return count
 
 
-@compiled(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER)
 def kept(
     rows: Array, error: Array, gap: Array, promise: Array, speed: Array, nearer: Array,
     margin: float, between: float,
@@ -42,19 +50,33 @@ def kept(
     `error` (n,) [rad] is what joints are behind; `nearer` (1, k) [m], or (0, 0), how much nearer
     pairs may be before the arm is where the command is now.
     """
+    k = len(gap)
+    tube, room, needed, floor = np.zeros(k), np.empty(k), np.empty(k), np.empty(k)
+    which = np.empty(k, dtype=np.int64)
+    count = _keep(
+        rows, error, gap, promise, speed, nearer, margin, between, tube, room, needed, floor, which
+    )
+    return tube, room, needed, floor, which[:count]
+
+
+@compiled(
+    MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER, ROW, ROW, ROW, ROW, COUNTS
+)
+def _keep(
+    rows: Array, error: Array, gap: Array, promise: Array, speed: Array, nearer: Array,
+    margin: float, between: float,
+    tube: Array, room: Array, needed: Array, floor: Array, which: Index,
+) -> int:  # fmt: skip
     k, n = rows.shape
-    tube, room = np.zeros(k), np.empty(k)
     for i in range(k):
         for j in range(n):
             tube[i] += abs(rows[i, j]) * abs(error[j])
         room[i] = gap[i] - promise[i] - margin - tube[i]
         if len(nearer):
             room[i] -= nearer[0, i]
-    needed, floor, which = held(tube, gap, promise, speed, between)
-    return tube, room, needed, floor, which
+    return _hold(tube, gap, promise, speed, between, needed, floor, which)
 
 
-@compiled(COUNT, INDEX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX)
 def wanted(
     count: int, pairs: Index, closer: Array, needed: Array, promise: Array, radii: Array,
     floor: Array, nearer: Array,
@@ -66,6 +88,15 @@ def wanted(
     at most the floor.
     """
     found = np.empty((count + 1, len(pairs)))
+    _want(count, pairs, closer, needed, promise, radii, floor, nearer, found)
+    return found
+
+
+@compiled(COUNT, INDEX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, TABLE)
+def _want(
+    count: int, pairs: Index, closer: Array, needed: Array, promise: Array, radii: Array,
+    floor: Array, nearer: Array, found: Array,
+) -> None:  # fmt: skip
     for i in range(len(pairs)):
         k, chord = pairs[i], closer[i] / count
         round_off = chord * chord / (8.0 * max(radii[k] + promise[k], ROUNDEST))
@@ -74,4 +105,3 @@ def wanted(
             if len(nearer):
                 bound += nearer[s, k]
             found[s, i] = min(bound, floor[k]) + radii[k]
-    return found

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import FLAGS, INDEX, MATRIX, VECTOR, compiled
+from ..compiled import FLAGS, INDEX, MATRIX, ROW, VECTOR, compiled
 from ..proximity.capsules import Capsules, Placed
 from ..scene import Flags, Index, Scene
 from ..spatial import Array, Pose
@@ -89,9 +89,12 @@ class Guard:
     def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
         """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
         clearance = self.clearance
-        each = [_asked(t.J, asked[t.joints], at.dq[t.joints]) for t in at.tools]
-        speeds, rates, ways = zip(*each, strict=True)
-        fastest = ways[0] if len(ways) == 1 else np.concatenate(ways)
+        fastest, speeds, rates = np.empty(len(asked)), [], []
+        for tool in at.tools:
+            part = tool.joints
+            speed, rate = _ask(tool.J, asked[part], at.dq[part], fastest[part])
+            speeds.append(speed)
+            rates.append(rate)
         sight = clearance.look(
             at.q, fastest, at.error, at.scene, at.factor, levels, at.base, at.placed
         )
@@ -103,7 +106,7 @@ class Guard:
             walled = walls.around(_whole(tool, len(at.q)), tool.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, at.factor, widen))
             gaps, room, closing = gaps[:0], room[:0], closing[:0]
-        return Watch(at, sight, Rows.of_all(rows), speeds)
+        return Watch(at, sight, Rows.of_all(rows), tuple(speeds))
 
     def tool_shares(self, watch: Watch) -> list[float]:
         """Return what share (0 to 1) of each tool's motion is slow enough beside things."""
@@ -158,13 +161,13 @@ def _whole(tool: Tool, n: int) -> Array:
     return J
 
 
-@compiled(MATRIX, VECTOR, VECTOR)
-def _asked(J: Array, asked: Array, dq: Array) -> tuple[float, float, Array]:
+@compiled(MATRIX, VECTOR, VECTOR, ROW)
+def _ask(J: Array, asked: Array, dq: Array, fastest: Array) -> tuple[float, float]:
     """Return the tool's speed [m/s] at rates `asked` (n,), and its greatest rate along any axis.
 
-    J (6, n) is its Jacobian. And each joint's speed (n,), at those rates or at `dq` (n,).
+    J (6, n) is its Jacobian. Each joint's speed (n,), at those rates or at `dq` (n,), is written.
     """
-    speed2, greatest, fastest = 0.0, 0.0, np.empty(len(dq))
+    speed2, greatest = 0.0, 0.0
     for j in range(len(dq)):
         fastest[j] = max(abs(asked[j]), abs(dq[j]))
     for i in range(6):
@@ -174,7 +177,7 @@ def _asked(J: Array, asked: Array, dq: Array) -> tuple[float, float, Array]:
         greatest = max(greatest, abs(rate))
         if i < 3:
             speed2 += rate * rate
-    return math.sqrt(speed2), greatest, fastest
+    return math.sqrt(speed2), greatest
 
 
 @compiled(VECTOR, INDEX, INDEX, FLAGS)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import FLAG, MARKS, MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 from ..scene import Flags
 from ..spatial import Array
 
@@ -45,8 +45,8 @@ class Rows(NamedTuple):
 
     def broken(self, dq: Array) -> tuple[Flags, bool]:
         """Return which of them (m,) the rates dq (n,) [rad/s] break, and whether any."""
-        which, count = _broken(self.A, self.low, dq)
-        return which, count > 0
+        which = np.empty(len(self.low), dtype=bool)
+        return which, _break(self.A, self.low, dq, which) > 0
 
 
 class Walled(NamedTuple):
@@ -83,24 +83,26 @@ class Braking:
         gently; else it just does not close.
         """
         acceleration, lag = self.acceleration, self.lag(factor)
-        return Rows(*_rows(slopes, room, closing, *tool, acceleration, factor, lag, widen))
+        count, n = len(slopes) + 2 * len(tool.low), len(acceleration)
+        found = Rows(np.empty((count, n)), np.empty(count))
+        _damp(slopes, room, closing, *tool, acceleration, factor, lag, widen, *found)
+        return found
 
 
 @compiled(
-    MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER, FLAG
-)  # fmt: skip
-def _rows(
+    MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER, FLAG, TABLE, ROW
+)
+def _damp(
     gaps: Array, room: Array, closing: Array, J: Array, p: Array, low: Array, high: Array,
-    acceleration: Array, factor: float, lag: float, widen: bool,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Return slopes (k + w, n) of gaps and walls, and the rates (k + w,) [m/s] they keep above.
+    acceleration: Array, factor: float, lag: float, widen: bool, slopes: Array, least: Array,
+) -> None:  # fmt: skip
+    """Write slopes (k + w, n) of gaps and walls, and the rates (k + w,) [m/s] they keep above.
 
     The law of this page. Of all motions with one approach speed, the one with the least joint rates
     has the deceleration that is counted on; `factor` times `acceleration` (n,) is the joints'.
     """
     k, n = gaps.shape
     m = k + 2 * len(low)
-    slopes, least = np.empty((m, n)), np.empty(m)
     for i in range(m):
         if i < k:
             slopes[i], left, comes = gaps[i], room[i], closing[i]
@@ -120,17 +122,16 @@ def _rows(
         least[i] = b - math.sqrt(b * b + 2.0 * a * max(left, 0.0))
         if widen:
             least[i] += min(RETURN_RATE * max(-left, 0.0), RETURN_SPEED)
-    return slopes, least
 
 
-@compiled(MATRIX, VECTOR, VECTOR)
-def _broken(A: Array, low: Array, dq: Array) -> tuple[Flags, int]:
-    """Return which barriers (m,) the rates dq (n,) break, and how many."""
-    broken, count = np.empty(len(low), dtype=np.bool_), 0
+@compiled(MATRIX, VECTOR, VECTOR, MARKS)
+def _break(A: Array, low: Array, dq: Array, broken: Flags) -> int:
+    """Write which barriers (m,) the rates dq (n,) break, and return how many."""
+    count = 0
     for i in range(len(low)):
         rate = 0.0
         for j in range(len(dq)):
             rate += A[i, j] * dq[j]
         broken[i] = rate < low[i]
         count += broken[i]
-    return broken, count
+    return count

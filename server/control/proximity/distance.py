@@ -12,7 +12,7 @@ import numpy as np
 from ..compiled import ARRAY3, ARRAY4, ATTITUDE, COUNT, INDEX, MATRIX, NUMBER, XYZ, compiled
 from ..scene import Index
 from ..spatial import Array
-from .records import OBSTACLES, PAIRS, Obstacles, Pairs
+from .records import MEASURED, OBSTACLES, PAIRS, Near, Obstacles, Pairs
 
 Point = tuple[float, float, float]
 Attitude = tuple[Point, Point, Point]
@@ -266,19 +266,22 @@ def _pair(
     return distance, normal, _further(a, u, part)
 
 
-@compiled(ARRAY4, PAIRS, OBSTACLES)
 def measured(ends: Array, pairs: Pairs, obstacles: Obstacles) -> tuple[Array, Array, Array]:
     """Return distances (k,), normals and places (k, 3), as in `Nearest`, at the first posture.
 
     `ends` (s, c, 2, 3) are the capsules' at s postures in World [m].
     """
-    first, second = pairs
-    k = len(first)
-    distance, normal, place = np.empty(k), np.empty((k, 3)), np.empty((k, 3))
-    for i in range(k):
-        found = _pair(ends, 0, first[i], second[i], np.inf, obstacles)
-        distance[i], normal[i], place[i] = found
-    return distance, normal, place
+    k = len(pairs[0])
+    found = np.empty(k), np.empty((k, 3)), np.empty((k, 3))
+    _measure(ends, pairs, obstacles, found)
+    return found
+
+
+@compiled(ARRAY4, PAIRS, OBSTACLES, MEASURED)
+def _measure(ends: Array, pairs: Pairs, obstacles: Obstacles, near: Near) -> None:
+    (first, second), (distance, normal, place) = pairs, near
+    for i in range(len(first)):
+        distance[i], normal[i], place[i] = _pair(ends, 0, first[i], second[i], np.inf, obstacles)
 
 
 @compiled(ARRAY4, PAIRS, INDEX, MATRIX, OBSTACLES)
@@ -287,8 +290,7 @@ def shortfall(ends: Array, pairs: Pairs, which: Index, least: Array, obstacles: 
 
     Of the pairs `which` (p,), at s postures, at which capsules have `ends` (s, c, 2, 3).
     """
-    first, second = pairs
-    worst = 0.0
+    (first, second), worst = pairs, 0.0
     for s in range(len(ends)):
         for i in range(len(which)):
             a, b, within = first[which[i]], second[which[i]], least[s, i] - worst

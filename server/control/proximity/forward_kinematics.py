@@ -8,18 +8,23 @@ import math
 
 import numpy as np
 
-from ..compiled import ARRAY3, ARRAY4, INDEX, MATRIX, compiled
+from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, STACK, compiled
 from ..scene import Index
 from ..spatial import Array
 from .records import ROOTS, TREE, Roots, Tree
 
 
-@compiled(TREE, MATRIX, ROOTS)
 def frames_at(tree: Tree, q: Array, roots: Roots) -> Array:
     """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
+    found = np.empty((*q.shape, 3, 4))
+    _frame(tree, q, roots, found)
+    return found
+
+
+@compiled(TREE, MATRIX, ROOTS, BLOCK)
+def _frame(tree: Tree, q: Array, roots: Roots, found: Array) -> None:
     (parents, prismatic, parts, _), (R, p) = tree, roots
     postures, n = q.shape
-    found = np.empty((postures, n, 3, 4))
     step = np.empty((3, 4))
     for s in range(postures):
         instant = min(s, len(p) - 1)
@@ -42,25 +47,26 @@ def frames_at(tree: Tree, q: Array, roots: Roots) -> Array:
                 for k in range(4):
                     found[s, i, row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
                 found[s, i, row, 3] += place
+
+
+def axes_at(frames: Array, axis: Array) -> Array:
+    """Return axes (n, 3), given in frames (s, n, 3, 4), in World (s, n, 3)."""
+    found = np.empty((len(frames), len(axis), 3))
+    _turn(frames, axis, found)
     return found
 
 
-@compiled(ARRAY4, MATRIX)
-def axes_at(frames: Array, axis: Array) -> Array:
-    """Return axes (n, 3), given in frames (s, n, 3, 4), in World (s, n, 3)."""
-    postures, n = len(frames), len(axis)
-    found = np.empty((postures, n, 3))
-    for s in range(postures):
-        for j in range(n):
+@compiled(ARRAY4, MATRIX, STACK)
+def _turn(frames: Array, axis: Array, found: Array) -> None:
+    for s in range(len(frames)):
+        for j in range(len(axis)):
             x, y, z = axis[j]
             for i in range(3):
                 found[s, j, i] = (
                     frames[s, j, i, 0] * x + frames[s, j, i, 1] * y + frames[s, j, i, 2] * z
                 )
-    return found
 
 
-@compiled(TREE, MATRIX, ROOTS, INDEX, ARRAY3)
 def placed_at(
     tree: Tree, q: Array, roots: Roots, body: Index, segments: Array
 ) -> tuple[Array, Array, Array]:
@@ -68,10 +74,28 @@ def placed_at(
 
     And the joints' frames, as `frames_at` has them, and their axes (s, n, 3).
     """
-    frames, (R, p) = frames_at(tree, q, roots), roots
-    postures, capsules = len(frames), len(body)
-    ends = np.empty((postures, capsules, 2, 3))
-    for s in range(postures):
+    postures, n = q.shape
+    ends, frames = np.empty((postures, len(body), 2, 3)), np.empty((postures, n, 3, 4))
+    axes = np.empty((postures, n, 3))
+    _place(tree, q, roots, body, segments, ends, frames, axes)
+    return ends, frames, axes
+
+
+@compiled(TREE, MATRIX, ROOTS, INDEX, ARRAY3, BLOCK, BLOCK, STACK)
+def _place(
+    tree: Tree,
+    q: Array,
+    roots: Roots,
+    body: Index,
+    segments: Array,
+    ends: Array,
+    frames: Array,
+    axes: Array,
+) -> None:
+    _frame(tree, q, roots, frames)
+    _turn(frames, tree[3], axes)
+    (R, p), capsules = roots, len(body)
+    for s in range(len(frames)):
         instant = min(s, len(p) - 1)
         for c in range(capsules):
             joint, root = body[c] - 1, -body[c]
@@ -85,4 +109,3 @@ def placed_at(
                 for e in range(2):
                     way = x * segments[c, e, 0] + y * segments[c, e, 1] + z * segments[c, e, 2]
                     ends[s, c, e, row] = way + place
-    return ends, frames, axes_at(frames, tree[3])

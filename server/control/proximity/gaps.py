@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import COUNTS, MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 from ..scene import Index
 from ..spatial import Array
 from .records import BODIES, MOTION, NEAREST, PAIRS, PLACED, Bodies, Motion, Near, Pairs, Placed
@@ -21,17 +21,18 @@ class Nearest(NamedTuple):
     """On the first thing (k, 3) [m]."""
 
 
-@compiled(MATRIX, PAIRS, VECTOR, NUMBER, VECTOR, MOTION)
-def _surfaces(
+@compiled(MATRIX, PAIRS, VECTOR, NUMBER, VECTOR, MOTION, ROW, ROW, ROW, COUNTS)
+def _face(
     normal: Array, pairs: Pairs, link_radius: Array, own_clearance: float, radius: Array,
-    motion: Motion,
-) -> tuple[Array, Array, Array, Index]:  # fmt: skip
-    """Return radii, promise, speed and obstacle (k,) of `NearPairs`; `radius` is that of rounds."""
+    motion: Motion, radii: Array, promise: Array, nearer: Array, obstacle: Index,
+) -> None:  # fmt: skip
+    """Write radii, promise, speed and obstacle (k,) of `NearPairs`; `radius` is that of rounds.
+
+    The speed is zero before.
+    """
     (first, second), (clearance, velocity, speed) = pairs, motion
-    k, capsules = len(first), len(link_radius)
-    radii, promise, nearer = np.empty(k), np.empty(k), np.zeros(k)
-    obstacle = np.empty(k, dtype=np.int64)
-    for i in range(k):
+    capsules = len(link_radius)
+    for i in range(len(first)):
         radii[i], promise[i], obstacle[i] = link_radius[first[i]], own_clearance, -1
         if second[i] < capsules:
             radii[i] += link_radius[second[i]]
@@ -44,17 +45,23 @@ def _surfaces(
         for j in range(3):
             closing += normal[i, j] * velocity[thing, j]
         nearer[i] = max(closing, 0.0)
-    return radii, promise, nearer, obstacle
 
 
-@compiled(PLACED, BODIES, PAIRS, MATRIX, MATRIX)
 def slopes(placed: Placed, bodies: Bodies, pairs: Pairs, normal: Array, place: Array) -> Array:
     """Return the slopes (k, n) of distances: the normal (k, 3) times the Jacobian of the place.
 
     A second link's place lies on the same normal: joints that move both change no distance.
     """
+    rows = np.zeros((len(pairs[0]), placed[2].shape[1]))
+    _slope(placed, bodies, pairs, normal, place, rows)
+    return rows
+
+
+@compiled(PLACED, BODIES, PAIRS, MATRIX, MATRIX, TABLE)
+def _slope(
+    placed: Placed, bodies: Bodies, pairs: Pairs, normal: Array, place: Array, rows: Array
+) -> None:
     (_, frames, axes), (_, moves, prismatic), (first, second) = placed, bodies, pairs
-    rows = np.zeros((len(first), axes.shape[1]))
     for k in range(len(first)):
         nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
         other = second[k] if second[k] < len(moves) else -1
@@ -71,13 +78,8 @@ def slopes(placed: Placed, bodies: Bodies, pairs: Pairs, normal: Array, place: A
                 z = place[k, 2] - frames[0, j, 2, 3]
                 slope = nx * (zy * z - zz * y) + ny * (zz * x - zx * z) + nz * (zx * y - zy * x)
             rows[k, j] = slope if ahead else -slope
-    return rows
 
 
-@compiled(
-    PLACED, BODIES, PAIRS, NEAREST, NUMBER, VECTOR,
-    MOTION,
-)  # fmt: skip
 def described(
     placed: Placed, bodies: Bodies, pairs: Pairs,
     near: Near, own_clearance: float, radius: Array, motion: Motion,
@@ -86,9 +88,24 @@ def described(
 
     `placed` and `near` are the records of those names; `radius` (m,) is that of rounds [m].
     """
+    k = len(pairs[0])
+    radii, gap, promise, speed = np.empty(k), np.empty(k), np.empty(k), np.zeros(k)
+    rows, obstacle = np.zeros((k, placed[2].shape[1])), np.empty(k, dtype=np.int64)
+    _describe(
+        placed, bodies, pairs, near, own_clearance, radius, motion,
+        radii, gap, promise, rows, speed, obstacle,
+    )  # fmt: skip
+    return radii, gap, promise, rows, speed, obstacle, np.zeros(k)
+
+
+@compiled(PLACED, BODIES, PAIRS, NEAREST, NUMBER, VECTOR, MOTION, ROW, ROW, ROW, TABLE, ROW, COUNTS)
+def _describe(
+    placed: Placed, bodies: Bodies, pairs: Pairs,
+    near: Near, own_clearance: float, radius: Array, motion: Motion,
+    radii: Array, gap: Array, promise: Array, rows: Array, speed: Array, obstacle: Index,
+) -> None:  # fmt: skip
     distance, normal, place = near
-    radii, promise, nearer, obstacle = _surfaces(
-        normal, pairs, bodies[0], own_clearance, radius, motion
-    )
-    rows = slopes(placed, bodies, pairs, normal, place)
-    return radii, distance - radii, promise, rows, nearer, obstacle, np.zeros(len(distance))
+    _face(normal, pairs, bodies[0], own_clearance, radius, motion, radii, promise, speed, obstacle)
+    _slope(placed, bodies, pairs, normal, place, rows)
+    for i in range(len(distance)):
+        gap[i] = distance[i] - radii[i]

@@ -6,11 +6,14 @@ from typing import Final
 import numpy as np
 
 from ..compiled import (
+    COUNTS,
     FLAGS,
     FLAGS2,
     INDEX,
     MATRIX,
     NUMBER,
+    ROW,
+    TABLE,
     VECTOR,
     compiled,
 )
@@ -22,14 +25,19 @@ CURVED: Final = 1e-9
 """Below this sum of ways a lever does not grow [1]."""
 
 
-@compiled(PLACED, FLAGS2, FLAGS)
 def levers(placed: Placed, moves: Flags, prismatic: Flags) -> Array:
     """Return the levers (c, n) [m] of capsules at the first posture, as `Capsules.levers` says.
 
     `moves` (c, n) tells which joints move them, `prismatic` (n,) which joints slide.
     """
-    ends, frames, axes = placed
     lever = np.zeros(moves.shape)
+    _lever(placed, moves, prismatic, lever)
+    return lever
+
+
+@compiled(PLACED, FLAGS2, FLAGS, TABLE)
+def _lever(placed: Placed, moves: Flags, prismatic: Flags, lever: Array) -> None:
+    ends, frames, axes = placed
     for c in range(len(moves)):
         for j in range(moves.shape[1]):
             if not moves[c, j]:
@@ -46,7 +54,6 @@ def levers(placed: Placed, moves: Flags, prismatic: Flags) -> Array:
                     along += arm * axes[0, j, i]
                 farthest = max(farthest, length2 - along * along)
             lever[c, j] = math.sqrt(farthest)
-    return lever
 
 
 @compiled(MATRIX, VECTOR)
@@ -68,7 +75,6 @@ def travel(lever: Array, way: Array) -> Array:
     return found
 
 
-@compiled(PLACED, FLAGS2, FLAGS, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER)
 def surroundings(
     placed: Placed, moves: Flags, prismatic: Flags,
     speed: Array, acceleration: Array, factor: float, lag: float, margin: float,
@@ -78,10 +84,24 @@ def surroundings(
     A capsule travels so far before joints at `speed` (n,) stand, which brake at `factor` times
     `acceleration` (n,) after `lag` [s]; plus `margin` [m].
     """
-    lever, way = levers(placed, moves, prismatic), np.empty(len(speed))
+    lever, around = np.zeros(moves.shape), np.empty(len(moves))
+    _surround(placed, moves, prismatic, speed, acceleration, factor, lag, margin, lever, around)
+    return lever, around
+
+
+@compiled(PLACED, FLAGS2, FLAGS, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER, TABLE, ROW)
+def _surround(
+    placed: Placed, moves: Flags, prismatic: Flags,
+    speed: Array, acceleration: Array, factor: float, lag: float, margin: float,
+    lever: Array, around: Array,
+) -> None:  # fmt: skip
+    _lever(placed, moves, prismatic, lever)
+    way = np.empty(len(speed))
     for j in range(len(speed)):
         way[j] = speed[j] * (lag + 0.5 * speed[j] / (factor * acceleration[j]))
-    return lever, travel(lever, way) + margin
+    gone = travel(lever, way)
+    for c in range(len(gone)):
+        around[c] = gone[c] + margin
 
 
 @compiled(MATRIX, MATRIX, INDEX, VECTOR, VECTOR)
@@ -107,7 +127,6 @@ def carried(
     return nearer, fastest
 
 
-@compiled(MATRIX, VECTOR, VECTOR, PAIRS, VECTOR, VECTOR)
 def doubtful(
     lever: Array, way: Array, room: Array, pairs: Pairs, gap: Array, least: Array
 ) -> tuple[bool, Index, Array]:
@@ -116,8 +135,18 @@ def doubtful(
     `way` (n,) is how far joints move at most, `lever` (c, n) the capsules'. The first result is
     whether any capsule leaves its `room` (c,) [m]: then other pairs matter, too.
     """
-    (first, second), gone = pairs, travel(lever, way)
     which, closer = np.empty(len(gap), dtype=np.int64), np.empty(len(gap))
+    leaves, found = _doubt(lever, way, room, pairs, gap, least, which, closer)
+    return leaves, which[:found], closer[:found]
+
+
+@compiled(MATRIX, VECTOR, VECTOR, PAIRS, VECTOR, VECTOR, COUNTS, ROW)
+def _doubt(
+    lever: Array, way: Array, room: Array, pairs: Pairs, gap: Array, least: Array,
+    which: Index, closer: Array,
+) -> tuple[bool, int]:  # fmt: skip
+    """Write what `doubtful` returns; return whether a capsule leaves, and how many there are."""
+    (first, second), gone = pairs, travel(lever, way)
     found, leaves = 0, False
     for c in range(len(gone)):
         leaves = leaves or gone[c] > room[c]
@@ -128,4 +157,4 @@ def doubtful(
         if gap[i] - together < least[i]:
             which[found], closer[found] = i, together
             found += 1
-    return leaves, which[:found].copy(), closer[:found].copy()
+    return leaves, found

@@ -12,6 +12,7 @@ import numpy as np
 from ....config.load import Cell
 from ..compiled import (
     ARRAY4,
+    COUNTS,
     FLAGS,
     FLAGS2,
     INDEX2,
@@ -83,10 +84,14 @@ class PairSearch:
         if scene.moves:
             every = np.arange(len(scene.names))
             reach = reach + scene.growth(every, np.array([ahead_s]))[0]
-        pairs = _within(
+        wanted = self._wanted(scene)
+        first = np.empty(len(self._own) + wanted.size, dtype=np.int64)
+        second = np.empty(len(first), dtype=np.int64)
+        count = _search(
             placed.ends, self._size, room, self._own, self._own_clearance,
-            scene.segments, scene.rounds.radius, reach, self._wanted(scene), scene.hard,
+            scene.segments, scene.rounds.radius, reach, wanted, scene.hard, first, second,
         )  # fmt: skip
+        pairs = first[:count], second[:count]
         near = Nearest(*measured(placed.ends, pairs, scene.segments))
         motion = scene.clearance, scene.velocity, scene.speed
         radii, gap, promise, rows, speed, obstacle, none = described(
@@ -151,23 +156,22 @@ class PairSearch:
 
 @compiled(
     ARRAY4, VECTOR, VECTOR, INDEX2, NUMBER, OBSTACLES,
-    VECTOR, VECTOR, FLAGS2, FLAGS,
+    VECTOR, VECTOR, FLAGS2, FLAGS, COUNTS, COUNTS,
 )  # fmt: skip
-def _within(
+def _search(
     ends: Array, length: Array, room: Array, own: Index, own_clearance: float,
     obstacles: Obstacles,
-    radius: Array, further: Array, wanted: Flags, hard: Flags,
-) -> tuple[Index, Index]:  # fmt: skip
-    """Return `first` and `second` of pairs whose surroundings meet: balls, and boxes themselves.
+    radius: Array, further: Array, wanted: Flags, hard: Flags, first: Index, second: Index,
+) -> int:  # fmt: skip
+    """Write `first` and `second` of pairs whose surroundings meet: balls, and boxes themselves.
 
-    `ends` (1, c, 2, 3) are the capsules', of which each reaches `length` (c,) from its middle, and
-    `room` (c,) around that; `own` (p, 2) are their pairs. `further` is how far each obstacle
-    reaches beyond its surface [m]. Only `wanted` (c, k) pairs with `hard` obstacles (k,) count.
+    Return how many there are. `ends` (1, c, 2, 3) are the capsules', of which each reaches `length`
+    (c,) from its middle, and `room` (c,) around that; `own` (p, 2) are their pairs. `further` is
+    how far each obstacle reaches beyond its surface [m]. Only `wanted` (c, k) pairs with `hard`
+    obstacles (k,) count.
     """
     start, end, R, centre, half = obstacles
     capsules, rounds, boxes, size = ends.shape[1], len(start), len(centre), length + room
-    most = len(own) + capsules * (rounds + boxes)
-    first, second = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     middle = np.empty((capsules, 3))
     for c in range(capsules):
         for i in range(3):
@@ -209,4 +213,4 @@ def _within(
                 if apart2 < reach * reach:
                     first[found], second[found] = c, capsules + k
                     found += 1
-    return first[:found].copy(), second[:found].copy()
+    return found

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from ..compiled import ARRAY3, ARRAY4, FLAGS, FLAGS2, INDEX, MATRIX, VECTOR, record
+from ..compiled import ARRAY3, ARRAY4, FLAGS, FLAGS2, INDEX, MATRIX, ROW, TABLE, VECTOR, record
 from ..scene import Flags, Index
 from ..spatial import Array
 
@@ -33,6 +33,8 @@ OBSTACLES: Final = record(MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
 Near = tuple[Array, Array, Array]
 NEAREST: Final = record(VECTOR, MATRIX, MATRIX)
 """`gaps.Nearest`."""
+MEASURED: Final = record(ROW, TABLE, TABLE)
+"""The same, to be filled in."""
 
 Motion = tuple[Array, Array, Array]
 MOTION: Final = record(VECTOR, MATRIX, VECTOR)

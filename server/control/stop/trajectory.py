@@ -12,6 +12,7 @@ import ruckig
 
 from ..spatial import Array
 from .motion import Motion
+from .proportion import stopping_in_proportion
 from .velocity_profile import (
     reach,
     shape,
@@ -19,7 +20,6 @@ from .velocity_profile import (
     stop_at,
     stop_postures,
     stopping,
-    stopping_in_proportion,
 )
 
 
@@ -248,7 +248,7 @@ class VelocityPlanner:
             phases = stopping(motion.dq, motion.ddq, acceleration, jerk)
             for g in self._groups:
                 phases[:, :, g] = stopping_in_proportion(
-                    motion.dq[g], motion.ddq[g], acceleration[g], jerk[g]
+                    motion.dq[g], motion.ddq[g], acceleration[g], jerk[g], phases[:, :, g]
                 )
         except ValueError as error:
             raise TrajectoryError(f"stop from {motion}: {error}") from error
