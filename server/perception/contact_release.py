@@ -2,6 +2,7 @@
 
 from collections import deque
 from enum import Enum, auto
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,9 @@ OVER_S = 0.2
 COMING_TO_REST_S = 0.5
 """What is felt so long after the arm came to rest, it ran into [s]."""
 
+STEADY_S = 0.2
+"""What pushes the tool is averaged over this time [s]."""
+
 SETTLED_S = 0.3
 """An arm that asked for no retreat for so long has given way as far as it will [s]."""
 
@@ -34,6 +38,15 @@ class _Told(Enum):
     STUCK = auto()
 
 
+class _Push(NamedTuple):
+    """Push that was measured in a tick: at the joints (n,), and at the tool (6,) if it is seen."""
+
+    external: Array | None = None
+    wrench: Array | None = None
+    steady: Array | None = None
+    """The mean of that over the last ticks; None where nobody asks for it."""
+
+
 class ContactRelease:
     """Decides what a contact means in each mode."""
 
@@ -45,12 +58,12 @@ class ContactRelease:
         self.pushed: Pushed | None = None
         """The newest estimate, and whether the arm is to give way to it."""
         self._giving = False
-        self._past: deque[tuple[Array, Output | None]] = deque(
-            maxlen=round(LOOKBACK_S / p.period_s)
-        )
-        self._free: tuple[Array, Output | None] | None = None
-        self._tool_free: Output | None = None
-        """The newest before the tool was touched."""
+        self._past: deque[_Push] = deque(maxlen=round(LOOKBACK_S / p.period_s))
+        self._free: _Push | None = None
+        self._tool_free: Array | None = None
+        """What pushed the tool (6,) on average, the newest before it was touched."""
+        self._seen: deque[Array] = deque(maxlen=max(1, round(STEADY_S / p.period_s)))
+        """What pushed the tool lately (6,) each."""
         self._rested_s = np.inf
         self._free_s = self._settled_s = self._tool_free_s = 0.0
         self._tool = self._tool_lasting = False
@@ -83,7 +96,7 @@ class ContactRelease:
         if tool is None or not tool.free:
             self._tool_free = self._tool_free if tool is not None else None
         elif self._past and not self._giving:
-            self._tool_free = self._past[0][1]
+            self._tool_free = self._past[0].steady
         # The reading changes with what is told of the load: then the change is nobody's push.
         self._tool &= tool is not None
         if tool is not None and tool.found and not self._tool:
@@ -95,15 +108,22 @@ class ContactRelease:
         if pushed is None:
             self.pushed = None
             return
-        self._past.append((pushed.external, output))
+        wrench = _seen(output)
+        if wrench is not None:
+            self._seen.append(wrench)
+        steady = None
+        if wrench is not None and (tool is not None or self._giving):
+            steady = np.mean(self._seen, axis=0)
+        self._past.append(_Push(pushed.external, wrench, steady))
         self.pushed = pushed
         if self._giving:
-            external, at = (None, None) if self._free is None else self._free
+            earlier = _Push() if self._free is None else self._free
             self.pushed = pushed._replace(
                 touched=True,
-                free=external,
-                wrench=_seen(output),
-                free_wrench=_seen(at),
+                free=earlier.external,
+                wrench=wrench,
+                steady=steady,
+                free_wrench=earlier.wrench,
                 tool_bound=MARGIN_N if self._tool else None,
             )
             self._tool_free_s = self._tool_free_s + self._T if tool_released(self.pushed) else 0.0
@@ -117,6 +137,7 @@ class ContactRelease:
         self.touched = self._giving = self._tool = self._tool_lasting = False
         self.pushed = self._free = self._tool_free = None
         self._past.clear()
+        self._seen.clear()
         self._free_s, self._rested_s, self._told = 0.0, np.inf, _Told.NOTHING
 
     def _found(self, found: JointContact | ToolContact, mode: Mode) -> None:
@@ -129,7 +150,7 @@ class ContactRelease:
             self._free = self._past[0] if known else None
             if isinstance(found, ToolContact) and known and self._tool_free is not None:
                 # Its bound is wider than a joint's, and contact may have begun long ago.
-                self._free = self._past[0][0], self._tool_free
+                self._free = _Push(self._past[0].external, self._tool_free)
         self._giving = True
         if isinstance(found, ToolContact):
             # It may be more load: resume stays allowed.
@@ -166,8 +187,8 @@ class ContactRelease:
         """Return what is pushed, by how much, and the values of an event that says so."""
         if self._tool and not self.touched:
             force = 0.0
-            if pushed.wrench is not None and pushed.free_wrench is not None:
-                force = sizes(pushed.wrench - pushed.free_wrench)[0]
+            if pushed.steady is not None and pushed.free_wrench is not None:
+                force = sizes(pushed.steady - pushed.free_wrench)[0]
             return "the tool", f"{force:.1f} N", {"joint": "tool", "force_n": force}
         j = int(np.argmax(np.abs(pushed.external)))
         joint, torque = self._joints[j], float(pushed.external[j])

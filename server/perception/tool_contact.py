@@ -1,6 +1,14 @@
-"""Contact of a tool whose load is not explained, by the size of the wrench that is measured."""
+"""Contact of a tool whose load is not explained, by how the force that is measured changes.
 
+A weight stays as it is in World axes, a bias in the sensor's. So no attitude changes the size of
+either; and while the tool turns by little, neither changes much at all. The size alone is blind to
+contact that takes a weight off and adds as much of its own: pushed up by twice what hangs on it,
+or by friction beside, the tool reads as before.
+"""
+
+import math
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,10 +26,19 @@ MEAN_OF = 4
 """The tool's acceleration is measured as a mean of so many ticks [1]."""
 SEEN_WITHIN = 8
 """What is commanded is measured within so many ticks [1]."""
+TURNED = 0.2
+"""A tool that has turned by more is compared with what is measured there [rad]."""
+
+
+class _Load(NamedTuple):
+    """Force (3,) of the load in World axes [N], and how the tool stood (3, 3)."""
+
+    force: Array
+    R: Array
 
 
 class ToolContact:
-    """Detects contact by a change of the wrench's size, which no attitude changes."""
+    """Detects contact by a change of the force, or of its size, which no attitude changes."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -30,6 +47,7 @@ class ToolContact:
         self.known_n = self.off_n = self.bound_n = 0.0
         self._lasting = 0
         self._excused_n = self._told_s = 0.0
+        self._load: _Load | None = None
         self._moving = False
         self._measured: deque[Array] = deque(maxlen=MEAN_OF + 2)
         self._told: deque[Array] = deque(maxlen=SEEN_WITHIN + 2)
@@ -42,19 +60,20 @@ class ToolContact:
     def rest(self) -> None:
         """Forget: the load is explained."""
         self.touched = self.found = False
-        self._excused_n, self._lasting, self._told_s = 0.0, 0, 0.0
+        self._excused_n, self._lasting, self._told_s, self._load = 0.0, 0, 0.0, None
         self._measured.clear()
         self._told.clear()
 
     def update(
-        self, known_n: float, size_n: float, weight_n: float, output: Output, moving: bool
+        self, known_n: float, wrench: Array, weight_n: float, output: Output, moving: bool
     ) -> None:
-        """Compare the size of a force with that of the load [N], of which `weight_n` is told."""
-        self.known_n = known_n
+        """Compare a wrench (6,), World axes, with a load [N], of which `weight_n` is told."""
+        if known_n != self.known_n:
+            self.known_n, self._load = known_n, None
         began, self._moving = moving and not self._moving, moving
         self._measured.append(output.T_world_mrf_measured.p)
         self._told.append(output.T_world_mrf.p)
-        self.off_n = abs(size_n - known_n)
+        self.off_n = self._off(wrench, output.T_world_mrf_measured.R)
         if began:
             self._excused_n = self.off_n
         # An arm whose load was told wrong may still sink as that is noticed.
@@ -68,6 +87,21 @@ class ToolContact:
         self._lasting = self._lasting + 1 if beyond else 0
         self.found = self._lasting >= LASTS
         self.touched = moving and (self.found or (self.touched and beyond))
+
+    def _off(self, wrench: Array, R: Array) -> float:
+        """Return by how much a wrench (6,), measured with the tool at R (3, 3), is off [N]."""
+        size = abs(sizes(wrench)[0] - self.known_n)
+        force, load = wrench[:3], self._load
+        if load is None:
+            self._load = _Load(force, R)
+            return size
+        turned = math.acos(min(1.0, max(-1.0, 0.5 * (float(np.sum(R * load.R)) - 1.0))))
+        change = force - load.force
+        # As much of it as the load may be a bias, which turns with the tool.
+        change_n = math.sqrt(float(change @ change)) - 2.0 * math.sin(0.5 * turned) * self.known_n
+        if turned > TURNED and max(size, change_n) <= UNKNOWN_LOAD.force:
+            self._load = _Load(force, R)
+        return max(size, change_n)
 
     def _acceleration(self) -> float:
         """Return what the tool accelerates by, or was told to lately [m/s²].

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...config.schema.mechanism import ForceTorque
 from ..commands.settings import WRENCH_SOURCES, OperatorSettings
-from ..control.spatial import Array, rotation_log, sizes
+from ..control.spatial import Array, rotation_log
 from ..control.state import Output
 from ..control.task.gains import GAIN_TIME_S
 from ..mode import Mode
@@ -167,7 +167,7 @@ class LoadMonitor:
             self._contact.rest()
             return
         known, weight = float(self._known[0]), self._weight()
-        self._contact.update(known, sizes(self._measured.now())[0], weight, output, moving)
+        self._contact.update(known, self._measured.now(), weight, output, moving)
 
     def _waits(self) -> bool:
         """Return whether force control is not to act now."""

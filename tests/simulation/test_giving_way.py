@@ -49,6 +49,38 @@ def test_a_tool_whose_load_nobody_acknowledged_lets_go_of_a_table(row):
     assert run.peak_n > 3 * letting_go.GENTLE_N
 
 
+@pytest.mark.parametrize(
+    "row",
+    [
+        ("pa10", "csv", 2e3, 5.0, ("stick", 0.1)),
+        ("pa10", "cst", 2e3, 5.0, ("stick", 0.02)),
+        ("pa10_hand_torque", "csp", 2e3, 5.0, ("stick", 0.1)),
+    ],
+    ids=["csv", "cst, slowly", "csp, without [touch]"],
+)
+def test_contact_that_takes_off_a_weight_and_adds_as_much_of_its_own_is_felt_early(row):
+    """Pushed up by a soft table, the force swings from 49 N down over 40 N aside to 60 N up."""
+    run = letting_go.play(doubted.doubted(doubted.TABLE.index(row)), held_s=1.0)
+    assert run.reasons == []
+    assert run.peak_n < 80.0
+    assert run.pressed_n < 10.0
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        ("pa10", "csp", 2e3, -5.0, ("stick", 0.02)),
+        ("pa10_hand_torque", "cst", 2e5, -5.0, ("stick", 0.1)),
+    ],
+    ids=["csp", "cst, without [touch]"],
+)
+def test_an_arm_that_lets_go_comes_to_rest_and_says_so_with_a_load_that_is_not_there(row):
+    """Its inertia, which is taken off the reading, is no push that lasts."""
+    run = letting_go.play(doubted.doubted(doubted.TABLE.index(row)), held_s=1.5)
+    assert run.reasons == []
+    assert run.gave_way_rad < 0.05
+
+
 def test_a_push_that_lasts_is_given_way_to_inside_the_leash_and_told(play, pa10):
     run = play(
         {"at_s": 0.3, "cmd/joystick": MOVING},

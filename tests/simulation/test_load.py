@@ -130,6 +130,28 @@ def test_contact_of_a_tool_with_an_unexplained_load_stops_the_arm(play, pa10):
     assert max(np.linalg.norm(t.contact_force) for t in run.truths) < 100.0
 
 
+@pytest.mark.parametrize(
+    ("sensor", "rig"),
+    [({"bias": BIAS}, {}), ({}, {"payload_mass": 5.0, "payload_com": (0.0, 0.0, 0.1)})],
+    ids=["bias", "told too light"],
+)
+def test_a_tool_that_turns_in_the_air_with_an_unexplained_load_touches_nothing(
+    play, pa10, sensor, rig
+):
+    """A weight turns in the sensor's axes, a bias in World's, and neither is contact."""
+    turns = [[0.0, 0.6, 0.0], [0.0, -0.6, 0.3], [0.6, 0.0, 0.0], [-0.6, 0.0, -0.3]]
+    sticks = [
+        {"at_s": 3.0 + 1.2 * i, "cmd/joystick": {"twist": [0.0, 0.0, 0.05 * (-1) ** i, *turn]}}
+        for i, turn in enumerate(turns)
+    ]
+    ready = {"at_s": 0.8, "cmd/posture": {"posture": "ready"}}
+    run = play(ready, *sticks, cell=changed(pa10, sensor, rig), seconds=7.8)
+    assert len(run.events("load_unexplained")) == 1
+    assert run.events("touched") == []
+    attitudes = np.array([t.pose_mrf[3:] for t in run.truths])
+    assert np.ptp(attitudes, axis=0).max() > 0.4
+
+
 def test_a_payload_that_is_said_to_be_unknown_moves_nothing_either(play, pa10):
     cell = changed(pa10, {"payload": HEAVIER})
     run = play({"at_s": 0.05, "operator/payload": {"unknown": True}}, cell=cell, seconds=2.0)

@@ -31,6 +31,8 @@ class Pushed(NamedTuple):
     """`external` before it was touched; None where that is not known."""
     wrench: Array | None = None
     """What the force/torque sensor sees push the tool (6,), at the MRF in World axes [N, N·m]."""
+    steady: Array | None = None
+    """The mean of that over the last ticks: the arm's own jerks are not in it."""
     free_wrench: Array | None = None
     """The same before it was touched; None where that is not known."""
     tool_bound: float | None = None
@@ -45,11 +47,12 @@ def released(pushed: Pushed) -> bool:
 def tool_released(pushed: Pushed) -> bool:
     """Return whether the tool is no longer pushed by more than before it was touched.
 
-    The weight of a payload that was told wrong is the same before and after, in World axes.
+    The weight of a payload that was told wrong is the same before and after, in World axes; its
+    inertia reads like a push whenever the arm begins to give way or ends.
     """
-    if pushed.tool_bound is None or pushed.wrench is None or pushed.free_wrench is None:
+    if pushed.tool_bound is None or pushed.steady is None or pushed.free_wrench is None:
         return True
-    return sizes(pushed.wrench - pushed.free_wrench)[0] <= RELEASE * pushed.tool_bound
+    return sizes(pushed.steady - pushed.free_wrench)[0] <= RELEASE * pushed.tool_bound
 
 
 def tool_push(pushed: Pushed, new: Array) -> Array:

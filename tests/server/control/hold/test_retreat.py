@@ -18,7 +18,9 @@ J = np.eye(6, 2)
 def push(*torque, seen=(0.0, 0.0), seen_before=(0.0, 0.0), **more):
     told = {"touched": True, "lasting": True, "free": FREE, **more}
     wrench, before = J @ np.array(seen), J @ np.array(seen_before)
-    return Pushed(np.array(torque), FREE, BOUND, wrench=wrench, free_wrench=before, **told)
+    return Pushed(
+        np.array(torque), FREE, BOUND, wrench=wrench, steady=wrench, free_wrench=before, **told
+    )
 
 
 def came(retreat, speed=0.1, seconds=2.0, turn_s=None):
