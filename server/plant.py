@@ -255,8 +255,8 @@ class Plant:
         lost = [t for t in troubles if t is not None and t.cause is Cause.PDO_LOST]
         if len(troubles) < 2 or len(lost) < len(troubles):
             return None
-        names = [d.name for d in self.devices if d.bus == bus]
-        detail = f"none of its {len(lost)} drives answers, {names[0]} to {names[len(lost) - 1]}"
+        names = [drive.name for drive in self.drives if drive.bus == bus]
+        detail = f"none of its {len(lost)} drives answers, {names[0]} to {names[-1]}"
         return Trouble(Cause.BUS_SILENT, bus, detail, {"drives": len(lost)})
 
     def _interlock(self) -> str | None:

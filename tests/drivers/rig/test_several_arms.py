@@ -1,5 +1,7 @@
 """The rig of several arms: drives, sensors, faults and truth of each, on the bus that it names."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
@@ -170,6 +172,29 @@ def test_a_bus_that_is_unplugged_silences_the_arm_on_it_alone(run, bus, silent, 
     ages = np.array([drive.read().age_syncs for drive in run.plant.drives])
     assert (ages[silent] > 3).all()
     assert (ages[heard] <= 1).all()
+
+
+def on_one_bus(cell):
+    """Return the cell with the devices of both arms on the first bus, and ids that are free."""
+    parts = []
+    for k, part in enumerate(cell.parts):
+        mechanism = part.config.mechanism
+        drives = [d.model_copy(update={"node": d.node + 30 * k}) for d in mechanism.drives]
+        ids = {"command_id": 0x64 + k, "reply_ids": (1 + 2 * k, 2 + 2 * k)}
+        told = {"bus": "one", "drives": tuple(drives), "gripper": None}
+        told["force_torque"] = mechanism.force_torque.model_copy(update=ids)
+        config = part.config.model_copy(update={"mechanism": mechanism.model_copy(update=told)})
+        parts.append(dataclasses.replace(part, config=config))
+    return dataclasses.replace(parts[0], others=tuple(parts[1:]))
+
+
+def test_two_arms_on_one_bus_fall_silent_together_from_first_to_last(run):
+    both = Run(on_one_bus(run.cell))
+    both.enable()
+    both.fault("unplug", "one")
+    trouble = both.cycle(8).trouble
+    assert trouble.cause is Cause.BUS_SILENT
+    assert trouble.detail == "none of its 13 drives answers, left.s1 to right.w3"
 
 
 def test_a_push_on_one_tool_is_felt_by_its_sensor_alone(run):
