@@ -140,7 +140,8 @@ def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
     """Return what another cell's file says."""
     if not isinstance(name, str):
         raise ConfigError(f"{where}value {name!r}: the name or path of a cell")
-    return _whole(_find("cells", name, base, where))
+    other = _find("cells", name, base, where)
+    return _seen_from(base, other.parent, _whole(other))
 
 
 def _part(path: Path, part: Part) -> Cell:
@@ -174,7 +175,30 @@ def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
     other = _find("cells", name, path.parent, f"{path}: extends: ")
     if other.resolve() in (p.resolve() for p in (*below, path)):
         raise ConfigError(f"{path}: extends: value '{name}': extends itself")
-    return on_top(_whole(other, (*below, path)), document)
+    said = _seen_from(path.parent, other.parent, _whole(other, (*below, path)))
+    return on_top(said, document)
+
+
+def _seen_from(folder: Path, its_own: Path, document: dict[str, Any]) -> dict[str, Any]:
+    """Return what another file says, with paths from its own folder where that is another one."""
+    if folder.resolve() == its_own.resolve():
+        return document
+    seen = {**document, **_with_path(document, "default_script", its_own)}
+    if isinstance(seen.get("mechanism"), dict):
+        seen["mechanism"] = _with_path(seen["mechanism"], "urdf", its_own)
+    arms = seen.get("mechanisms")
+    if isinstance(arms, list) and all(isinstance(arm, dict) for arm in arms):
+        arms = [_with_path(arm, "urdf", its_own) for arm in arms]
+        seen["mechanisms"] = [_with_path(arm, "like", its_own) for arm in arms]
+    return seen
+
+
+def _with_path(table: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:
+    """Return a table in which a path that a key gives is one from `folder`."""
+    value = table.get(key)
+    if not isinstance(value, str) or not _is_path(value):
+        return table
+    return {**table, key: str(folder.resolve() / value)}
 
 
 def script_path(name_or_path: str | Path, base: Path) -> Path:
@@ -185,10 +209,15 @@ def script_path(name_or_path: str | Path, base: Path) -> Path:
     return _find("scripts", name_or_path, base, "")
 
 
+def _is_path(text: str) -> bool:
+    """Return whether a text is a path, and not the name of something that is shipped."""
+    return "/" in text or text.endswith((".toml", ".urdf"))
+
+
 def _find(kind: str, name_or_path: str | Path, base: Path, where: str) -> Path:
     text = str(name_or_path)
     suffix = ".urdf" if kind == "robots" else ".toml"
-    if isinstance(name_or_path, Path) or "/" in text or text.endswith(suffix):
+    if isinstance(name_or_path, Path) or _is_path(text):
         path = base / name_or_path
         if not path.is_file():
             raise ConfigError(f"{where}{path}: no such file")

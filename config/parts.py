@@ -106,7 +106,7 @@ def parts_of(path: Path, document: Document, whole: Whole) -> list[Part]:
         own: Document = {key: entry[key] for key in OF_ITS_OWN if key in entry}
         _check_rig(path, place, own)
         arm = {key: value for key, value in entry.items() if key != "like" and key not in own}
-        alike = _alike(whole, entry["like"], path, i) if "like" in entry else {}
+        alike = _alike(whole, entry, path, i) if "like" in entry else {}
         task = tasks.get(name, _Task(name, "", {}))
         part = on_top(on_top(alike, document), {**own, "mechanism": arm})
         says = ((f"{task.place}.", task.says), (f"{place}.", own), ("", said))
@@ -160,9 +160,12 @@ def on_top(under: Document, over: Document) -> Document:
     return both
 
 
-def _alike(whole: Whole, name: object, path: Path, i: int) -> Document:
-    """Return what comes along with the mechanism of another cell."""
-    where = f"{path}: mechanisms[{i}].like: "
+def _alike(whole: Whole, entry: Document, path: Path, i: int) -> Document:
+    """Return what comes along with the mechanism of another cell.
+
+    The names of that cell's buses come along only where the mechanism is not put on one of this.
+    """
+    name, where = entry["like"], f"{path}: mechanisms[{i}].like: "
     other = whole(name, path.parent, where)
     if not isinstance(other.get("mechanism"), dict):
         raise ConfigError(f"{where}value '{name}': a cell with [mechanism] is needed")
@@ -170,7 +173,14 @@ def _alike(whole: Whole, name: object, path: Path, i: int) -> Document:
     rig = other.get("rig")
     if isinstance(rig, dict):
         found["rig"] = {key: rig[key] for key in OF_ITS_RIG if key in rig}
-    return deepcopy(found)
+    found = deepcopy(found)
+    if "bus" in entry:
+        drives = found["mechanism"].get("drives", [])
+        devices = [found["mechanism"].get(key) for key in ("force_torque", "gripper")]
+        for device in (*(drives if isinstance(drives, list) else ()), *devices):
+            if isinstance(device, dict):
+                device.pop("bus", None)
+    return found
 
 
 class _Task(NamedTuple):

@@ -209,6 +209,43 @@ def test_what_is_cell_wide_or_a_tasks_own_is_refused_by_the_files_key(cell, text
     assert "\n" not in str(caught.value)
 
 
+def test_a_mechanism_of_another_cell_is_put_on_the_bus_that_this_file_names(cell, tmp_path):
+    split = tmp_path / "split.toml"
+    split.write_text("""
+extends = "pa10"
+[[buses]]
+name = "near"
+channel = "239.74.163.32"
+[[buses]]
+name = "far"
+channel = "239.74.163.33"
+[mechanism]
+bus = "far"
+[mechanism.force_torque]
+bus = "far"
+""")
+    two = cell(PAIR.replace('"pa10"', '"split.toml"'))
+    assert {entry.bus for entry in two.devices if entry.part == 0} == {"left"}
+    unsaid = PAIR.replace('"pa10"', '"split.toml"').replace('bus = "left"\n', "", 1)
+    with pytest.raises(ConfigError, match=r"mechanisms\[0\]\.bus: value 'far': no such bus"):
+        cell(unsaid)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'extends = "arms/mine.toml"\n',
+        HEAD + "[[mechanisms]]\nname = 'a'\nlike = 'arms/mine.toml'\n",
+    ],
+)
+def test_paths_in_another_cells_file_start_from_its_own_folder(cell, tmp_path, text):
+    arms = tmp_path / "arms"
+    arms.mkdir()
+    (arms / "mine.toml").write_text('extends = "pa10"\n[mechanism]\nurdf = "my.urdf"\n')
+    (arms / "my.urdf").write_text(load_cell("pa10").robot.urdf.read_text())
+    assert cell(text).robot.urdf == arms / "my.urdf"
+
+
 def test_one_mechanism_may_stand_in_a_list_too(cell, tmp_path):
     alone = cell(HEAD + ONE)
     assert alone.parts == (alone,)
