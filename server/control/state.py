@@ -13,6 +13,7 @@ from .actuation.torque import TorqueState
 from .barriers.clearance import Gap, Levels, Shown
 from .barriers.resisted import Resistance
 from .frame_tree import Moved
+from .grasps.held import Held, Holding
 from .hold.pushed import Pushed
 from .hold.retreat import RetreatState
 from .mechanism.null_space.potential_field import FieldReading
@@ -142,6 +143,8 @@ class Memory:
     """
     resistance: Resistance | None = None
     """What holds the arm up; None before the first tick."""
+    held: Held | None = None
+    """The payload that it holds with others; None for an arm with a task alone."""
 
 
 class Output(NamedTuple):
@@ -193,6 +196,8 @@ class Output(NamedTuple):
     """What is near the virtual spheres; None in a cell without any."""
     stop_worsened: bool = False
     """News made the stored stop fall short of a clearance; the least bad one was taken."""
+    held: Holding | None = None
+    """The payload that it holds with others; None for an arm with a task alone."""
 
     @property
     def gaps(self) -> tuple[Gap, ...]:

@@ -22,11 +22,12 @@ from ...config.load import Cell
 from .arm.arm import Arm
 from .barriers.barriers import Allow, Allowed, Clear, Surroundings, joined
 from .barriers.collision import Guard, Watch
+from .joint_task.several import JointTasks, On, finish, members_of
 from .joints import Joints
 from .spatial import Array
 from .state import Inputs, Intent, Memory, Output
 from .stop.gate import Gate
-from .stop.limiter import Limited, Limiter
+from .stop.limiter import Judge, Limited, Limiter
 from .stop.motion import Motion
 from .stop.trajectory import Stop
 
@@ -34,10 +35,13 @@ from .stop.trajectory import Stop
 class Control:
     """The control computation of one cell. Holds constants and scratch memory only."""
 
-    def __init__(self, arms: Sequence[Arm], guard: Guard | None = None) -> None:
+    def __init__(
+        self, arms: Sequence[Arm], guard: Guard | None = None, cell: Cell | None = None
+    ) -> None:
         """Build it; `guard` keeps clearances, None in a cell that has none to keep.
 
-        All arms have one period. Their joints are one vector, arm after arm.
+        All arms have one period. Their joints are one vector, arm after arm. `cell` has the joint
+        tasks, None for none; raises `ConfigError` where their grasps do not fit.
         """
         self.arms = tuple(arms)
         p = self.arms[0].p
@@ -45,14 +49,11 @@ class Control:
         joints = Joints.of_all(every)
         T = p.period_s
         self.allow = Allow(every, T, p.resolve.characteristic_length, guard)
-        self.limiter = Limiter(
-            joints.lower,
-            joints.upper,
-            joints.acceleration,
-            joints.jerk,
-            T,
-            parts=self.allow.parts,
-        )
+        self.limiter = self._limiter_of(())
+        self.joint: JointTasks | None = None
+        """What several arms may hold together; None in a cell without joint tasks."""
+        if cell is not None and cell.joint_tasks:
+            self.joint = JointTasks(cell, self.arms, self._limiter_of)
         self.gate = Gate(
             joints.names,
             joints.lower,
@@ -74,11 +75,16 @@ class Control:
             joints = Joints.of_all([arm.p.joints for arm in arms])
             capsules = arms[0].p.capsules if len(arms) == 1 else None
             guard = Guard(cell, joints.acceleration, joints.jerk, capsules)
-        return cls(arms, guard)
+        return cls(arms, guard, cell)
 
     def seed(self, q: Array) -> tuple[Memory, ...]:
-        """Return the memories of arms at rest at q (n,) [rad] that were told nothing yet."""
-        return tuple(arm.seed(q[part]) for arm, part in zip(self.arms, self.parts, strict=True))
+        """Return the memories of arms at rest at q (n,) [rad] that were told nothing yet.
+
+        Those of a joint task that is on at start hold its payload.
+        """
+        each = [q[part] for part in self.parts]
+        found = tuple(arm.seed(own) for arm, own in zip(self.arms, each, strict=True))
+        return found if self.joint is None else self.joint.seeded(found, each)
 
     @property
     def parts(self) -> tuple[slice, ...]:
@@ -94,9 +100,16 @@ class Control:
         the gate concerns all.
         """
         beside = self.allow.guard is not None
+        on = [] if self.joint is None else self.joint.on(memories, inputs)
+        told, members = inputs, members_of(on)
+        if on:
+            inputs = [members[i].inputs if i in members else x for i, x in enumerate(inputs)]
         asked, before, asking = [], [], []
-        for arm, last, given in zip(self.arms, memories, inputs, strict=True):
-            memory, seen, wanted = arm.asking.ask(last, given)
+        for i, (arm, last, given) in enumerate(zip(self.arms, memories, inputs, strict=True)):
+            if i in members:
+                memory, _, seen, wanted, *_ = members[i]
+            else:
+                memory, seen, wanted = arm.asking.ask(last, given)
             asked.append((seen, wanted))
             before.append(memory)
             asking.append(arm.before_barriers(memory, given, seen, wanted, beside))
@@ -109,8 +122,8 @@ class Control:
             None if first.moved is None else first.moved.base,
             asked[0][0].placed,
         )
-        allowed, clear = self.allow.nearest(asking, around)
-        limited = self._limit(before, first, allowed, clear)
+        allowed, clear = self.allow.nearest(asking, around, [each.link for each in on])
+        limited = self._limit(before, first, allowed, clear, on)
         refusal = self.gate.refusal(limited.motion.q, self._sent(before))
         nexts, outputs = [], []
         for i, arm in enumerate(self.arms):
@@ -118,6 +131,8 @@ class Control:
             memory, output = arm.finish(before[i], inputs[i], *asked[i], allowed[i], clear, own)
             nexts.append(memory)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
+        if on:
+            finish(on, told, [a.pace for a in allowed], nexts, outputs)
         return tuple(nexts), tuple(outputs)
 
     def _limit(
@@ -126,19 +141,37 @@ class Control:
         inputs: Inputs,
         allowed: Sequence[Allowed],
         clear: Clear,
+        on: Sequence[On],
     ) -> Limited:
         """Bound acceleration and jerk, and keep a verified stop at hand."""
         motion = Motion.of_all([memory.motion for memory in memories])
         stop = Stop.of_all([memory.stop for memory in memories])
-        if inputs.intent is Intent.STOP:
-            return self.limiter.go_on(stop)
+        limiter = self.limiter if self.joint is None or not on else self.joint.limiter(on)
+        if inputs.intent is Intent.STOP or any(each.together.strained for each in on):
+            return limiter.go_on(stop)
         if inputs.intent is Intent.SEED:
             return Limited(motion, stop, False)
         guard, judge = self.allow.guard, None
         if guard is not None and clear.watch is not None:
             judge = partial(_shortfall, guard, clear.watch)
+        if on:
+            judge = partial(_worst, judge, on)
         dq = joined([granted.dq for granted in allowed])
-        return self.limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
+        return limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
+
+    def _limiter_of(self, groups: tuple[tuple[int, ...], ...]) -> Limiter:
+        """Return the limiter of the cell; joints of a group of arms stop in proportion."""
+        joints = Joints.of_all([arm.p.joints for arm in self.arms])
+        every = np.arange(joints.n)
+        return Limiter(
+            joints.lower,
+            joints.upper,
+            joints.acceleration,
+            joints.jerk,
+            self.arms[0].p.period_s,
+            [np.concatenate([every[self.parts[i]] for i in group]).tolist() for group in groups],
+            self.parts,
+        )
 
     def _sent(self, memories: Sequence[Memory]) -> tuple[Array, Array, Array]:
         """Return the last three commanded postures (n,), newest first."""
@@ -146,6 +179,12 @@ class Control:
             return memories[0].sent
         a, b, c = map(np.concatenate, zip(*(memory.sent for memory in memories), strict=True))
         return a, b, c
+
+
+def _worst(judge: Judge | None, on: Sequence[On], stop: Stop) -> float:
+    """Return by how much a stop breaks what is kept [m], stretch of payloads included."""
+    short = 0.0 if judge is None else judge(stop)
+    return max(short, *(each.shortfall(stop) for each in on))
 
 
 def _shortfall(guard: Guard, watch: Watch, stop: Stop) -> float:

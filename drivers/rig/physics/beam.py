@@ -130,8 +130,8 @@ class Beam:
             p, turned = self._seen(i)
             at = origin + R @ self._p[i]
             mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, pad.tip, twist, 0)
-            v_pad = twist[3:] + np.cross(twist[:3], at - data.xipos[pad.tip])
-            v_own = own[3:] + np.cross(own[:3], at - data.xipos[body])
+            v_pad = twist[3:] + _cross(twist[:3], at - data.xipos[pad.tip])
+            v_own = own[3:] + _cross(own[:3], at - data.xipos[body])
             self._apart[i] = p - self._p[i]
             turn = np.zeros(3)
             quat = np.zeros(4)
@@ -143,9 +143,9 @@ class Beam:
             self.wrenches[i] *= self._closed[i]
             f, m = R @ self.wrenches[i, :3], R @ self.wrenches[i, 3:]
             data.xfrc_applied[body, :3] += f
-            data.xfrc_applied[body, 3:] += m + np.cross(at - data.xipos[body], f)
+            data.xfrc_applied[body, 3:] += m + _cross(at - data.xipos[body], f)
             data.xfrc_applied[pad.tip, :3] -= f
-            data.xfrc_applied[pad.tip, 3:] -= m + np.cross(at - data.xipos[pad.tip], f)
+            data.xfrc_applied[pad.tip, 3:] -= m + _cross(at - data.xipos[pad.tip], f)
 
     def internal_force(self) -> float:
         """Return the greatest force at a grasp that moves nothing [N].
@@ -165,6 +165,20 @@ class Beam:
         """Return how far the pads are from fitting each other [m], the two that fit least."""
         apart = self._apart
         return float(max(np.linalg.norm(a - b) for a in apart for b in apart))
+
+    def push(self) -> Vector:
+        """Return the force (3,) [N] that payload and pegs exert on what they touch, in World."""
+        model, data, total, wrench = self._model, self._data, np.zeros(3), np.zeros(6)
+        for i in range(data.ncon):
+            contact = data.contact[i]
+            first, second = (
+                model.body_rootid[model.geom_bodyid[geom]] == self._body for geom in contact.geom
+            )
+            if first != second:
+                mujoco.mj_contactForce(model, data, i, wrench)
+                on_second = contact.frame.reshape(3, 3).T @ wrench[:3]
+                total += on_second if first else -on_second
+        return total
 
     def pose(self) -> tuple[Vector, Vector]:
         """Return the payload's origin (3,) [m] and rotation matrix (3, 3) in World."""
@@ -209,3 +223,9 @@ def _placed(pose: Pose) -> tuple[Vector, Vector]:
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(quaternion(pose)))
     return np.array(pose.xyz), R.reshape(3, 3)
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    """Return a × b (3,); numpy's takes 20 times as long."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])

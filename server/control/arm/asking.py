@@ -76,22 +76,29 @@ class Asking:
             retreat=None if self.stages.retreat is None else self.stages.retreat.start,
         )
 
+    def seeded(self, memory: Memory, inputs: Inputs) -> Memory:
+        """Return the memory of an arm at rest where its joints are; drives that are on keep theirs.
+
+        What the torque law and a grasp remember stays.
+        """
+        q = inputs.q_measured
+        if inputs.energised is not None:
+            q = np.where(inputs.energised, memory.motion.q, q)
+        return evolve(self.seed(q), torque=memory.torque, held=memory.held)
+
     def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Seen, Wanted]:
         """Return what the task asks of the joints, and what that was computed from."""
         moved = inputs.moved
         T_world_wrist_measured = self.mechanism.pose_wrist(
             inputs.q_measured, None if moved is None else moved.T_world_base_measured
         )
-        wrist = self._measured(memory, inputs, T_world_wrist_measured)
+        wrist = self.measured(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
-            q = inputs.q_measured
-            if inputs.energised is not None:
-                q = np.where(inputs.energised, memory.motion.q, q)
-            memory = evolve(self.seed(q), torque=memory.torque)
+            memory = self.seeded(memory, inputs)
         motion, base = memory.motion, None if moved is None else moved.base.T
         mrf = inputs.settings.T_wrist_mrf
         k = self.mechanism.kinematics(motion.q, mrf, base)
-        task, objectives, since_s = self._tuned(memory, inputs, k, wrist)
+        task, objectives, since_s = self.tuned(memory, inputs, k, wrist)
         placed, near = None, memory.near
         if self.shared is not None and inputs.settings.avoid:
             placed = self.shared.place(motion.q[None], base)
@@ -107,9 +114,7 @@ class Asking:
         )  # fmt: skip
         task, twists = self.stages.task.twists(task, context)
         around = Around(inputs.scene, near, base, placed)
-        asked = self._resolved(
-            motion.q, twists, objectives, task.off_path, inputs, k, lever, around
-        )
+        asked = self.resolved(motion.q, twists, objectives, task.off_path, inputs, k, lever, around)
         retreat, asked = self._giving_way(memory, inputs, k, asked)
         memory = evolve(
             memory,
@@ -123,7 +128,7 @@ class Asking:
         error = memory.sent[1] - inputs.q_measured
         return memory, Seen(k, placed, T_world_wrist_measured, error, wrench, hand), asked
 
-    def _measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
+    def measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
         """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
         wrist, settings = self.stages.wrist, inputs.settings
         return wrist.measure(
@@ -139,7 +144,7 @@ class Asking:
 
     # --- gains -------------------------------------------------------------------------------
 
-    def _tuned(
+    def tuned(
         self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory
     ) -> tuple[TaskMemory, ObjectiveGains, float]:
         """Return the gains in effect: of the task and of the redundancy objectives.
@@ -164,7 +169,7 @@ class Asking:
 
     # --- what is asked for -------------------------------------------------------------------
 
-    def _resolved(
+    def resolved(
         self,
         q: Array,
         twists: dict[str, Array],
@@ -191,7 +196,7 @@ class Asking:
         if joint_rates is not None:
             twists = dict.fromkeys(twists, NO_TWIST)
             twist = k.J @ joint_rates
-        s_tool = self._tool_share(twist, inputs.settings.speed_factor)
+        s_tool = self.tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
         if joint_rates is not None:
             dq, self_motion = s_tool * joint_rates, self.stages.redundancy.none()
@@ -245,7 +250,7 @@ class Asking:
             or self.stages.task.orders(twists)
         )
 
-    def _tool_share(self, twist: Array, factor: float) -> float:
+    def tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
         v, w = sizes(twist)
         limits = self.p.limits

@@ -21,8 +21,9 @@ from ..stop.motion import Motion
 from .clearance import Levels, Shown
 from .collision import Guard, Situation, Tool, Watch
 from .joint_limits import JointRoom, Room
-from .programme import nearest
+from .programme import ATTITUDE, nearest
 from .resisted import Resistance
+from .together import Link, in_step, least_of, pulled_apart
 from .velocity_damper import Rows
 
 
@@ -132,19 +133,30 @@ class Allow:
         self._tool = np.repeat(np.arange(len(joints)), self._counts)
 
     def nearest(
-        self, arms: Sequence[BarrierInputs], around: Surroundings
+        self,
+        arms: Sequence[BarrierInputs],
+        around: Surroundings,
+        links: Sequence[Link] = (),
     ) -> tuple[tuple[Allowed, ...], Clear]:
-        """Return the rates nearest to those of each mechanism that all bounds allow."""
+        """Return the rates nearest to those of each mechanism that all bounds allow.
+
+        Those of `links` hold one payload.
+        """
         factor, guard = around.speed_factor, self.guard
         bounded = [self._bounded(i, arm, factor) for i, arm in enumerate(arms)]
         shares = [b.share for b in bounded]
         limits = [b.limits for b in bounded]
         dq = joined([b.dq for b in bounded])
+        if links:
+            dq, shares, links = in_step(dq, self._counts, shares, shares, links)
         watch, rows, broken = None, None, None
         beyond = max(b.beyond for b in bounded)
         if guard is not None and around.keep_clear:
             watch = guard.watch(_situation(arms, around, self.parts), dq, around.levels)
-            for i, slow in enumerate(guard.tool_shares(watch)):
+            beside = guard.tool_shares(watch)
+            if links and min(beside) < 1.0:
+                _, beside, links = in_step(dq, self._counts, beside, beside, links)
+            for i, slow in enumerate(beside):
                 if slow < 1.0:
                     dq = _slowed(dq, self.parts[i], slow)
                     shares[i], limits[i] = slow * shares[i], (*limits[i], "near_speed")
@@ -158,11 +170,14 @@ class Allow:
                 ]
                 beyond = True
         paces = list(shares)
+        if links and not beyond:
+            J = joined([arm.kinematics.J for arm in arms], axis=1)
+            beyond = pulled_apart(J, self._tool, dq, ATTITUDE * self._length, links)
         if beyond:
             J = joined([arm.kinematics.J for arm in arms], axis=1)
             low, high = joined([b.low for b in bounded]), joined([b.high for b in bounded])
             V = factor * self._velocity
-            found = nearest(dq, J, low, high, V, self._length, rows, self._tool)
+            found = nearest(dq, J, low, high, V, self._length, rows, self._tool, links)
             for i, b in enumerate(bounded):
                 # Rates that all bounds of joints allow are inside the leash, and slower ones too.
                 held = b.leash is not None and bool(b.leash.left_by(dq[self.parts[i]]))
@@ -171,7 +186,8 @@ class Allow:
                 if found.fallback:
                     limits[i] += (found.fallback,)
             dq = found.dq
-        allowed = self._held_up(arms, dq, shares, paces, limits, rows)
+            shares, paces = least_of(links, shares), least_of(links, paces)
+        allowed = self._held_up(arms, dq, shares, paces, limits, rows, links)
         if guard is None or watch is None or broken is None:
             return allowed, Clear()
         return allowed, Clear(watch, guard.shown(watch, broken))
@@ -198,6 +214,7 @@ class Allow:
         paces: list[float],
         limits: list[tuple[str, ...]],
         rows: Rows | None,
+        links: Sequence[Link],
     ) -> tuple[Allowed, ...]:
         """Return the rates of mechanisms that nothing holds up: else they slow as a whole."""
         left, memories = [], []
@@ -216,6 +233,7 @@ class Allow:
             if rows is not None:
                 # A barrier between two may be kept by one that makes way for the other.
                 left = [least] * len(left)
+            left = least_of(links, left)
             dq = np.repeat(left, self._counts) * dq
         if len(arms) == 1:
             return (Allowed(dq, least * shares[0], limits[0], least * paces[0], memories[0]),)

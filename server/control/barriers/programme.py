@@ -20,6 +20,7 @@ more than leads joints back.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import daqp
@@ -30,6 +31,7 @@ from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
 from ..scene import Index
 from ..spatial import Array
 from .least_distance import KEPT, settled, shortfall
+from .together import Link, keep
 
 LEAVE_PATH = 1000.0
 """Cost of tool motion off the path, per (m/s)²."""
@@ -92,13 +94,15 @@ def nearest(
     characteristic_length: float,
     rows: tuple[Array, Array] | None = None,
     tool: Index | None = None,
+    links: Sequence[Link] = (),
 ) -> Nearest:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
     `tool` (n,) tells which of t tools each joint moves, all the same one if None; the columns of
     J (6, n) are that tool's Jacobian. `velocity` (n,) are the joint speed bounds; `rows` are
-    A (m, n) and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. There
-    always are such rates; raises `BarrierError` where an argument is not finite.
+    A (m, n) and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. `links`
+    are tools on one payload. There always are such rates; raises `BarrierError` where an argument
+    is not finite.
     """
     n = len(dq)
     tool = np.zeros(n, dtype=np.int64) if tool is None else tool
@@ -107,6 +111,8 @@ def nearest(
     H, f, A, upper, lower, sense = _programme(
         dq, J, tool, low, high, velocity, slopes, least, length
     )
+    for link in links:
+        H, f = keep(H, f, J, tool, link.tools, link.give_way, length)
     found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     wrong = shortfall(slopes, least, found[:n])
     fallback: Fallback = ""
@@ -125,6 +131,8 @@ def nearest(
                 found[:n], share = settled(found[:n], slopes, least, low, high, H[:n, :n])
                 if share < _SLOWED:
                     fallback = "barriers_slow"
+    for link in links:
+        found[n + link.tools] = found[n + link.tools[0]]
     return Nearest(*_granted(found, dq, J, tool, low, high, length), fallback)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiled import NUMBER, VECTOR, compiled
 from ..spatial import Array
@@ -26,7 +27,7 @@ class Motion(NamedTuple):
         """Return several as one, their freedoms one after the other."""
         return each[0] if len(each) == 1 else Motion(*map(np.concatenate, zip(*each, strict=True)))
 
-    def of(self, part: slice) -> "Motion":
+    def of(self, part: slice | NDArray[np.int64]) -> "Motion":
         """Return that of some freedoms."""
         return Motion(self.q[part], self.dq[part], self.ddq[part])
 
@@ -42,3 +43,23 @@ def _stands(dq: Array, ddq: Array, below: float) -> bool:
             if not (size == 0.0 or size < below):  # nor what is not a number
                 return False
     return True
+
+
+Part = slice | NDArray[np.int64]
+"""Some of the freedoms."""
+
+
+def arriving(
+    n: int, parts: Sequence[slice], groups: Sequence[NDArray[np.int64]]
+) -> tuple[tuple[Part, bool], ...]:
+    """Return which freedoms arrive together, and whether they always do; none for all of n.
+
+    A group takes the place of its parts.
+    """
+    if len(parts) < 2:
+        return ()
+    grouped = {int(i) for group in groups for i in group}
+    alone = [part for part in parts if not grouped.intersection(range(n)[part])]
+    found: tuple[tuple[Part, bool], ...] = tuple((group, True) for group in groups)
+    found += tuple((part, False) for part in alone)
+    return found if len(found) > 1 else ()

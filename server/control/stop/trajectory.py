@@ -11,7 +11,7 @@ import numpy as np
 import ruckig
 
 from ..spatial import Array
-from .motion import Motion
+from .motion import Motion, arriving
 from .proportion import stopping_in_proportion
 from .velocity_profile import (
     reach,
@@ -167,7 +167,8 @@ class VelocityPlanner:
     ) -> None:
         """Build it; `groups` holds the indices of freedoms that belong together.
 
-        Those of each of the `parts` arrive together, all of them where there are none.
+        Those of each of the `parts` arrive together, all of them where there are none; a group is
+        made of whole parts.
 
         Raises `ValueError` for a freedom in two groups, and for one that there is not.
         """
@@ -179,7 +180,7 @@ class VelocityPlanner:
             raise ValueError(f"groups {groups}: there are {n} freedoms")
         self._n = n
         self._groups = [np.array(group) for group in groups]
-        self._parts = tuple(parts) if len(parts) > 1 else ()
+        self._parts = arriving(n, parts, self._groups)
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
         self._input.control_interface = ruckig.ControlInterface.Velocity
@@ -195,27 +196,27 @@ class VelocityPlanner:
         self._input.max_jerk = jerk
 
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
-        """Return the motion one period later on the way to velocities `target` (n,)."""
+        """Return the motion one period later on the way to velocities `target` (n,).
+
+        Those of a group always arrive together.
+        """
         acceleration, jerk = self._bounds
         try:
             if not self._parts:
-                moved = stepped(*motion, target, acceleration, jerk, period_s, synchronised)
+                together = synchronised or bool(self._groups)
+                moved = stepped(*motion, target, acceleration, jerk, period_s, together)
                 return Motion(moved[0], moved[1], moved[2])
-            return Motion.of_all(
-                [
-                    Motion(
-                        *stepped(
-                            *motion.of(part),
-                            target[part],
-                            acceleration[part],
-                            jerk[part],
-                            period_s,
-                            synchronised,
-                        )
-                    )
-                    for part in self._parts
-                ]
-            )
+            found = np.empty((3, self._n))
+            for part, grouped in self._parts:
+                found[:, part] = stepped(
+                    *motion.of(part),
+                    target[part],
+                    acceleration[part],
+                    jerk[part],
+                    period_s,
+                    synchronised or grouped,
+                )
+            return Motion(*found)
         except ValueError as error:
             raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
 

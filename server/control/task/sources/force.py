@@ -75,9 +75,14 @@ class Force(Source[ForceState]):
 def desired_at_mrf(context: Context) -> Array:
     """Return the wrench to exert (6,), at the MRF and in its axes."""
     asked = context.asked
-    if asked.R_world_wrench is None:
-        return asked.wrench_desired
-    return rotate_twist(context.T_world_mrf.R.T @ asked.R_world_wrench, asked.wrench_desired)
+    return desired_wrench(asked.wrench_desired, asked.R_world_wrench, context.T_world_mrf.R)
+
+
+def desired_wrench(wrench: Array, R_world_wrench: Array | None, R_world_mrf: Array) -> Array:
+    """Return a wrench to exert (6,) in the axes of the MRF; those it has at first, if not None."""
+    if R_world_wrench is None:
+        return wrench
+    return rotate_twist(R_world_mrf.T @ R_world_wrench, wrench)
 
 
 def accommodation(wrench: Array | None, desired: Array, gain: Array, R_world_mrf: Array) -> Array:

@@ -1,0 +1,48 @@
+"""Memory of one arm that holds a payload with others, and of the task that they share."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ..spatial import Array, Pose
+from ..task.sources.force import ForceState
+from ..task.task import TaskMemory
+
+
+@dataclass(frozen=True)
+class Held:
+    """What one arm remembers of the payload that it holds with others.
+
+    The payload's frame is where the shared MRF was at start.
+    """
+
+    task: str
+    """Name of the joint task."""
+    T_wrist_payload: Pose
+    """Where this arm sees the payload; follows the mean of all views slowly."""
+    told: Pose
+    """The same when an event last told of it."""
+    force: ForceState = field(default_factory=ForceState)
+    """Internal force being bled off in HOLD."""
+    shared: TaskMemory | None = None
+    """What the sources of the joint task remember; of its first arm only."""
+    redefined: int = 0
+    """How often views had drifted so far apart that it was told."""
+
+
+class Holding(NamedTuple):
+    """What one arm tells of the payload that it holds with others."""
+
+    task: str
+    """Name of the joint task."""
+    wrench: Array | None
+    """What it exerts on the payload at its grasp, axes of the MRF (6,); None when stale."""
+    desired: Array
+    """Its share of what all are to exert (6,)."""
+    internal_force: float | None
+    """Greatest force at any grasp that moves nothing [N]; None without all wrenches."""
+    strained: bool
+    """That is beyond its bound: the arms stop."""
+    apart: float
+    """How far this arm's view of the payload is from the mean of all [m]."""
+    redefined: int
+    """How often views had drifted so far apart that it was told."""

@@ -1,0 +1,1 @@
+"""One payload held by several arms: the law of a joint task, and its promise along stops."""

@@ -1,0 +1,148 @@
+"""Forces at the grasps of one payload: what each arm is to exert, exerts, and gives way by.
+
+Force control acts at each arm's *own grasp* and not at the shared MRF: with a lever p between them,
+rotational accommodation at the MRF would add p² K_R to the translational gain at the grasp.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ....config.schema.joint_task import JointTask as Section
+from ..arm.arm import Arm
+from ..grasps.held import Held
+from ..grasps.load_shares import grasp_maps, internal, load_shares
+from ..mechanism.wrist import WristMemory
+from ..rigid_body import twist_at
+from ..spatial import GRAVITY, Array, Pose, cross, rotate_twist
+from ..state import Inputs, Intent
+from ..task.bleed import bleed
+from ..task.sources.force import ForceState, desired_wrench
+
+
+class Grasping(NamedTuple):
+    """k grasps of one payload in one tick; wrenches (k, 6) in the axes of the MRF."""
+
+    p: Array
+    """Where they are, seen from the MRF (k, 3) [m]."""
+    desired: Array
+    """Each arm's share of the weight, and of the wrench that an operator asks for."""
+    exerted: tuple[Array | None, ...]
+    """What each exerts (6,), None when stale."""
+    internal_force: float | None
+    """Greatest force that moves nothing [N]; None without all wrenches."""
+
+    def off(self, i: int) -> Array | None:
+        """Return by how much one arm exerts too little (6,); None when stale."""
+        exerted = self.exerted[i]
+        return None if exerted is None else self.desired[i] - exerted
+
+    def twist_of(self, i: int, gain: Array, R_world_mrf: Array) -> Array:
+        """Return the twist (6,) of one grasp that force control asks for, World axes.
+
+        `gain` (6,) is K_F along the axes of the MRF (Williams 1997, section 2.5).
+        """
+        off = self.off(i)
+        return np.zeros(6) if off is None else rotate_twist(R_world_mrf, gain * off)
+
+    def to_mrf(self, i: int, twist: Array, R_world_mrf: Array) -> Array:
+        """Return a twist (6,) of one grasp at the MRF, World axes."""
+        return twist_at(twist, -(R_world_mrf @ self.p[i]))
+
+
+def weight_of(mass: float, com: Array, T_payload_mrf: Pose, R_world_mrf: Array) -> Array:
+    """Return the wrench (6,) that holds a payload up, at and in the MRF.
+
+    `com` (3,) is its centre of mass in its own frame [m].
+    """
+    up = R_world_mrf.T @ (-mass * GRAVITY)
+    at = T_payload_mrf.R.T @ (com - T_payload_mrf.p)
+    return np.concatenate([up, cross(at, up)])
+
+
+def grasping(
+    views: Sequence[Pose],
+    tools: Sequence[Pose],
+    felt: Sequence[Array | None],
+    weights: Array,
+    wrench: Array,
+) -> Grasping:
+    """Return the forces at k grasps that are to exert a wrench (6,) together, at and in the MRF.
+
+    `views` are T_wrist_mrf, `tools` where each arm's grasp is in its Wrist, `felt` what each
+    exerts (6,) at and in its grasp, None when stale; `weights` (k, 6) are the diagonals of W.
+    """
+    placed = [view.inverse() @ tool for view, tool in zip(views, tools, strict=True)]
+    p = np.array([T.p for T in placed])
+    G = grasp_maps(p)
+    exerted = tuple(
+        None if h is None else rotate_twist(T.R, h) for T, h in zip(placed, felt, strict=True)
+    )
+    known = [h for h in exerted if h is not None]
+    force = None
+    if len(known) == len(exerted):
+        force = float(np.sqrt((internal(G, np.array(known))[:, :3] ** 2).sum(axis=1).max()))
+    return Grasping(p, load_shares(G, weights, wrench), exerted, force)
+
+
+class GivingWay:
+    """Forces at the grasps of one joint task, and how each arm gives way to them."""
+
+    def __init__(self, section: Section, arms: Sequence[Arm]) -> None:
+        """Build it for the arms that hold the payload."""
+        self._wrists = tuple(arm.stages.wrist for arm in arms)
+        self._tools = tuple(arm.p.T_wrist_tool for arm in arms)
+        self._weights = np.array(section.shares or [(1.0,) * 6] * len(arms))
+        self._mass, self._com = section.payload.mass, np.array(section.payload.com)
+        force = section.sources.force
+        self._threshold, self._leash = force.hold_threshold, force.hold_leash
+
+    def forces(
+        self,
+        told: Inputs,
+        views: Sequence[Pose],
+        wrists: Sequence[WristMemory],
+        T_payload_mrf: Pose,
+        R_world_mrf: Array,
+    ) -> Grasping:
+        """Return the forces at the grasps of arms that see the MRF at `views` in their Wrists."""
+        felt = [
+            own_wrist.wrench_mrf(memory, tool)
+            for own_wrist, memory, tool in zip(self._wrists, wrists, self._tools, strict=True)
+        ]
+        wrench = weight_of(self._mass, self._com, T_payload_mrf, R_world_mrf)
+        wrench += desired_wrench(told.wrench_desired, told.R_world_wrench, R_world_mrf)
+        return grasping(views, self._tools, felt, self._weights, wrench)
+
+    def twist(
+        self,
+        i: int,
+        forces: Grasping,
+        gain: Array,
+        R_world_mrf: Array,
+        intent: Intent,
+        held: Held,
+        at: Array,
+    ) -> tuple[Array, ForceState]:
+        """Return the twist (6,) at the MRF by which one arm gives way at its grasp.
+
+        In HOLD only internal force beyond a threshold is bled off, inside a leash from where the
+        Wrist, now `at` (3,), was when HOLD began.
+        """
+        if intent is Intent.MOVE:
+            twist = forces.twist_of(i, gain, R_world_mrf)
+            return forces.to_mrf(i, twist, R_world_mrf), ForceState()
+        if intent is not Intent.HOLD:
+            return np.zeros(6), ForceState()
+        began = at if held.force.hold is None else held.force.hold
+        off = forces.off(i)
+        bled = bleed(
+            held.force.bleeding,
+            None if off is None else -off,
+            forces.twist_of(i, gain, R_world_mrf),
+            at - began,
+            self._threshold,
+            self._leash,
+        )
+        return forces.to_mrf(i, bled.twist, R_world_mrf), ForceState(began, bled.bleeding)

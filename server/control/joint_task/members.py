@@ -1,0 +1,42 @@
+"""What a joint task makes of one tick: for each of its arms, and for all."""
+
+from typing import NamedTuple
+
+from ..arm.asking import Seen, Wanted
+from ..grasps.held import Holding
+from ..spatial import Array, Pose
+from ..state import Inputs, Memory
+from ..task.task import TaskMemory
+
+
+class Member(NamedTuple):
+    """One arm's part in a joint task in one tick."""
+
+    memory: Memory
+    inputs: Inputs
+    """Its own, with the MRF where it sees it, and nothing that commands it alone."""
+    seen: Seen
+    wanted: Wanted
+    give_way: Array
+    """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""
+    holding: Holding
+
+
+class Together(NamedTuple):
+    """A joint task in one tick."""
+
+    members: tuple[Member, ...]
+    T_world_mrf: Pose
+    """The mean of the arms' views."""
+    shared: TaskMemory
+    twists: dict[str, Array]
+    twist: Array
+    """The common twist (6,)."""
+    share: float
+    """Part of it that the tool's speed bounds allow, 0 to 1 [1]."""
+    strained: bool
+    """The internal force is beyond its bound while the arms may move."""
+    grasps: Array
+    """Where the grasps are, seen from the MRF (k, 3) [m]."""
+    giving_way: float
+    """Greatest relative speed of two grasps that force control asks for [m/s]."""

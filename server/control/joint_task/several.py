@@ -1,0 +1,105 @@
+"""The joint tasks of a cell, those of them that are on, and what they mean for the whole tick."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ....config.load import Cell
+from ..arm.arm import Arm
+from ..barriers.together import Link
+from ..spatial import Array
+from ..state import Inputs, Memory, Output
+from ..stop.limiter import Limiter
+from ..stop.trajectory import Stop
+from .joint_task import JointTask
+from .members import Member, Together
+from .stretch import Stretch
+from .switch import held_together
+
+LimiterOf = Callable[[tuple[tuple[int, ...], ...]], Limiter]
+"""Builds the limiter of a cell in which the joints of groups of arms stop in proportion."""
+
+
+class On(NamedTuple):
+    """One joint task that is on, in one tick."""
+
+    task: JointTask
+    together: Together
+    stretch: Stretch
+
+    @property
+    def link(self) -> Link:
+        """Its arms, for the barriers."""
+        ways = [member.give_way for member in self.together.members]
+        return Link(np.array(self.task.members), np.array(ways))
+
+    def shortfall(self, stop: Stop) -> float:
+        """Return by how much a stop stretches the payload more than is promised [m]."""
+        members = self.together.members
+        views = [member.inputs.settings.T_wrist_mrf for member in members]
+        return self.stretch.shortfall(stop, views, self.together.grasps, self.together.giving_way)
+
+
+class JointTasks:
+    """The joint tasks of one cell."""
+
+    def __init__(self, cell: Cell, arms: Sequence[Arm], limiter_of: LimiterOf) -> None:
+        """Build them. Raises `ConfigError` where grasps do not fit at the start."""
+        self.tasks = JointTask.of(cell, arms)
+        self._stretches = [Stretch(cell, t.members, t.section.stretch) for t in self.tasks]
+        self._limiter_of = limiter_of
+        # Scratch: limiters by the arms whose joints are a group.
+        self._limiters: dict[tuple[tuple[int, ...], ...], Limiter] = {}
+
+    def seeded(self, memories: tuple[Memory, ...], q: Sequence[Array]) -> tuple[Memory, ...]:
+        """Return the memories of arms at rest, each at its q (n,): payloads held at start are."""
+        for task in self.tasks:
+            if task.section.at_start:
+                memories = held_together(task, memories, q, always=True)
+        return memories
+
+    def on(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> list[On]:
+        """Return those that are on, with what they ask of their arms."""
+        return [
+            On(task, task.ask(memories, inputs), stretch)
+            for task, stretch in zip(self.tasks, self._stretches, strict=True)
+            if task.on(memories)
+        ]
+
+    def limiter(self, on: Sequence[On]) -> Limiter:
+        """Return the limiter of a cell in which these tasks are on."""
+        groups = tuple(each.task.members for each in on)
+        if groups not in self._limiters:
+            self._limiters[groups] = self._limiter_of(groups)
+        return self._limiters[groups]
+
+
+def members_of(on: Sequence[On]) -> dict[int, Member]:
+    """Return the parts that arms have in joint tasks, by the arms' places."""
+    return {
+        i: member
+        for each in on
+        for i, member in zip(each.task.members, each.together.members, strict=True)
+    }
+
+
+def finish(
+    on: Sequence[On],
+    inputs: Sequence[Inputs],
+    paces: Sequence[float],
+    memories: list[Memory],
+    outputs: list[Output],
+) -> None:
+    """Put what is common to the arms of each joint task into their memories and outputs."""
+    for each in on:
+        members = each.task.members
+        found = each.task.finish(
+            each.together,
+            inputs[members[0]],
+            [memories[i] for i in members],
+            [outputs[i] for i in members],
+            each.together.share * paces[members[0]],
+        )
+        for i, memory, output in zip(members, *found, strict=True):
+            memories[i], outputs[i] = memory, output

@@ -1,0 +1,48 @@
+"""Two arms put a beam's pegs into two nodes, which neither could alone (Williams 1997, section 4).
+
+Nodes are not where the drawing has them, nor as far apart. By stick, and by the physics' truth.
+"""
+
+import numpy as np
+import pytest
+
+from .carrying import Carrying, T, pair
+
+LEFT = "misplaced = { xyz = [0.002, 0.00115, 0.0] }"
+RIGHT = "misplaced = { xyz = [0.002, 0.00085, -0.002] }"
+AHEAD = [0.004, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+AS_BUILT = ()
+"""2 mm up, 1 mm across, one 2 mm farther, 0.3 mm too far apart."""
+TILTED = (
+    (LEFT, "misplaced = { xyz = [0.002, 0.00015, 0.0] }"),
+    (RIGHT, "misplaced = { xyz = [-0.002, -0.00015, -0.002] }"),
+)
+
+
+def inserted(run, seconds=12.0, deep=20e-3):
+    """Push ahead until both pegs are so deep; return their depths [m] and the greatest push [N]."""
+    push = 0.0
+    for _ in range(round(seconds / T)):
+        run.tick(AHEAD)
+        push = max(push, float(np.linalg.norm(run.world.beam.push())))
+        if min(run.world.beam.peg_depths()) >= deep:
+            break
+    return run.world.beam.peg_depths(), push
+
+
+@pytest.mark.parametrize("changes", [AS_BUILT, TILTED], ids=["as built", "tilted"])
+def test_both_pegs_go_in_gently_while_force_control_melts_what_does_not_fit(tmp_path, changes):
+    run = Carrying(pair(tmp_path, *changes, nodes=True))
+    depths, push = inserted(run)
+    assert min(depths) >= 20e-3
+    assert 5.0 < push <= 25.0, "the pegs touched nothing, or were forced in"
+    assert max(force for force, _, _ in run.truth) <= 10.0
+
+
+def test_without_force_control_the_beam_is_forced_and_stays_outside(tmp_path):
+    run = Carrying(pair(tmp_path, *TILTED, nodes=True))
+    run.force_gain(0.0, 0.0)
+    depths, push = inserted(run, seconds=5.5)
+    assert max(depths) < 10e-3
+    assert push > 100.0
