@@ -119,3 +119,26 @@ def test_a_file_that_is_no_recording_is_refused_by_name(tmp_path, capsys):
 def test_a_camera_that_there_is_not_is_refused_by_name(recorded):
     with pytest.raises(ConfigError, match="no camera 'attic'"):
         load_recording(recorded[0]).camera("attic")
+
+
+def test_a_run_of_two_arms_is_drawn_with_both(tmp_path):
+    from matplotlib.figure import Figure
+    from telerobot.config.load import load_cell
+
+    path, out = tmp_path / "two.mcap", tmp_path / "two.png"
+    stick = {"task": "right", **STICK}
+    script = Script.model_validate(
+        {"duration_s": 0.8, "step": [{"at_s": 0.1, "cmd/joystick": stick}]}
+    )
+    result = Simulation(load_cell("pa10_two"), script, path).run()
+    run, ax = load_recording(path), Figure().add_subplot()
+    assert (run.joints[0], run.joints[7]) == ("left.s1", "right.s1")
+    assert {name: p.shape for name, p in run.tool_paths.items()} == {
+        "left": (len(result.truths), 3), "right": (len(result.truths), 3),
+    }  # fmt: skip
+    assert np.ptp(run.tool_paths["right"], axis=0).max() > 0.02
+    assert PANELS["distances"](run, ax)
+    between = [truth.between_arms_m for truth in result.truths]
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), between)
+    assert main(["plot", str(path), "--out", str(out), "--stills", "2"]) == 0
+    assert out.read_bytes().startswith(PNG)

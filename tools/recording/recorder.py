@@ -95,7 +95,15 @@ class Recorder:
             self._channels[topic] = channel
         self._sequence += 1
         stamp = round(time_s * 1e9)
-        self._writer.add_message(channel, stamp, json.dumps(row).encode(), stamp, self._sequence)
+        data = json.dumps(row, default=_fields_of).encode()
+        self._writer.add_message(channel, stamp, data, stamp, self._sequence)
+
+
+def _fields_of(value: object) -> dict[str, Any]:
+    """Return the fields of a message within a message."""
+    if isinstance(value, Message):
+        return value.__dict__
+    raise TypeError(f"a {type(value).__name__} cannot be recorded")
 
 
 def read_frames(path: Path) -> Iterator[Frame]:

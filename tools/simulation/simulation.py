@@ -91,7 +91,7 @@ class Simulation:
         )
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)
-        self._tool = ToolJudge(cell)
+        self._tools = tuple(ToolJudge(part) for part in cell.parts)
         self.blind: str | None = None
         """Reason for missing pictures; None where there are pictures or no cameras."""
         self._cameras = self._open_cameras() if cameras is None else cameras(self)
@@ -217,13 +217,15 @@ class Simulation:
         truth = self.rig.truth()
         self.truths.append(truth)
         self._write("truth", truth)
-        commands = self.cycle.units.each[0].commands
-        self._tool.judge(truth, commands.placed_target, commands.frames.T_wrist_mrf)
+        for judge, unit in zip(self._tools, self.cycle.units.each, strict=True):
+            commands = unit.commands
+            judge.judge(truth, commands.placed_target, commands.frames.T_wrist_mrf)
 
     def _result(self) -> Result:
         period = self.cell.config.timing.period_s
         view = self.view.error(self.truths[-1]) if self.truths else None
-        tool = self._tool.error
+        tools = [error for judge in self._tools if (error := judge.error) is not None]
+        tool = (max(e[0] for e in tools), max(e[1] for e in tools)) if tools else None
         failure = self.player.failure or (
             None if self.player.phase in (Phase.OVER, Phase.PLAYING) else "the arm was not enabled"
         )

@@ -13,9 +13,11 @@ JUDGED_S = 0.5
 
 
 class ToolJudge:
-    """Compares the physics' pose of the MRF with the target, tick by tick."""
+    """Compares the physics' pose of one arm's MRF with its target, tick by tick."""
 
     def __init__(self, cell: Cell) -> None:
+        """Judge the arm of one part of a cell."""
+        self._mechanism = cell.config.mechanism.name
         mrf = cell.config.mechanism.T_wrist_mrf
         self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
         self._errors: deque[tuple[float, float] | None] = deque(
@@ -23,14 +25,16 @@ class ToolJudge:
         )
 
     def judge(self, truth: RigTruth, placed: tuple[str, Pose] | None, T_wrist_mrf: Pose) -> None:
-        """Take in a tick: the truth, the target (its ground, its pose there), the MRF."""
+        """Take in a tick: the truth, the target (its ground, its pose there), the MRF in force."""
         if placed is None:
             self._errors.append(None)
             return
         ground, target = placed
         if ground in truth.frames:  # judged by the ground's true pose
             target = _pose(truth.frames[ground]) @ target
-        true = _pose(truth.pose_mrf) @ self._T_mrf_wrist @ T_wrist_mrf
+        arm = truth.arms.get(self._mechanism)
+        pose = truth.pose_mrf if arm is None else arm.pose_mrf
+        true = _pose(pose) @ self._T_mrf_wrist @ T_wrist_mrf
         turn = rotation_log(target.R.T @ true.R)
         self._errors.append((float(np.linalg.norm(true.p - target.p)), float(np.linalg.norm(turn))))
 

@@ -28,9 +28,15 @@ def distances(run: Recording, ax: Axes) -> bool:
     fixed = all(value is not None for value in clear)
     if fixed:
         ax.plot(run.true_time, clear, "k", label="arm, fixed things")
+    between = [t["between_arms_m"] for t in run.truths if t.get("between_arms_m") is not None]
+    several = len(between) == len(run.truths)
+    if several:
+        ax.plot(run.true_time, between, "tab:red", label="arm, arm")
     ax.axhline(0.0, color="0.6", lw=0.8)
     return _named(
-        ax, "sight line to housing [m]" if every else "distance [m]", bool(every) or fixed
+        ax,
+        "sight line to housing [m]" if every else "distance [m]",
+        bool(every) or fixed or several,
     )
 
 
@@ -101,11 +107,12 @@ def off_path(run: Recording, ax: Axes) -> bool:
 
 def tool_path(run: Recording, ax: Axes) -> bool:
     """The tool's true path, from above and from the side."""
-    at = run.of_truths(lambda t: t["pose_mrf"][:3])
-    ax.plot(at[:, 0], at[:, 1], label="from above: y")
-    ax.plot(at[:, 0], at[:, 2], label="from the side: z")
-    ax.plot(at[0, 0], at[0, 1], "ko", ms=3)
-    ax.plot(at[0, 0], at[0, 2], "ko", ms=3)
+    for name, at in run.tool_paths.items():
+        whose = f"{name} " if len(run.tool_paths) > 1 else ""
+        ax.plot(at[:, 0], at[:, 1], label=f"{whose}from above: y")
+        ax.plot(at[:, 0], at[:, 2], label=f"{whose}from the side: z")
+        ax.plot(at[0, 0], at[0, 1], "ko", ms=3)
+        ax.plot(at[0, 0], at[0, 2], "ko", ms=3)
     ax.set_xlabel("x [m]")
     ax.set_ylabel("tool path [m]")
     ax.legend(fontsize="x-small")

@@ -29,7 +29,7 @@ class Recording:
 
     @cached_property
     def capsules(self) -> Capsules:
-        """The arm's shape. Raises `ConfigError` for links without one."""
+        """The arms' shape. Raises `ConfigError` for links without one."""
         return Capsules(self.cell)
 
     @cached_property
@@ -45,7 +45,13 @@ class Recording:
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints."""
-        return tuple(joint.name for joint in self.cell.robot.joints)
+        return self.cell.joints
+
+    @cached_property
+    def tool_paths(self) -> dict[str, Array]:
+        """Where the MRF of each arm was (t, 3) [m], by the mechanism's name."""
+        arms = [truth.get("arms") or {"": truth} for truth in self.truths]
+        return {name: np.array([arm[name]["pose_mrf"][:3] for arm in arms]) for name in arms[0]}
 
     def of_states(self, value: Callable[[dict[str, Any]], Any]) -> Array:
         """Return a value of every state, as an array over time."""

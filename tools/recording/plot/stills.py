@@ -28,8 +28,8 @@ def draw(run: Recording, truth: dict[str, Any], ax: Axes3D, width: float = 1.0) 
         ax.scatter(*end, color="tab:red", s=16)
         ax.scatter(*start, color="tab:red", marker="s", s=16)
     upto = run.true_time <= truth["time_s"]
-    path = run.of_truths(lambda t: t["pose_mrf"][:3])[upto]
-    ax.plot(*path.T, color="tab:blue", lw=1.0)
+    for path in run.tool_paths.values():
+        ax.plot(*path[upto].T, lw=1.0)
     _frame(ax, run)
 
 
