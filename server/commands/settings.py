@@ -1,5 +1,6 @@
 """Settings of operators: gains, switches, payload, gripper, objectives, reduced speed."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -153,8 +154,10 @@ class OperatorSettings:
         q = self.objectives.posture if request.posture is None else self.posture(request.posture)
         self.objectives = ObjectiveGains({**self.objectives.gains, name: request.gain}, q)
 
-    def set_payload(self, request: requests.PayloadRequest) -> None:
-        """Redefine what hangs on the sensor.
+    def set_payload(
+        self, request: requests.PayloadRequest, weighed: Callable[[Payload], bool]
+    ) -> None:
+        """Redefine what hangs on the sensor; `weighed` tells whether it reads that of a payload.
 
         Raises `Refused` for a name that the cell lacks, and for what would swing the tool.
         """
@@ -173,6 +176,9 @@ class OperatorSettings:
         else:
             known = ", ".join(self._payloads) or "none in this cell"
             raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
+        swings = self.payload_bounds.inertia.refusal(payload)
+        if swings is not None and not weighed(payload):
+            raise Refused(Why.UNSTABLE_PAYLOAD, swings)
         self._hang(payload)
         if request.bias is not None:
             self.wrench_bias = -np.array(request.bias)

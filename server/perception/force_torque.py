@@ -6,9 +6,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..commands.settings import WRENCH_SOURCES
-from ..control.spatial import Array
+from ..control.mechanism.payload import Payload
+from ..control.spatial import GRAVITY, Array, sizes
 from ..plant import UnitReading
 from ..runtime.events import Events
+from .filters.collision import UNKNOWN_LOAD
 
 TARE_S = 0.3
 """A tare averages the sensor over this time [s]."""
@@ -28,11 +30,30 @@ What a stick pushes against a wall stands, too: its push is what force control a
 
 NAME = "force_torque"
 
+WEIGHED = 0.1
+"""Part of a payload's weight by which the reading may be off [1]."""
+
+LONGEST = 0.5
+"""Centres of mass of tools are nearer to the sensor [m]."""
+
 
 def others_ask(twists: Mapping[str, Array]) -> bool:
     """Return whether sources other than those of the sensor ask for motion; `twists` by source."""
     asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
     return bool((np.abs(asked) > ASKED).any())
+
+
+def reads_weight(left: Array, payload: Payload) -> bool:
+    """Return whether a reading is a payload's weight, if (6,) is left of it without that [N, N·m].
+
+    One that weighs little, or has its centre farther than a tool reaches, is not told from none.
+    """
+    weight, lever = -float(GRAVITY[2]) * payload.mass, float(np.linalg.norm(payload.com))
+    if weight < 2.0 * UNKNOWN_LOAD.force or lever > LONGEST:
+        return False
+    force, moment = sizes(left)
+    within = max(UNKNOWN_LOAD.moment, WEIGHED * weight * lever)
+    return force <= max(UNKNOWN_LOAD.force, WEIGHED * weight) and moment <= within
 
 
 class ForceTorqueMonitor:

@@ -1,15 +1,19 @@
 """Perception of one arm: the monitors of sensor, load, cameras, moving frames and collisions."""
 
+from dataclasses import replace
+
 from ...config.load import Cell
 from ..commands.commands import Commands
 from ..control.arm.arm import Arm
+from ..control.mechanism.payload import Payload
+from ..control.spatial import Pose
 from ..control.state import Memory, Output
 from ..mode import Mode
 from ..plant import UnitReading
 from ..runtime.events import Events
 from .cameras import VisionTracker
 from .collisions import CollisionMonitor
-from .force_torque import ForceTorqueMonitor
+from .force_torque import ForceTorqueMonitor, reads_weight
 from .moving_frames import FrameTracker
 from .unexplained_load import LoadMonitor
 
@@ -22,6 +26,7 @@ class Perception:
         sensor, damping = config.mechanism.force_torque, config.sources.following.damping
         essential = sensor is not None and sensor.essential
         self._arm, self._commands = arm, commands
+        self._T_world_mrf: Pose | None = None
         self.sensor = ForceTorqueMonitor(events, essential, period_s)
         self.load = LoadMonitor(sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
@@ -42,13 +47,22 @@ class Perception:
         if reading.wrench_age_s is not None:
             weight, twists = None, {}
             if output is not None:
-                twists = output.twists
+                twists, self._T_world_mrf = output.twists, output.T_world_mrf_measured
                 weight = self._arm.weight(output.T_world_mrf_measured, commands.control_settings())
             self.sensor.update(reading, weight, twists)
             self.load.update(output, mode, now_s, self.sensor.unloaded, self.collisions.carried)
         moved = commands.frames.moved
         load = self.load
         self.collisions.update(reading, memory, output, moved, mode, load.doubt, load.tool)
+
+    def weighed(self, payload: Payload) -> bool:
+        """Return whether the sensor reads the weight of a payload: so it hangs there."""
+        unloaded, at = self.sensor.unloaded, self._T_world_mrf
+        if unloaded is None or at is None:
+            return False
+        told = self._commands.control_settings()
+        changed = self._arm.weight(at, told) - self._arm.weight(at, replace(told, payload=payload))
+        return reads_weight(unloaded + changed - told.wrench_bias, payload)
 
     def remember(self, tick: int, output: Output) -> None:
         """Store the pose of the arm in a tick, for pictures that were exposed in it."""

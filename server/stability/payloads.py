@@ -9,6 +9,7 @@ from functools import cached_property
 from ...config.load import Cell
 from .following import stiffest_hand
 from .payload_loop import HEAVIEST, following_source, force_source, heaviest
+from .told_inertia import ToldInertia
 
 REFERENCE_GAIN = 0.01
 """K_F at which the force loop's heaviest payload is looked for [m/s/N]."""
@@ -19,6 +20,7 @@ class PayloadBounds:
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
+        self.inertia = ToldInertia(cell)
 
     def prepare(self) -> None:
         """Find the bounds of what may be switched on."""

@@ -14,6 +14,10 @@ RATIOS = (0.5, 1.0, 2.0)
 """True inertia over the modelled one, for which the loop has to be stable [1]."""
 
 
+_HALVINGS = 12
+"""Bisections of the stable range [1]."""
+
+
 def spectral_radius(gains: Torque, period_s: float, ratio: float) -> float:
     """Return the greatest magnitude of the sampled loop's poles: stable below 1.
 
@@ -23,6 +27,16 @@ def spectral_radius(gains: Torque, period_s: float, ratio: float) -> float:
     if gains.observer == 0.0:
         A = A[:4, :4]
     return float(np.abs(np.linalg.eigvals(A)).max())
+
+
+def lightest_ratio(gains: Torque, period_s: float) -> float:
+    """Return the least true inertia over the modelled one with which the loop is stable [1]."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        ratio = 0.5 * (low + high)
+        stable = spectral_radius(gains, period_s, ratio) < 1.0
+        low, high = (low, ratio) if stable else (ratio, high)
+    return high
 
 
 def _step(s: Array, gains: Torque, T: float, ratio: float) -> Array:

@@ -36,7 +36,7 @@ def serve_unit(message: m.Message, unit: Unit) -> None:
             commands.set_frame(message, T_world_mrf)
             _tell_frame(message, unit)
         case requests.PayloadRequest():
-            settings.set_payload(message)
+            settings.set_payload(message, unit.perception.weighed)
             if not message.unknown:
                 _tell_payload(message.name, unit)
         case requests.GripperRequest():

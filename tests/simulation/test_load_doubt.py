@@ -1,5 +1,7 @@
 """At torque level a declared payload that is not there does not make the arm swing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
@@ -29,10 +31,54 @@ def held(mass: float, height: float) -> Run:
     return Run(simulation, simulation.run())
 
 
-@pytest.mark.parametrize("mass", [0.98, 3.9, 5.0])
+# The last one is refused.
+@pytest.mark.parametrize("mass", [0.98, 3.9, 4.5, 5.0])
 def test_a_payload_that_is_not_there_leaves_the_arm_at_rest_after_a_knock(mass):
     run = held(mass, 0.1)
     torques = np.array([s.tau for s in run.states if LATER_S <= s.time_s < END_S])
     drives = run.simulation.cell.config.mechanism.drives
     assert run.summary["mode"] == "hold"
     assert np.all(np.ptp(torques, axis=0) < WITHIN * np.array([d.max_torque for d in drives]))
+
+
+FAR = {
+    "fuzzed": (0.14, (1.5, 1.5, 1.0)),
+    "below": (0.3, (0.0, 0.0, 1.5)),
+    "beside": (1.0, (0.5, 0.0, 0.0)),
+    "heavy": (10.0, (0.1, 0.0, 0.15)),
+}
+"""Payloads [kg, m] whose inertia the arm has not without them."""
+TURN = {"twist": [0.05, 0.05, 0.05, 0.3, 0.3, 0.3], "expressed_in": "base"}
+
+
+def moved(told, **rig):
+    """Return a run in which a payload is told, acknowledged, and the tool turned by the stick."""
+    mass, com = told
+    steps = [
+        {"at_s": 1.0, "operator/payload": {"mass": mass, "com": list(com)}},
+        {"at_s": 1.8, "operator/acknowledge_load": {}},
+        {"at_s": 2.0, "cmd/joystick": TURN, "for_s": 0.5},
+    ]
+    cell = load_cell("pa10_hand_torque")
+    rig = cell.config.rig.model_copy(update=rig)
+    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    script = Script.model_validate({"duration_s": END_S, "step": steps})
+    simulation = Simulation(cell, script)
+    return Run(simulation, simulation.run())
+
+
+@pytest.mark.parametrize("told", FAR.values(), ids=FAR.keys())
+def test_a_payload_that_would_swing_the_arm_without_it_is_refused_unless_it_hangs_there(told):
+    run = moved(told)
+    (refused,) = run.summary["refused"]
+    assert "unstable_payload" in refused
+    assert "of the inertia that the torque law would move" in refused
+    assert run.summary["mode"] == "enabled"
+
+
+def test_a_heavy_payload_that_hangs_there_is_taken():
+    mass, com = 9.0, (0.0, 0.0, 0.1)
+    run = moved((mass, com), payload_mass=mass - 0.98, payload_com=(0.0, 0.0, 0.1053))
+    assert run.summary["refused"] == []
+    assert len(run.events("payload_set")) == 1
+    assert run.summary["mode"] == "enabled"

@@ -18,13 +18,6 @@ PLAYED = [
 ]
 
 
-@pytest.mark.xfail(strict=True, reason="a told payload with a long lever swings the torque law")
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_payload_that_is_told_and_is_not_there_swings_no_arm_in_cst():
-    """0.14 kg, 2.4 m from the sensor: more inertia than the wrist has, and none of it is there."""
-    assert network.play(368, "pa10_hand_torque").reasons == []
-
-
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize(
     ("what", "seed"), PLAYED, ids=[f"{m.__name__.rpartition('.')[2]}-{s}" for m, s in PLAYED]
