@@ -12,6 +12,7 @@ from functools import cached_property
 from .bounds import bounds_of
 from .messages import messages as m
 from .messages import motion, moving, requests
+from .messages.drive import Drive, Insert
 from .messages.obstacles import AvoidanceRequest, ObstacleNews
 from .messages.reflection import Reflection, ReflectionRequest
 from .messages.rig import RigFault, RigTruth
@@ -130,6 +131,8 @@ JOG = _command("jog", m.JointJog, Life.STREAM, 100)
 POSTURE = _command("posture", m.PostureMove, Life.GOAL)
 PATH = _command("path", motion.PathMotion, Life.GOAL)
 MASTER_POSE = _command("master_pose", motion.MasterPose, Life.STREAM, 100)
+DRIVE = _command("drive", Drive, Life.STREAM, 100)
+INSERT = _command("insert", Insert, Life.GOAL)
 CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 
 SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
@@ -173,7 +176,7 @@ RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=Tr
 RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, largest=65536)
 
 TOPICS: tuple[Topic, ...] = (
-    KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, CANCEL,
+    KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, DRIVE, INSERT, CANCEL,
     SIGHTING, OBSTACLE, FRAME_NEWS,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, MARK, STORE_VIEW,

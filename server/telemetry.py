@@ -23,6 +23,7 @@ from .operators.exposure import network
 from .operators.link import Link
 from .plant import PlantReading
 from .runtime.events import Events
+from .units.insertion import told_insertion
 from .units.unit import Unit
 from .units.units import Units
 
@@ -170,6 +171,7 @@ def _of_task(
         "off_path": None if output.off_path is None else _three(output.off_path),
         "spheres": {} if output.near is None else sphere_distances(output.near),
         "priority": None if output.near is None else output.near.alpha,
+        "insertion": told_insertion(unit.arm, output.insertion),
         "at_goal": output.at_goal or commands.goals.posture_reached,
     }
 

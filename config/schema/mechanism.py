@@ -4,6 +4,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from .backbone import Backbone
 from .on_bus import CanId, CanOpenNode, Frames, OnBus
 from .section import Name, Pose, Section, Vector6
 
@@ -208,6 +209,9 @@ class Mechanism(Section):
     )
     force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
     gripper: Gripper | None = Field(None, description="gripper at the tool, if any")
+    backbone: Backbone | None = Field(
+        None, description="curve through tunnels that the joints follow; absent: a plain arm"
+    )
     payloads: dict[Name, Payload] = Field(
         default_factory=dict, description="named payloads to switch to, as a whole"
     )

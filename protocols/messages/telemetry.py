@@ -69,6 +69,9 @@ class TaskState(Message):
     off_path: Vector3 | None = None
     spheres: dict[str, float] = Field(default_factory=dict)
     priority: float | None = None
+    insertion: dict[str, float] | None = None
+    """Where an arm in tunnels is: `depth`, the tip's way from the entrance [m], the `speed` that it
+    is driven at [m/s], and how many joints are `free` beyond the exit. None off its curve."""
     at_goal: bool
 
 

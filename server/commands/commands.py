@@ -9,10 +9,9 @@ from typing import Final, Self
 
 import numpy as np
 
-from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
+from ...protocols.messages import drive, motion, moving
 from ...protocols.messages import messages as m
-from ...protocols.messages import motion, moving
 from ...protocols.topics import TOPICS, Flow
 from ..control.frame_tree import GROUNDS, UnknownFrame
 from ..control.spatial import Pose
@@ -24,8 +23,9 @@ from ..refusals import Refused, Why
 from .clutch import Master
 from .frame_set import FrameSet
 from .goals import Goals
-from .haptic_handle import HapticHandle
+from .haptic_handle import HapticHandle, reflector_of
 from .in_force import InForce
+from .insertion import InsertionCommands
 from .joint_commands import JointCommands
 from .placement import path_goal, placed
 from .settings import CellSettings, OperatorSettings
@@ -44,12 +44,14 @@ class Commands:
     def __init__(
         self,
         joints: JointCommands,
+        insertion: InsertionCommands,
         settings: OperatorSettings,
         frames: FrameSet,
         stream_timeout_s: float,
         reflector: Reflector | None = None,
     ) -> None:
-        self._joints, self.settings, self.frames = joints, settings, frames
+        self._joints, self._insertion = joints, insertion
+        self.settings, self.frames = settings, frames
         self.goals = Goals(frames.T_wrist_mrf)
         self.wrench = WrenchGoal()
         self.master = Master()
@@ -68,6 +70,8 @@ class Commands:
             m.CancelGoals: self._take_cancel,
             motion.PathMotion: self._take_path,
             motion.MasterPose: self._take_master,
+            drive.Drive: insertion.take,
+            drive.Insert: insertion.take,
         }
 
     @classmethod
@@ -77,22 +81,13 @@ class Commands:
         `shared` are the settings of all its arms, where there are several.
         """
         config = cell.config
-        drives, sensor = config.mechanism.drives, config.mechanism.force_torque
-        reflector = None
-        if config.reflection is not None and sensor is not None:
-            reflector = Reflector(
-                config.reflection, sensor.stiffest_environment, config.timing.period_s
-            )
         return cls(
-            JointCommands(
-                tuple(j.name for j in cell.robot.joints),
-                joint_bounds(cell.robot.joints, drives),
-                np.array([d.max_velocity for d in drives]),
-            ),
+            JointCommands.from_cell(cell),
+            InsertionCommands.from_cell(cell),
             OperatorSettings.from_cell(cell, shared or CellSettings.from_config(config)),
             FrameSet(config.mechanism, config.frames, config.T_world_crf),
             config.timing.stream_timeout_s,
-            reflector,
+            reflector_of(config),
         )
 
     # --- one message ---------------------------------------------------------------------------
@@ -116,7 +111,7 @@ class Commands:
         match message:
             case m.JoystickTwist():
                 return any(message.twist)
-            case m.JointJog():
+            case m.JointJog() | drive.Drive():
                 return any(message.rates)
             case motion.MasterPose():
                 return self.goals.goal is not None
@@ -190,6 +185,7 @@ class Commands:
         self.wrench.cancel()
 
     def _drop_goals(self) -> None:
+        self._insertion.drop()
         self.goals.drop()
         self.master.wait()
 
@@ -229,6 +225,7 @@ class Commands:
         """
         self._stick.clear()
         self._jog.clear()
+        self._insertion.clear()
         self.settings.settle_vision()
         self.handle.protect()
         self._drop_goals()
@@ -237,12 +234,13 @@ class Commands:
 
     def expired(self, now_s: float) -> list[str]:
         """Return the streams that fell silent while they asked for motion, and forget them."""
-        names = []
         stick, jog = self._stick.expire(now_s), self._jog.expire(now_s)
-        if stick is not None and any(stick.twist):
-            names.append("joystick")
-        if jog is not None and any(jog.rates):
-            names.append("jog")
+        silent = {
+            "joystick": stick is not None and any(stick.twist),
+            "jog": jog is not None and any(jog.rates),
+            "drive": self._insertion.expired(now_s),
+        }
+        names = [name for name, moved in silent.items() if moved]
         if self.master.expired(now_s, self._stream_timeout_s):
             names.append("master_pose")
             self.goals.pursue(self.master.target)
@@ -273,6 +271,7 @@ class Commands:
             R_world_wrench=self.wrench.axes(tree),
             ground=self.ground(now_s),
             T_wrist_goal=goals.T_wrist_goal,
+            drive=self._insertion.newest(now_s),
         )
 
     def control_settings(self) -> Settings:

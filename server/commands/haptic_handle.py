@@ -1,5 +1,6 @@
 """The operator's handle in a cell that reflects forces: its news, and the force that it is told."""
 
+from ...config.schema.cell import CellConfig
 from ...protocols.messages.reflection import Reflection, ReflectionRequest
 from ..control.spatial import Array
 from ..control.state import Output
@@ -46,3 +47,11 @@ class HapticHandle:
     def message(self, tick: int) -> Reflection | None:
         """Return what the handle is told, None in a cell that reflects no forces."""
         return None if self.reflector is None else self.reflector.message(tick)
+
+
+def reflector_of(config: CellConfig) -> Reflector | None:
+    """Return what reflects forces in a cell; None where nothing does."""
+    sensor = config.mechanism.force_torque
+    if config.reflection is None or sensor is None:
+        return None
+    return Reflector(config.reflection, sensor.stiffest_environment, config.timing.period_s)

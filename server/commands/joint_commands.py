@@ -1,8 +1,11 @@
 """Checks of commands that are given joint by joint."""
 
+from typing import Self
+
 import numpy as np
 
-from ...config.joint_bounds import JointBounds
+from ...config.joint_bounds import JointBounds, joint_bounds
+from ...config.load import Cell
 from ..control.spatial import Array
 from ..refusals import Refused, Why
 
@@ -13,6 +16,13 @@ class JointCommands:
     def __init__(self, names: tuple[str, ...], bounds: JointBounds, velocity: Array) -> None:
         self._names, self._velocity = names, velocity
         self._lower, self._upper = np.array(bounds.lower), np.array(bounds.upper)
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self:
+        """Return those of a cell's mechanism."""
+        joints, drives = cell.robot.joints, cell.config.mechanism.drives
+        velocity = np.array([drive.max_velocity for drive in drives])
+        return cls(tuple(j.name for j in joints), joint_bounds(joints, drives), velocity)
 
     def check_rates(self, rates: tuple[float, ...]) -> None:
         """Raise `Refused` for rates (n,) [rad/s] that no drive may be told."""

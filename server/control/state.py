@@ -16,6 +16,7 @@ from .frame_tree import Moved
 from .grasps.held import Held, Holding
 from .hold.pushed import Pushed
 from .hold.retreat import RetreatState
+from .mechanism.backbone.insertion import STILL, Driven, Insertion
 from .mechanism.null_space.potential_field import FieldReading
 from .mechanism.null_space.priority import Near
 from .mechanism.null_space.redundancy import ObjectiveGains, SelfMotion
@@ -110,6 +111,8 @@ class Inputs:
     of now."""
     pushed: Pushed | None = None
     """Unseen contact by the drives' torques; None where it is not known."""
+    drive: Driven = STILL
+    """How the operator drives an arm with a backbone as a whole."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +148,8 @@ class Memory:
     """What holds the arm up; None before the first tick."""
     held: Held | None = None
     """The payload that it holds with others; None for an arm with a task alone."""
+    insertion: Insertion | None = None
+    """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
 
 
 class Output(NamedTuple):
@@ -194,6 +199,8 @@ class Output(NamedTuple):
     """The pairs of links and obstacles that are near; None where clearances are not kept."""
     near: Near | None = None
     """What is near the virtual spheres; None in a cell without any."""
+    insertion: Insertion | None = None
+    """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
     stop_worsened: bool = False
     """News made the stored stop fall short of a clearance; the least bad one was taken."""
     held: Holding | None = None

@@ -123,7 +123,8 @@ class Control:
             asked[0][0].placed,
         )
         allowed, clear = self.allow.nearest(asking, around, [each.link for each in on])
-        limited = self._limit(before, first, allowed, clear, on)
+        curves = [a.judge(m, s) for a, m, (s, _) in zip(self.arms, before, asked, strict=True)]
+        limited = self._limit(before, first, allowed, clear, on, curves)
         refusal = self.gate.refusal(limited.motion.q, self._sent(before))
         nexts, outputs = [], []
         for i, arm in enumerate(self.arms):
@@ -142,8 +143,12 @@ class Control:
         allowed: Sequence[Allowed],
         clear: Clear,
         on: Sequence[On],
+        curves: Sequence[Judge | None],
     ) -> Limited:
-        """Bound acceleration and jerk, and keep a verified stop at hand."""
+        """Bound acceleration and jerk, and keep a verified stop at hand.
+
+        `curves` judge the stops of arms that follow a curve.
+        """
         motion = Motion.of_all([memory.motion for memory in memories])
         stop = Stop.of_all([memory.stop for memory in memories])
         limiter = self.limiter if self.joint is None or not on else self.joint.limiter(on)
@@ -151,16 +156,25 @@ class Control:
             return limiter.go_on(stop)
         if inputs.intent is Intent.SEED:
             return Limited(motion, stop, False)
-        guard, judge = self.allow.guard, None
-        if guard is not None and clear.watch is not None:
-            judge = partial(_shortfall, guard, clear.watch)
-        if on:
-            judge = partial(_worst, judge, on)
+        judges: list[Judge] = []
+        if self.allow.guard is not None and clear.watch is not None:
+            judges.append(partial(_shortfall, self.allow.guard, clear.watch))
+        for part, curve in zip(self.parts, curves, strict=True):
+            if curve is not None:
+                judges.append(curve if len(self.arms) == 1 else partial(_of_part, curve, part))
+        judges += [each.shortfall for each in on]
+        judge = None if not judges else judges[0] if len(judges) == 1 else partial(_worst, judges)
         dq = joined([granted.dq for granted in allowed])
         return limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
 
     def _limiter_of(self, groups: tuple[tuple[int, ...], ...]) -> Limiter:
-        """Return the limiter of the cell; joints of a group of arms stop in proportion."""
+        """Return the limiter of the cell; joints of a group of arms stop in proportion.
+
+        So do those of an arm that follows a curve.
+        """
+        grouped = {i for group in groups for i in group}
+        curved = {i for i, arm in enumerate(self.arms) if arm.stages.slither is not None}
+        groups += tuple((i,) for i in sorted(curved - grouped))
         joints = Joints.of_all([arm.p.joints for arm in self.arms])
         every = np.arange(joints.n)
         return Limiter(
@@ -181,10 +195,14 @@ class Control:
         return a, b, c
 
 
-def _worst(judge: Judge | None, on: Sequence[On], stop: Stop) -> float:
-    """Return by how much a stop breaks what is kept [m], stretch of payloads included."""
-    short = 0.0 if judge is None else judge(stop)
-    return max(short, *(each.shortfall(stop) for each in on))
+def _of_part(judge: Judge, part: slice, stop: Stop) -> float:
+    """Return by how much the part of a stop that is one arm's breaks what that arm keeps [m]."""
+    return judge(stop.of(part))
+
+
+def _worst(judges: Sequence[Judge], stop: Stop) -> float:
+    """Return by how much a stop breaks what any of the judges keeps [m]."""
+    return max(judge(stop) for judge in judges)
 
 
 def _shortfall(guard: Guard, watch: Watch, stop: Stop) -> float:

@@ -5,6 +5,7 @@ import numpy as np
 from ...protocols.canopen.cia402 import DriveState
 from ..commands.in_force import InForce
 from ..control.frame_tree import Moved
+from ..control.mechanism.backbone.insertion import STILL
 from ..control.spatial import Array
 from ..control.state import Inputs, Intent
 from ..mode import Mode
@@ -63,5 +64,6 @@ def tick_inputs(
         moved=moved if grounds_move else None,
         ground=commands.ground if grounds_move else "world",
         T_wrist_goal=commands.T_wrist_goal,
+        drive=commands.drive if moving else STILL,
         pushed=None if moving else perception.collisions.pushed,
     )

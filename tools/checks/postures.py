@@ -20,7 +20,9 @@ def postures(cell: Cell) -> Iterator[Finding]:
     weight = np.array([1.0] * 3 + [resolve.characteristic_length] * 3)
     for name in REQUIRED_POSTURES:
         J = mechanism.kinematics(np.array(config.postures[name]), tool).J
-        sigma = float(np.linalg.svd(J * weight[:, None], compute_uv=False)[-1])
+        # Axes that the arm reaches nowhere, as a planar one, are no singularities.
+        each = np.linalg.svd(J * weight[:, None], compute_uv=False)
+        sigma = float(each[min(mechanism.rank, len(each)) - 1])
         status, judgement = Status.OK, "away from"
         if sigma < resolve.floor:
             status, judgement = Status.ERROR, "in"

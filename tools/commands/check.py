@@ -20,6 +20,7 @@ from ..checks.network import network
 from ..checks.postures import postures
 from ..checks.sensors import sensors
 from ..checks.timing import sampling, timing
+from ..checks.tunnel import tunnel
 
 Check = Callable[[Cell], Iterator[Finding]]
 
@@ -32,6 +33,7 @@ OF_AN_ARM: Final[tuple[Check, ...]] = (
     stability,
     reflection,
     postures,
+    tunnel,
     holding,
     torque,
     following,

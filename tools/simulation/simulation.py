@@ -40,6 +40,7 @@ from .result import (
 )
 from .seeded_keys import seeded_keys
 from .tool_judge import ToolJudge
+from .tunnel_judge import TunnelJudge
 from .view_judge import ViewJudge
 from .virtual_buses import VirtualBuses
 
@@ -92,6 +93,7 @@ class Simulation:
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)
         self._tools = tuple(ToolJudge(part) for part in cell.parts)
+        self._tunnel = TunnelJudge(cell)
         self.blind: str | None = None
         """Reason for missing pictures; None where there are pictures or no cameras."""
         self._cameras = self._open_cameras() if cameras is None else cameras(self)
@@ -217,6 +219,7 @@ class Simulation:
         truth = self.rig.truth()
         self.truths.append(truth)
         self._write("truth", truth)
+        self._tunnel.judge(truth)
         for judge, unit in zip(self._tools, self.cycle.units.each, strict=True):
             commands = unit.commands
             judge.judge(truth, commands.placed_target, commands.frames.T_wrist_mrf)
@@ -249,6 +252,7 @@ class Simulation:
             "tool_error_rad": None if tool is None else tool[1],
             "view_error_m": None if view is None else view[0],
             "view_error_rad": None if view is None else view[1],
+            **self._tunnel.figures(),
             "contact_force_n": contact_force(self.truths, period),
             "q_final": list(self.truths[-1].q) if self.truths else [],
             "tick_us": tick_times(self._compute),

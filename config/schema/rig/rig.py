@@ -80,6 +80,16 @@ class Box(Section):
     half_size: Vector3 = Field(description="half the sides [m]")
 
 
+class RigTunnel(Section):
+    """How the walls of a backbone's tunnel stand in truth."""
+
+    shift: Vector3 = Field((0.0, 0.0, 0.0), description="from where the cell has them [m]")
+    thickness: float = Field(0.01, gt=0, le=1, description="of the walls [m]")
+    half_height: float = Field(
+        0.05, gt=0, le=5, description="of the walls beside a planar arm, which are open above [m]"
+    )
+
+
 class Rig(Section):
     """The virtual hardware: never read by the daemon."""
 
@@ -101,6 +111,9 @@ class Rig(Section):
     )
     wall: Wall | None = Field(None, description="a wall of known stiffness")
     boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
+    tunnel: RigTunnel = Field(
+        default_factory=RigTunnel, description="walls of the tunnel, where the arm has a backbone"
+    )
     peg: RigPeg | None = Field(None, description="a peg as the tool")
     holes: tuple[RigHole, ...] = Field((), max_length=16, description="holes to insert it into")
     beam: RigBeam | None = Field(None, description="what the arms of a joint task hold")

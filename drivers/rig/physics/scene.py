@@ -13,6 +13,7 @@ from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
 from .peg import add_hole, add_peg
 from .sight import add_probe
 from .solids import add_solid, attitude
+from .tunnel import add_tunnel
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""
@@ -79,6 +80,9 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
         if part.config.rig is not None and part.config.rig.tool_radius > 0:
             for surface in surfaces:
                 slides_on(spec, prefix + TOOL_BALL, surface)
+    for part in cell.parts:
+        if part.config.mechanism.backbone is not None and part.config.rig is not None:
+            add_tunnel(spec, part)
     for hole in rig.holes:
         add_hole(spec, hole)
     if rig.beam is not None:

@@ -11,13 +11,14 @@ from ....config.load import Cell
 from ..actuation.actuation import Now
 from ..barriers.barriers import Allowed, BarrierInputs, Clear
 from ..evolve import evolve
+from ..mechanism.backbone.insertion import Backbone
 from ..mechanism.joint_motion import at_posture
 from ..mechanism.kinematics import Kinematics, Mechanism
 from ..mechanism.null_space.potential_field import advance_offset, on_path
 from ..parameters import Parameters
 from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory, Output, Settings
-from ..stop.limiter import Limited
+from ..stop.limiter import Judge, Limited
 from ..task.source import Granted
 from ..task.task import TaskMemory
 from .asking import Asking, Seen, Wanted
@@ -37,16 +38,20 @@ STANDING = 1e-9
 class Arm:
     """The control computation of one mechanism and its task."""
 
-    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+    def __init__(
+        self, p: Parameters, mechanism: Mechanism, backbone: Backbone | None = None
+    ) -> None:
+        """Build it; with a `backbone` the joints follow a curve through tunnels."""
         self.p = p
         self.mechanism = mechanism
-        self.stages = Stages(p, mechanism)
+        self.stages = Stages(p, mechanism, backbone)
         self.asking = Asking(p, mechanism, self.stages)
 
     @classmethod
     def of(cls, cell: Cell) -> Self:
         """Build that of a cell's only mechanism. Raises `ConfigError`."""
-        return cls(Parameters.from_cell(cell), Mechanism.from_cell(cell))
+        p, mechanism = Parameters.from_cell(cell), Mechanism.from_cell(cell)
+        return cls(p, mechanism, Backbone.from_cell(cell))
 
     def seed(self, q: Array) -> Memory:
         """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
@@ -78,6 +83,12 @@ class Arm:
             by_joint=asked.by_joint,
             ordered=not beside or self.asking.ordered(asked.twists, inputs),
         )
+
+    def judge(self, memory: Memory, seen: Seen) -> Judge | None:
+        """Return what judges the stops of an arm that follows a curve; None for another."""
+        if self.stages.slither is None:
+            return None
+        return self.stages.slither.judge(memory.insertion, memory.motion.q, seen.error)
 
     def finish(
         self,
@@ -149,6 +160,7 @@ class Arm:
             T_world_path=path_of_mrf(inputs, memory.task.position.T_world_path),
             field=asked.field,
             off_path=memory.task.off_path,
+            insertion=memory.insertion,
         )
 
     def _advanced(
@@ -173,4 +185,9 @@ class Arm:
             return False
         if inputs.posture is not None:
             return at_posture(memory.motion.q, inputs.posture)
+        if self.stages.slither is not None and inputs.drive.depth is not None:
+            insertion = memory.insertion
+            return insertion is not None and self.stages.slither.backbone.arrived(
+                insertion, inputs.drive
+            )
         return memory.task.position.at_goal and on_path(memory.task.off_path)

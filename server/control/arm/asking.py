@@ -7,6 +7,7 @@ import numpy as np
 
 from ..evolve import evolve
 from ..hold.retreat import RetreatState
+from ..mechanism.backbone.insertion import Insertion
 from ..mechanism.joint_rates import Around, Wish
 from ..mechanism.kinematics import Kinematics, Mechanism
 from ..mechanism.null_space.potential_field import FieldReading
@@ -38,7 +39,9 @@ class Wanted(NamedTuple):
     give_way: Array | None = None
     """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
     by_joint: bool = False
-    """The joints are commanded themselves: jogged, or led to a posture."""
+    """The joints are commanded themselves: jogged, led to a posture, or along a curve."""
+    insertion: Insertion | None = None
+    """Where along its curve the arm is."""
 
 
 class Seen(NamedTuple):
@@ -114,7 +117,9 @@ class Asking:
         )  # fmt: skip
         task, twists = self.stages.task.twists(task, context)
         around = Around(inputs.scene, near, base, placed)
-        asked = self.resolved(motion.q, twists, objectives, task.off_path, inputs, k, lever, around)
+        asked = self.resolved(
+            motion.q, twists, objectives, task.off_path, inputs, k, lever, around, memory.insertion
+        )
         retreat, asked = self._giving_way(memory, inputs, k, asked)
         memory = evolve(
             memory,
@@ -124,6 +129,7 @@ class Asking:
             moving_since_s=since_s if inputs.intent is Intent.MOVE else None,
             near=near,
             retreat=retreat,
+            insertion=asked.insertion,
         )
         error = memory.sent[1] - inputs.q_measured
         return memory, Seen(k, placed, T_world_wrist_measured, error, wrench, hand), asked
@@ -179,6 +185,7 @@ class Asking:
         k: Kinematics,
         lever: Array,
         around: Around,
+        insertion: Insertion | None = None,
     ) -> Wanted:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
@@ -210,7 +217,16 @@ class Asking:
             off_path,
             inputs.goal is not None,
         )
-        found = self.stages.resolver.rates(q, k, wish, around)
+        slither, by_joint = self.stages.slither, False
+        if slither is None:
+            found = self.stages.resolver.rates(q, k, wish, around)
+        elif inputs.intent is Intent.SEED:
+            found, insertion, by_joint, _ = slither.at_rest(q)
+        else:
+            found, insertion, by_joint, slowed = slither.rates(
+                q, k, wish, around, insertion, inputs.drive, inputs.intent is Intent.MOVE
+            )
+            limits += slowed
         if found.singular:
             limits += ("singularity",)
         return Wanted(
@@ -223,6 +239,8 @@ class Asking:
             found.self_motion,
             found.field,
             found.give_way,
+            by_joint,
+            insertion,
         )
 
     def _giving_way(

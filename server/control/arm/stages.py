@@ -7,6 +7,7 @@ from ..actuation.holding import HoldingTorque
 from ..actuation.torque import TorqueLaw
 from ..barriers.joint_limits import JointRoom
 from ..hold.retreat import Retreat
+from ..mechanism.backbone.insertion import Backbone
 from ..mechanism.contact_wrench import ContactWrench
 from ..mechanism.dynamics import Dynamics
 from ..mechanism.joint_motion import JointMotion
@@ -19,12 +20,15 @@ from ..parameters import Parameters
 from ..rigid_body import wrench_to
 from ..spatial import Array, Pose
 from ..task.task import Task
+from .slither import Slither
 
 
 class Stages:
     """What one arm goes through in a tick. Holds constants and scratch memory only."""
 
-    def __init__(self, p: Parameters, mechanism: Mechanism) -> None:
+    def __init__(
+        self, p: Parameters, mechanism: Mechanism, backbone: Backbone | None = None
+    ) -> None:
         T, joints = p.period_s, p.joints
         self.task = Task(p.sources, p.schedules, p.shaping)
         contact = ContactWrench(
@@ -41,6 +45,9 @@ class Stages:
         self.resolver = Resolver(
             joints, p.resolve, mechanism.rank, self.redundancy, field, p.priority
         )
+        self.slither = None
+        if backbone is not None:
+            self.slither = Slither(backbone, self.resolver, self.redundancy, mechanism.rank)
         room = JointRoom.of(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)

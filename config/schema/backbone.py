@@ -1,0 +1,81 @@
+"""What a cell file may say of a hyper-redundant arm: its curve, and the tunnels it goes through."""
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from .section import Pose, Section
+
+_Turn = Annotated[float, Field(ge=-math.pi, le=math.pi)]
+
+
+class Segment(Section):
+    """A straight or circular piece of a tunnel; x of its frame is the tangent."""
+
+    length: float = Field(gt=1e-3, le=20, description="along the centre line [m]")
+    bend: _Turn = Field(0.0, description="turn to the left, about its own z [rad]")
+    climb: _Turn = Field(0.0, description="turn upward, about its own -y [rad]")
+    open: bool = Field(
+        False, description="true: no walls; the curve beyond the exit, at the end of the list"
+    )
+
+
+class Backbone(Section):
+    """The arm is a curve through tunnels; its joints follow (Chirikjian & Burdick 1990)."""
+
+    axes: Literal["planar", "universal", "alternating"] = Field(
+        "planar", description="the joints' axes: all parallel, in crossing pairs, or in turn"
+    )
+    exterior: Literal["bessel"] = Field(
+        "bessel", description="the free curve from the first joint to the entrance"
+    )
+    bow: float | None = Field(
+        None,
+        ge=-math.pi,
+        le=math.pi,
+        description="where it bows out to, about the entrance's x from its y; none: away from the "
+        "first bend, and 0.79 off it unless planar [rad]",
+    )
+    entrance: Pose = Field(
+        description="of the tunnel in World: x points into it, straight ahead of the first joint"
+    )
+    start: float = Field(gt=0, le=50, description="free length s1 of the posture 'start' [m]")
+    least: float = Field(
+        gt=0,
+        le=50,
+        description="least free length: at 1.05 of the way to the entrance, or more [m]",
+    )
+    half_width: float = Field(gt=0, le=1, description="of the tunnel, centre line to wall [m]")
+    link_radius: float = Field(gt=0, le=1, description="of the links' housings [m]")
+    clearance: float = Field(
+        0.004, ge=0, le=1, description="kept to the walls along every stop [m]"
+    )
+    speed: float = Field(0.08, gt=0, le=1, description="greatest insertion speed [m/s]")
+    acceleration: float = Field(0.3, gt=0, le=10, description="of the insertion [m/s²]")
+    tunnel: tuple[Segment, ...] = Field(
+        min_length=1, max_length=64, description="its pieces, from the entrance on"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.start <= self.least:
+            raise ValueError(f"start = {self.start:g} must be above least = {self.least:g}")
+        if self.half_width <= self.link_radius + self.clearance:
+            raise ValueError(
+                f"half_width = {self.half_width:g} must be above link_radius + clearance = "
+                f"{self.link_radius + self.clearance:g}"
+            )
+        walled = [not piece.open for piece in self.tunnel]
+        if not walled[0] or walled != sorted(walled, reverse=True):
+            raise ValueError("tunnel: open pieces come last, after one with walls")
+        for i, piece in enumerate(self.tunnel):
+            if self.axes == "planar" and piece.climb:
+                raise ValueError(f"tunnel[{i}].climb: a planar arm cannot follow it")
+            angle = math.hypot(piece.bend, piece.climb)
+            if angle * self.half_width >= piece.length and not piece.open:
+                raise ValueError(
+                    f"tunnel[{i}]: a radius of {piece.length / angle:.4g} m is within the "
+                    f"half width {self.half_width:g} m"
+                )
+        return self

@@ -1,0 +1,280 @@
+"""A hyper-redundant arm in its tunnels: how far it is in, and the joint rates that take it on.
+
+The free length s1 goes with the joints, as they were allowed to move: it is where the commanded
+posture is along the curve's family of fits. So limits slow an insertion without bending it, and
+nothing winds up. Joint rates are the fit's own along s1, and feedback towards the fit of now:
+
+    dq = ∂q/∂s1 ds1 + 5 (fit(s1) − q)
+
+Joints beyond the exit are free: an ordinary arm while nothing is inserted or withdrawn.
+"""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from .....config.errors import ConfigError
+from .....config.load import Cell
+from .....config.schema.backbone import Backbone as Section
+from ...spatial import Array, Pose
+from .chain import Chain
+from .curve import Curve
+from .exterior import Bow
+from .interior import Arcs, Turn, off_centre
+
+FEEDBACK = 5.0
+"""Gain towards the fit of now [1/s]."""
+ENDS = 4.0
+"""Approach to the least and the greatest free length [1/s]."""
+GRID = 0.005
+"""Fits are computed ahead at free lengths that are so much apart [m]."""
+FITS = 0.005
+"""A posture is the curve's when no point is farther off it [m]."""
+LOST = 0.03
+"""One that was the curve's is no more beyond this [m]."""
+TAIL_OFF = (0.02, 0.07)
+"""A tail that is farther off its curve slows an insertion, and holds it up altogether [rad]."""
+ARRIVED = 5e-4
+"""A depth is reached within this [m]."""
+STRAIGHT = 1e-3
+"""The entrance lies so well straight ahead of the first joint, in lengths of the way there [1]."""
+WINDOW = 1.5
+"""A point is looked for in the tunnel this many half widths from where it should be [1]."""
+
+
+class Driven(NamedTuple):
+    """How the operator drives the arm as a whole."""
+
+    speed: float = 0.0
+    """Of the insertion [m/s]; at most, where it is to a depth."""
+    depth: float | None = None
+    """The tip's way from the entrance to go to [m]; None: at the speed."""
+
+
+STILL = Driven()
+
+
+class Insertion(NamedTuple):
+    """Where along its curve an arm is."""
+
+    s1: float
+    """Free length, base to entrance [m]."""
+    q: Array
+    """The fit there (n,) [rad]."""
+    rates: Array
+    """∂q/∂s1 of the fit (n,) [rad/m]."""
+    speed: float
+    """Insertion speed that the operator's drive asks for, ramped [m/s]."""
+    beyond: int
+    """The first joint that is beyond the exit; n for none."""
+
+
+class Backbone:
+    """The curve of one arm, and how its joints follow."""
+
+    def __init__(
+        self, chain: Chain, curve: Curve, section: Section, period_s: float, where: str = ""
+    ) -> None:
+        """Build it; fits are computed at all free lengths.
+
+        Raises `ConfigError`, which begins with `where`, for what no joints of this chain follow.
+        """
+        self.chain, self.curve, self.section = chain, curve, section
+        self._period_s = period_s
+        walled = sum(not piece.open for piece in section.tunnel)
+        self._upto = np.array([walled])
+        self.exit = float(curve.arcs.starts[walled])
+        """Depth of the exit [m]."""
+        self._origins = np.concatenate(([0.0], chain.stations[:-1]))
+        self.most = min(chain.length, curve.exterior.shortest + curve.arcs.length + chain.length)
+        count = max(2, round((self.most - section.least) / GRID))
+        self.lengths = np.linspace(section.least, self.most, count + 1)
+        """Free lengths (g,) at which fits were computed ahead [m]."""
+        self.fits, self.slopes = self._all_fits(where)
+        """Joints (g, n) [rad] at these, and ∂q/∂s1 (g, n)."""
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self | None:
+        """Build that of a cell's mechanism, None where it is a plain arm. Raises `ConfigError`."""
+        section = cell.config.mechanism.backbone
+        if section is None:
+            return None
+        where = f"{cell.path}: mechanism.backbone"
+        chain = Chain.from_cell(cell)
+        T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
+        arcs = Arcs.from_entrance(T, [Turn(s.length, s.bend, s.climb) for s in section.tunnel])
+        ahead = T.p - chain.base
+        h = float(np.linalg.norm(ahead))
+        straight = chain.points(np.zeros((1, chain.n)))[0]
+        out = straight[-1] - straight[0]
+        aside = max(
+            float(np.linalg.norm(ahead / h - T.R[:, 0])),
+            float(np.linalg.norm(out / np.linalg.norm(out) - T.R[:, 0])),
+        )
+        if aside > STRAIGHT:
+            raise ConfigError(
+                f"{where}.entrance: must lie straight ahead of the first joint, along x: "
+                f"{aside:.4f} rad off"
+            )
+        if section.least < 1.02 * h:
+            raise ConfigError(
+                f"{where}.least: value {section.least:g}: must be at least 1.02 times the way to "
+                f"the entrance, {h:.4f} m: joints' speeds have no bound there"
+            )
+        if section.start > chain.length:
+            raise ConfigError(
+                f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
+            )
+        bow = Bow(chain.base, T.R[:, 0], T.R @ _bow(section), h)
+        return cls(chain, Curve(bow, arcs), section, cell.config.timing.period_s, where)
+
+    def _all_fits(self, where: str) -> tuple[Array, Array]:
+        fits: list[Array] = []
+        q = None
+        for s1 in self.lengths[::-1]:
+            sampled = self.curve.at(float(s1), self.chain.stations)
+            try:
+                found = self.chain.settled(
+                    self.chain.guess(sampled.points) if q is None else q, *sampled
+                )
+            except ValueError as error:
+                raise ConfigError(f"{where}.tunnel: free length {s1:.3f} m: {error}") from None
+            q = found.q
+            fits.append(found.q)
+        fits.reverse()
+        return np.array(fits), np.gradient(np.array(fits), self.lengths, axis=0)
+
+    # --- where the arm is ----------------------------------------------------------------------
+
+    def fitted(self, s1: float, near: Array) -> tuple[Array, Array]:
+        """Return the joints (n,) that follow the curve of a free length [m], and ∂q/∂s1 (n,).
+
+        One step from joints `near` by. The slope is that of the fits computed ahead: the step's own
+        leaves out what the curve's bend does to the distances that remain.
+        """
+        found = self.chain.fitted(near, *self.curve.at(s1, self.chain.stations), 1)
+        place = (s1 - self.lengths[0]) / (self.lengths[1] - self.lengths[0])
+        i = min(len(self.lengths) - 2, max(0, int(place)))
+        part = place - i
+        return found.q, (1.0 - part) * self.slopes[i] + part * self.slopes[i + 1]
+
+    def beyond(self, s1: float) -> int:
+        """Return the first joint that is beyond the exit at a free length [m]; n for none."""
+        clear = s1 + self.exit + self.section.link_radius
+        return int(np.searchsorted(self._origins, clear, side="right"))
+
+    def located(self, q: Array) -> Insertion | None:
+        """Return where joints q (n,) are along the curve; None where they do not follow it."""
+        off = np.abs(self.fits - q)
+        inside = self._origins <= (self.lengths + self.exit + self.section.link_radius)[:, None]
+        i = int(np.where(inside, off, 0.0).max(axis=1).argmin())
+        s1, fit, slope = float(self.lengths[i]), self.fits[i], self.slopes[i]
+        for _ in range(3):
+            found = Insertion(s1, fit, slope, 0.0, self.beyond(s1))
+            s1 = self._along(found, q)
+            fit, slope = self.fitted(s1, fit + slope * (s1 - found.s1))
+        found = Insertion(s1, fit, slope, 0.0, self.beyond(s1))
+        return found if self._off(found, q) < FITS else None
+
+    def followed(self, insertion: Insertion | None, q: Array) -> Insertion | None:
+        """Return where joints q (n,) have come to; None once they left the curve."""
+        if insertion is None:
+            return self.located(q)
+        s1 = self._along(insertion, q)
+        if s1 != insertion.s1:
+            near = insertion.q + insertion.rates * (s1 - insertion.s1)
+            fit, slope = self.fitted(s1, near)
+            insertion = Insertion(s1, fit, slope, insertion.speed, self.beyond(s1))
+        return insertion if self._off(insertion, q) < LOST else None
+
+    def _along(self, insertion: Insertion, q: Array) -> float:
+        """Return the free length nearest to joints q (n,), by the fit's slope of now."""
+        last = insertion.beyond
+        slope = insertion.rates[:last]
+        by = float(slope @ (q[:last] - insertion.q[:last])) / float(slope @ slope)
+        s1 = insertion.s1 + min(GRID, max(-GRID, by))
+        return min(self.most, max(self.section.least, s1))
+
+    def _off(self, insertion: Insertion, q: Array) -> float:
+        """Return how far the farthest point that is not free is from where the fit has it [m]."""
+        both = self.chain.points(np.stack((q, insertion.q)))[:, : insertion.beyond + 1]
+        return float(np.sqrt(((both[0] - both[1]) ** 2).sum(axis=1).max()))
+
+    # --- where it is to go ---------------------------------------------------------------------
+
+    def ramped(self, insertion: Insertion, drive: Driven, factor: float) -> Insertion:
+        """Return the insertion with the operator's speed one period later; `factor` scales it."""
+        bound, speed = self.section.acceleration * self._period_s, drive.speed
+        if drive.depth is not None:
+            way = ENDS * (drive.depth - self.depth(insertion))
+            speed = max(-speed, min(speed, way))
+        speed = factor * max(-self.section.speed, min(self.section.speed, speed))
+        step = min(bound, max(-bound, speed - insertion.speed))
+        return insertion._replace(speed=insertion.speed + step)
+
+    def depth(self, insertion: Insertion) -> float:
+        """Return the tip's way from the entrance [m]."""
+        return self.chain.length - insertion.s1
+
+    def arrived(self, insertion: Insertion, drive: Driven) -> bool:
+        """Return whether the arm is at the depth that it was driven to."""
+        return drive.depth is not None and abs(drive.depth - self.depth(insertion)) < ARRIVED
+
+    def rates(self, insertion: Insertion, q: Array, forward: float) -> tuple[Array, float]:
+        """Return joint rates (n,) at q (n,) that insert at `forward` [m/s], and what is left of it.
+
+        It ends at the least and the greatest free length, and waits for a tail that is off.
+        """
+        s1, section = insertion.s1, self.section
+        speed = min(section.speed, forward, ENDS * (s1 - section.least))
+        speed = max(-section.speed, speed, -ENDS * (self.most - s1))
+        error = insertion.q - q
+        tail = error[insertion.beyond :]
+        if len(tail):
+            low, high = TAIL_OFF
+            speed *= min(1.0, max(0.0, (high - float(np.abs(tail).max())) / (high - low)))
+        return FEEDBACK * error - speed * insertion.rates, speed
+
+    def head(self, q: Array) -> Array:
+        """Return the direction of the last link (3,) in World at q (n,)."""
+        points = self.chain.points(q[None])[0]
+        i = len(points) - 2
+        while np.array_equal(points[i], points[-1]):
+            i -= 1
+        way = points[-1] - points[i]
+        return np.asarray(way / np.linalg.norm(way))
+
+    # --- walls ---------------------------------------------------------------------------------
+
+    def off_centre(self, q: Array, s1: float) -> float:
+        """Return how far links at postures q (s, n) are off the tunnel's centre line at most [m].
+
+        Of link ends and middles that are inside, with a free length about s1 [m].
+        """
+        points = self.chain.points(q)
+        middles = 0.5 * (points[:, :-1] + points[:, 1:])
+        stations = np.concatenate(([0.0], self.chain.stations))
+        depths = np.concatenate((stations, 0.5 * (stations[:-1] + stations[1:]))) - s1
+        window = WINDOW * self.section.half_width
+        kept = depths > -window
+        both = np.concatenate((points, middles), axis=1)[:, kept].reshape(-1, 3)
+        found = off_centre(
+            self.curve.arcs[:], both, np.tile(depths[kept], len(q)), window, self._upto
+        )
+        return float(found[0])
+
+    @property
+    def room(self) -> float:
+        """How far links may be off the centre line [m]."""
+        return self.section.half_width - self.section.link_radius - self.section.clearance
+
+
+def _bow(section: Section) -> Array:
+    """Return where the exterior bows out to (3,), in the entrance's frame."""
+    angle = section.bow
+    if angle is None:
+        bend, climb = next(((s.bend, s.climb) for s in section.tunnel if s.bend or s.climb), (1, 0))
+        angle = float(np.arctan2(-climb, -bend))
+        if section.axes != "planar":
+            angle += np.pi / 4
+    return np.array([0.0, np.cos(angle), np.sin(angle)])

@@ -1,0 +1,17 @@
+"""What is told of an arm in its tunnels."""
+
+from ..control.arm.arm import Arm
+from ..control.mechanism.backbone.insertion import Insertion
+
+
+def told_insertion(arm: Arm, insertion: Insertion | None) -> dict[str, float] | None:
+    """Return where an arm is along its curve; None for a plain arm, and for one off its curve."""
+    slither = arm.stages.slither
+    if slither is None or insertion is None:
+        return None
+    backbone = slither.backbone
+    return {
+        "depth": backbone.depth(insertion),
+        "speed": insertion.speed,
+        "free": float(backbone.chain.n - insertion.beyond),
+    }

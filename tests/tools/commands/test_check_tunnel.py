@@ -1,0 +1,104 @@
+"""A tunnel that an arm cannot follow is refused, with the place and the number."""
+
+import pytest
+from telerobot.config.errors import ConfigError
+from telerobot.config.load import load_cell
+from telerobot.config.load import shipped as names
+from telerobot.tools.checks.findings import Status
+from telerobot.tools.checks.tunnel import tunnel
+
+ENTRANCE = "rpy = [0.0, 0.0, 1.5707963267948966]"
+
+
+@pytest.fixture
+def changed(tmp_path):
+    """Write a cell that extends `snake` by some keys of its backbone, and load it."""
+
+    def load(lines, more=""):
+        path = tmp_path / "cell.toml"
+        path.write_text(f'extends = "snake"\n{more}\n[mechanism.backbone]\n{lines}\n')
+        return load_cell(path)
+
+    return load
+
+
+def found(cell, name):
+    (finding,) = [f for f in tunnel(cell) if f.check == f"tunnel {name}"]
+    return finding
+
+
+@pytest.mark.parametrize("name", [n for n in names("cells") if n.startswith("snake_")])
+def test_shipped_tunnels_are_fine(name):
+    assert {f.status for f in tunnel(load_cell(name))} == {Status.OK}
+
+
+def test_a_plain_arm_has_nothing_to_judge():
+    assert not list(tunnel(load_cell("pa10")))
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (
+            "tunnel = [{ length = 0.08, bend = 3.0 }]",
+            r"tunnel\[0\]: a radius of 0.02667 m is within the half width 0.03 m",
+        ),
+        ("tunnel = [{ length = 0.3, climb = 1.0 }]", r"tunnel\[0\].climb: a planar arm cannot"),
+        (
+            "tunnel = [{ length = 0.3 }, { length = 0.1, open = true }, { length = 0.1 }]",
+            "tunnel: open pieces come last",
+        ),
+        ("start = 0.6", r"start = 0.6 must be above least = 0.63"),
+        ("half_width = 0.018", r"half_width = 0.018 must be above link_radius \+ clearance"),
+    ],
+)
+def test_what_no_arm_can_follow_is_refused_when_it_is_read(changed, lines, words):
+    with pytest.raises(ConfigError, match=words):
+        changed(lines)
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (
+            f"entrance = {{ xyz = [0.1, 0.6, 0.0], {ENTRANCE} }}",
+            r"backbone.entrance: must lie straight ahead of the first joint, along x: 0.16\d+ rad",
+        ),
+        ("least = 0.605", r"backbone.least: value 0.605: must be at least 1.02 times"),
+        ("start = 1.6", r"backbone.start: value 1.6: the arm is 1.5000 m long"),
+    ],
+)
+def test_what_this_arm_cannot_reach_is_refused(changed, lines, words):
+    with pytest.raises(ConfigError, match=words):
+        list(tunnel(changed(lines)))
+
+
+def test_a_bend_beyond_the_joints_range_names_joint_angle_and_depth(changed):
+    sharp = "tunnel = [{ length = 0.13, bend = 3.14159 }, { length = 0.8 }]"
+    finding = found(changed(sharp), "range")
+    assert finding.status is Status.ERROR
+    assert abs(finding.values["angle"]) > 1.04
+
+
+def test_a_bend_too_sharp_for_links_of_this_length_names_how_far_they_are_off(changed):
+    finding = found(changed("half_width = 0.0225"), "walls")
+    assert finding.status is Status.WARN
+    assert "3.2 mm off the centre line" in finding.text
+
+
+def test_a_speed_that_joints_cannot_keep_names_the_speed_that_is_kept(changed):
+    finding = found(changed("speed = 0.12"), "speed")
+    assert finding.status is Status.WARN
+    assert 0.085 < finding.values["kept"] < 0.092
+
+
+def test_a_start_that_is_no_posture_of_the_curve_is_an_error(changed):
+    straight = f"[mechanism.postures]\nstart = {[0.0] * 30}\n"
+    assert found(changed("", straight), "start").status is Status.ERROR
+
+
+def test_drive_gains_without_regard_to_what_is_outboard_are_an_error(changed):
+    rig = "[rig.drive]\nstiffness = [100.0]\ndamping = [1.0]\nintegral = [1000.0]\n"
+    finding = found(changed("", rig), "gains")
+    assert finding.status is Status.ERROR
+    assert finding.values["joint"] == "j1"

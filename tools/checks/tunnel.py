@@ -1,0 +1,126 @@
+"""Check of an arm in tunnels: whether its joints follow the curve, at every depth and at speed."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...config.joint_bounds import joint_bounds
+from ...config.load import Cell
+from ...server.control.mechanism.backbone.insertion import FITS, Backbone
+from ...server.control.mechanism.kinematics import Mechanism
+from .findings import Finding, Status, graded
+
+FULL = 0.9
+"""Part of a bound whose use is worth a word [1]."""
+
+
+def tunnel(cell: Cell) -> Iterator[Finding]:
+    """Judge range, walls, speed and start of a cell with a backbone; nothing without.
+
+    Raises `ConfigError` for a curve that no joints of this arm follow.
+    """
+    backbone = Backbone.from_cell(cell)
+    if backbone is None:
+        return
+    yield _range(cell, backbone)
+    yield _walls(backbone)
+    yield _speed(cell, backbone)
+    yield from _start(cell, backbone)
+    if cell.config.rig is not None:
+        yield from _gains(cell)
+
+
+def _range(cell: Cell, backbone: Backbone) -> Finding:
+    """Judge the joints' angles along all fits."""
+    low, high = joint_bounds(cell.robot.joints, cell.config.mechanism.drives)
+    middle, half = 0.5 * (np.array(low) + np.array(high)), 0.5 * (np.array(high) - np.array(low))
+    used = np.abs(backbone.fits - middle) / half
+    i, j = (int(x) for x in np.unravel_index(int(used.argmax()), used.shape))
+    angle, s1 = float(backbone.fits[i, j]), float(backbone.lengths[i])
+    return Finding(
+        "tunnel range",
+        graded(float(used[i, j]), FULL, 1.0),
+        f"{cell.robot.joints[j].name} at {angle:.3f} rad with a free length of {s1:.3f} m, within "
+        f"{low[j]:g} to {high[j]:g}",
+        {"joint": cell.robot.joints[j].name, "angle": angle, "free_length": s1},
+    )
+
+
+def _walls(backbone: Backbone) -> Finding:
+    """Judge how far links are off the centre line along all fits."""
+    off = [
+        backbone.off_centre(q[None], float(s1))
+        for q, s1 in zip(backbone.fits, backbone.lengths, strict=True)
+    ]
+    i = int(np.argmax(off))
+    section = backbone.section
+    return Finding(
+        "tunnel walls",
+        graded(off[i], FULL * backbone.room, backbone.room),
+        f"links {1e3 * off[i]:.1f} mm off the centre line with a free length of "
+        f"{backbone.lengths[i]:.3f} m; half width {section.half_width:g} less link_radius and "
+        f"clearance leave {1e3 * backbone.room:.1f} mm",
+        {"off": off[i], "room": backbone.room, "free_length": float(backbone.lengths[i])},
+    )
+
+
+def _speed(cell: Cell, backbone: Backbone) -> Finding:
+    """Judge the joints' speeds at the greatest insertion speed."""
+    V = np.array([drive.max_velocity for drive in cell.config.mechanism.drives])
+    used = np.abs(backbone.slopes) * backbone.section.speed / V
+    i, j = (int(x) for x in np.unravel_index(int(used.argmax()), used.shape))
+    most = backbone.section.speed / float(used[i, j])
+    text = (
+        f"{backbone.section.speed:g} m/s takes {used[i, j]:.0%} of {cell.robot.joints[j].name}'s "
+        f"speed with a free length of {backbone.lengths[i]:.3f} m"
+    )
+    status = Status.OK
+    if used[i, j] > 1.0:
+        status, text = Status.WARN, f"{text}: it slows down there; {most:.3f} m/s is kept"
+    return Finding("tunnel speed", status, text, {"speed": backbone.section.speed, "kept": most})
+
+
+def _start(cell: Cell, backbone: Backbone) -> Iterator[Finding]:
+    """Judge whether start and ready are postures of the curve."""
+    for name in ("start", "ready"):
+        q = np.array(cell.config.mechanism.postures[name])
+        found = backbone.located(q)
+        if found is None:
+            yield Finding(
+                f"tunnel {name}",
+                Status.ERROR,
+                f"no posture of the curve: a link is more than {1e3 * FITS:g} mm off it at every "
+                "free length; the arm can be jogged only",
+            )
+            continue
+        off = abs(found.s1 - backbone.section.start)
+        status = graded(off, 0.005, 0.05) if name == "start" else Status.OK
+        yield Finding(
+            f"tunnel {name}",
+            status,
+            f"free length {found.s1:.4f} m, start = {backbone.section.start:g}",
+            {"free_length": found.s1},
+        )
+
+
+def _gains(cell: Cell) -> Iterator[Finding]:
+    """Judge simulated drives by what each moves: K_i < K_p K_d / I, of the straight arm."""
+    rig, n = cell.config.rig, len(cell.robot.joints)
+    if rig is None:
+        return
+    drive = rig.drive
+    values = [
+        np.resize(np.array(v), n)
+        for v in (drive.stiffness, drive.damping, drive.integral, drive.armature)
+    ]
+    stiffness, damping, integral, armature = values
+    moved = np.diag(Mechanism.from_cell(cell).mass_matrix(np.zeros(n))) + armature
+    used = integral * moved / (stiffness * damping)
+    j = int(used.argmax())
+    yield Finding(
+        "tunnel gains",
+        graded(float(used[j]), FULL, 1.0),
+        f"rig.drive.integral of {cell.robot.joints[j].name} is {used[j]:.0%} of what its loop "
+        f"takes with {moved[j]:.3g} kg·m² outboard",
+        {"joint": cell.robot.joints[j].name, "used": float(used[j])},
+    )

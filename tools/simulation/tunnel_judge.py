@@ -1,0 +1,39 @@
+"""Judge of an arm in tunnels: where its links truly are, and what they press on the walls."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ...config.load import Cell
+from ...protocols.messages.rig import RigTruth
+from ..oracle.arm import Arm
+from ..oracle.tunnel import Tunnel
+
+
+class TunnelJudge:
+    """Judges every tick by the physics; idle for a cell without a backbone."""
+
+    def __init__(self, cell: Cell) -> None:
+        backbone = cell.config.mechanism.backbone
+        self._arm = None if backbone is None else Arm.of(cell)
+        self._tunnel = None if backbone is None else Tunnel(backbone)
+        self.centre_error = 0.0
+        """The farthest that a link was off the centre line inside [m]."""
+        self.wall_force = 0.0
+        """The greatest force on the walls, and on what else stands around [N]."""
+
+    def judge(self, truth: RigTruth) -> None:
+        """Take in a tick."""
+        if self._arm is None or self._tunnel is None:
+            return
+        links = self._arm.frames(np.array(truth.q))[1:, :3, 3]
+        points = np.concatenate((links, 0.5 * (links[1:] + links[:-1])))
+        self.centre_error = max(self.centre_error, self._tunnel.off_centre(points))
+        self.wall_force = max(self.wall_force, math.hypot(*truth.contact_force))
+
+    def figures(self) -> dict[str, Any]:
+        """Return what a simulation's JSON tells; nothing for a plain arm."""
+        if self._tunnel is None:
+            return {}
+        return {"centre_error_m": self.centre_error, "wall_force_n": self.wall_force}
