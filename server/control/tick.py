@@ -119,7 +119,8 @@ class Control:
             first.settings.speed_factor,
             first.settings.avoid,
             first.scene,
-            None if first.moved is None else first.moved.base,
+            # Only the Base of an only arm moves.
+            first.moved.base if first.moved is not None and len(self.arms) == 1 else None,
             asked[0][0].placed,
         )
         allowed, clear = self.allow.nearest(asking, around, [each.link for each in on])
