@@ -25,7 +25,7 @@ from .mechanism.wrist import WristMemory
 from .scene import Scene
 from .spatial import Array, Pose
 from .stop.motion import Motion
-from .stop.trajectory import Stop
+from .stop.way_to_rest import Stop
 from .task.asked import StickCommand, ViewGoal
 from .task.paths.goals import Goal
 from .task.paths.leading import Progress

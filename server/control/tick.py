@@ -29,7 +29,7 @@ from .state import Inputs, Intent, Memory, Output
 from .stop.gate import Gate
 from .stop.limiter import Judge, Limited, Limiter
 from .stop.motion import Motion
-from .stop.trajectory import Stop
+from .stop.way_to_rest import Stop
 
 
 class Control:

@@ -18,7 +18,7 @@ from ..proximity.capsules import Capsules, Placed
 from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory
 from ..stop.motion import Motion
-from ..stop.trajectory import Stop
+from ..stop.way_to_rest import Stop
 from ..task.source import NO_TWIST
 from ..task.task import TaskMemory
 from .context import context_of, quantities, sample_of

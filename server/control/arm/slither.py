@@ -17,7 +17,7 @@ from ..mechanism.kinematics import Kinematics
 from ..mechanism.null_space.redundancy import Redundancy
 from ..spatial import Array
 from ..stop.limiter import Judge
-from ..stop.trajectory import Stop
+from ..stop.way_to_rest import Stop
 
 STANDS = 1e-6
 """An insertion that is slower stands [m/s]."""

@@ -134,9 +134,8 @@ class Retreat:
             state = state._replace(felt_s=time_s if felt else None)
         if state.way and not _apart(q, state.way[-1], STEP):
             return state
-        return state._replace(
-            way=(*state.way[1 - self._kept :], q), at_s=(*state.at_s[1 - self._kept :], time_s)
-        )
+        way, at_s = state.way[1 - self._kept :], state.at_s[1 - self._kept :]
+        return RetreatState((*way, q), (*at_s, time_s), *state[2:])
 
     def _begun(self, state: RetreatState, q: Array, time_s: float) -> RetreatState:
         """Return the state of an arm that gives way: how far back it certainly goes."""

@@ -3,7 +3,6 @@
 from ....config.schema.joint_task import JointTask as Section
 from ..arm.arm import Arm
 from ..arm.context import context_of, quantities
-from ..evolve import evolve
 from ..mechanism.kinematics import Kinematics
 from ..mechanism.wrist import WristMemory
 from ..spatial import Array, Pose
@@ -58,8 +57,8 @@ class Common:
         )  # fmt: skip
         all_gains = memory.gains
         common = {name: gain for name, gain in all_gains.items() if name not in AT_EACH_GRASP}
-        memory, twists = self._task.twists(evolve(memory, gains=common), context)
-        return evolve(memory, gains=all_gains), twists
+        memory, twists = self._task.twists(memory._replace(gains=common), context)
+        return memory._replace(gains=all_gains), twists
 
     def advanced(
         self, memory: TaskMemory, twist: Array, T_world_mrf: Pose, first: Output, pace: float

@@ -11,7 +11,7 @@ from ..barriers.together import Link
 from ..spatial import Array
 from ..state import Inputs, Memory, Output
 from ..stop.limiter import Limiter
-from ..stop.trajectory import Stop
+from ..stop.way_to_rest import Stop
 from .joint_task import JointTask
 from .members import Member, Together
 from .stretch import Stretch

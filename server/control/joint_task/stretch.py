@@ -12,7 +12,7 @@ import numpy as np
 from ....config.load import Cell
 from ..proximity.forest import Forest
 from ..spatial import Array, Pose
-from ..stop.trajectory import Stop
+from ..stop.way_to_rest import Stop
 
 STEP_S = 0.03
 """A stop is looked at every so long [s]."""

@@ -62,7 +62,7 @@ def _idle(arm: Arm, memory: Memory) -> Memory:
     """Return the memory of an arm whose task was asked for nothing yet; its gains stay."""
     idle = arm.stages.task.idle
     retreat = None if arm.stages.retreat is None else arm.stages.retreat.start
-    return evolve(memory, task=evolve(idle, gains=memory.task.gains), retreat=retreat)
+    return evolve(memory, task=idle._replace(gains=memory.task.gains), retreat=retreat)
 
 
 def _require_rest(task: JointTask, memories: Sequence[Memory]) -> None:

@@ -21,7 +21,8 @@ import numpy as np
 from ..compiled import VECTOR, compiled
 from ..spatial import Array
 from .motion import Motion
-from .trajectory import Stop, TrajectoryError, VelocityPlanner
+from .trajectory import TrajectoryError, VelocityPlanner
+from .way_to_rest import Stop
 
 HEADROOM = 0.9999
 """Part of each bound that is planned with, so that rounding stays inside."""
@@ -131,8 +132,7 @@ class Limiter:
     def _tried(self, motion: Motion, target: Array, way: Way) -> tuple[Motion, Stop]:
         if way == "straight":
             return self._planner.straight(motion, target, self._period_s)
-        candidate = self._planner.step(motion, target, self._period_s, way == "together")
-        return candidate, self._planner.stop(candidate)
+        return self._planner.step_and_stop(motion, target, self._period_s, way == "together")
 
     def go_on(self, held: Stop, worsened: bool = False) -> Limited:
         """Return the motion one period further along a verified stop."""

@@ -13,14 +13,8 @@ import ruckig
 from ..spatial import Array
 from .motion import Motion, arriving
 from .proportion import stopping_in_proportion
-from .velocity_profile import (
-    reach,
-    shape,
-    stepped,
-    stop_at,
-    stop_postures,
-    stopping,
-)
+from .velocity_profile import shape, step_and_stop, stepped, stopping
+from .way_to_rest import Stop
 
 
 class TrajectoryError(Exception):
@@ -47,80 +41,10 @@ class Profile(NamedTuple):
         """Return the motion `ahead_s` after now."""
         return _state(self.trajectory.at_time(self.elapsed_s + ahead_s))
 
-
-class Stop(NamedTuple):
-    """A jerk-limited way to rest."""
-
-    start: Motion
-    """Where it began."""
-    phases: Array
-    """How long each part of it lasts, and its jerk (2, k, n) [s, 1/s³]."""
-    low: Array
-    """Least position of each joint along the whole stop (n,)."""
-    high: Array
-    """Greatest position of each joint along the whole stop (n,)."""
-    duration_s: float
-    elapsed_s: float = 0.0
-
-    def advanced(self, by_s: float) -> "Stop":
-        """Return the same, further along."""
-        return self._replace(elapsed_s=self.elapsed_s + by_s)
-
-    @property
-    def to_go_s(self) -> float:
-        """Time until the end [s]."""
-        return max(0.0, self.duration_s - self.elapsed_s)
-
-    @property
-    def finished(self) -> bool:
-        """True once the end is reached."""
-        return self.elapsed_s >= self.duration_s
-
-    @staticmethod
-    def along(start: Motion, phases: Array) -> "Stop":
-        """Return the stop from `start` that goes through phases (2, k, n)."""
-        low, high, duration_s = reach(*start, phases)
-        return Stop(start, phases, low, high, duration_s)
-
-    @staticmethod
-    def at_rest(q: Array) -> "Stop":
-        """Return the stop of what stands at q (n,)."""
-        return Stop.along(Motion.at_rest(q), np.zeros((2, 1, len(q))))
-
-    @staticmethod
-    def of_all(each: "Sequence[Stop]") -> "Stop":
-        """Return stops that began at one time as one, their freedoms one after the other."""
-        if len(each) == 1:
-            return each[0]
-        most = max(stop.phases.shape[1] for stop in each)
-        phases = [
-            np.pad(stop.phases, ((0, 0), (0, most - stop.phases.shape[1]), (0, 0))) for stop in each
-        ]
-        return Stop(
-            Motion.of_all([stop.start for stop in each]),
-            np.concatenate(phases, axis=2),
-            np.concatenate([stop.low for stop in each]),
-            np.concatenate([stop.high for stop in each]),
-            max(stop.duration_s for stop in each),
-            each[0].elapsed_s,
-        )
-
-    def of(self, part: slice) -> "Stop":
-        """Return that of some freedoms."""
-        return self._replace(
-            start=self.start.of(part),
-            phases=np.ascontiguousarray(self.phases[:, :, part]),
-            low=self.low[part],
-            high=self.high[part],
-        )
-
-    def at(self, ahead_s: float = 0.0) -> Motion:
-        """Return the motion `ahead_s` after now."""
-        return Motion(*stop_at(*self.start, self.phases, self.elapsed_s + ahead_s))
-
-    def postures(self, ahead_s: Array) -> Array:
-        """Return the positions (s, n) at times (s,) after now."""
-        return stop_postures(*self.start, self.phases, self.elapsed_s + ahead_s)
+    def now(self) -> tuple[Array, Array]:
+        """Return position and velocity (n,) now."""
+        q, dq, _ = self.trajectory.at_time(self.elapsed_s)
+        return np.array(q), np.array(dq)
 
 
 def _state(at_time: tuple[list[float], list[float], list[float]]) -> Motion:
@@ -181,6 +105,7 @@ class VelocityPlanner:
         self._n = n
         self._groups = [np.array(group) for group in groups]
         self._parts = arriving(n, parts, self._groups)
+        self._ends = np.array([part.stop for part in parts] or [n])
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
         self._input.control_interface = ruckig.ControlInterface.Velocity
@@ -205,10 +130,10 @@ class VelocityPlanner:
             if not self._parts:
                 together = synchronised or bool(self._groups)
                 moved = stepped(*motion, target, acceleration, jerk, period_s, together)
-                return Motion(moved[0], moved[1], moved[2])
-            found = np.empty((3, self._n))
+            else:
+                moved = np.empty((3, self._n))
             for part, grouped in self._parts:
-                found[:, part] = stepped(
+                moved[:, part] = stepped(
                     *motion.of(part),
                     target[part],
                     acceleration[part],
@@ -216,9 +141,28 @@ class VelocityPlanner:
                     period_s,
                     synchronised or grouped,
                 )
-            return Motion(*found)
         except ValueError as error:
             raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
+        return Motion(moved[0], moved[1], moved[2])
+
+    def step_and_stop(
+        self, motion: Motion, target: Array, period_s: float, synchronised: bool
+    ) -> tuple[Motion, Stop]:
+        """Return the motion one period later, as `step`, and the quickest stop from there."""
+        if self._groups:
+            candidate = self.step(motion, target, period_s, synchronised)
+            return candidate, self.stop(candidate)
+        n = self._n
+        moved, phases, low, high = np.empty((3, n)), np.zeros((2, 4, n)), np.empty(n), np.empty(n)
+        try:
+            duration_s = step_and_stop(
+                *motion, target, *self._bounds, period_s, synchronised, self._ends,
+                moved, phases, low, high,
+            )  # fmt: skip
+        except ValueError as error:
+            raise TrajectoryError(f"velocity target {target} from {motion}: {error}") from error
+        candidate = Motion(moved[0], moved[1], moved[2])
+        return candidate, Stop(candidate, phases, low, high, duration_s)
 
     def shape(self, motion: Motion, target: Array, period_s: float) -> Motion:
         """Return velocities one period later on the way to `target` (n,), which arrive together.

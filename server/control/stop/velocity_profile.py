@@ -15,7 +15,8 @@ import math
 
 import numpy as np
 
-from ..compiled import ARRAY3, FLAG, NUMBER, ROW, STACK, TABLE, VECTOR, compiled
+from ..compiled import ARRAY3, FLAG, INDEX, NUMBER, ROW, STACK, TABLE, VECTOR, compiled
+from ..scene import Index
 from ..spatial import Array
 
 _INSTANT = 1e-12
@@ -128,11 +129,11 @@ def stepped(
     can. Raises `ValueError` where the result would not be finite.
     """
     out = np.empty((3, len(q)))
-    _step(q, dq, ddq, target, acceleration, jerk, period_s, together, out)
+    _step(q, dq, ddq, target, acceleration, jerk, period_s, together, np.array([len(q)]), out)
     return out
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG, TABLE)
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG, INDEX, TABLE)
 def _step(
     q: Array,
     dq: Array,
@@ -142,56 +143,29 @@ def _step(
     jerk: Array,
     period_s: float,
     together: bool,
+    ends: Index,
     out: Array,
 ) -> None:
-    phases = np.zeros((2, 4, len(q)))
-    _plan(dq, ddq, target, acceleration, jerk, together, phases)
+    """Write what `stepped` returns; freedoms before each of the `ends` arrive on their own."""
+    n, start = len(q), 0
+    phases = np.zeros((2, 4, n))
+    for end in ends:
+        own = np.zeros((2, 4, end - start))
+        _plan(
+            dq[start:end],
+            ddq[start:end],
+            target[start:end],
+            acceleration[start:end],
+            jerk[start:end],
+            together,
+            own,
+        )
+        for phase in range(4):
+            for i in range(start, end):
+                phases[0, phase, i] = own[0, phase, i - start]
+                phases[1, phase, i] = own[1, phase, i - start]
+        start = end
     _go_along(q, dq, ddq, target, phases, period_s, out)
-
-
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, TABLE)
-def shape(
-    dq: Array,
-    ddq: Array,
-    target: Array,
-    acceleration: Array,
-    jerk: Array,
-    period_s: float,
-    out: Array,
-) -> bool:
-    """Write velocity and acceleration (2, n) one period on the way to velocities (n,), together.
-
-    Nothing is written, and False returned, where all stands and is told to. Raises `ValueError`
-    where the result would not be finite.
-    """
-    n, stands = len(dq), True
-    for i in range(n):
-        stands = stands and dq[i] == 0.0 and ddq[i] == 0.0 and target[i] == 0.0
-    if stands:
-        return False
-    moved = np.empty((3, n))
-    _step(np.zeros(n), dq, ddq, target, acceleration, jerk, period_s, True, moved)
-    for i in range(n):
-        out[0, i], out[1, i] = moved[1, i], moved[2, i]
-    return True
-
-
-def stopping(dq: Array, ddq: Array, acceleration: Array, jerk: Array) -> Array:
-    """Return the phases (2, 4, n) of the quickest stop of each freedom."""
-    phases = np.zeros((2, 4, len(dq)))
-    _stop(dq, ddq, acceleration, jerk, phases)
-    return phases
-
-
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, STACK)
-def _stop(dq: Array, ddq: Array, acceleration: Array, jerk: Array, phases: Array) -> None:
-    _plan(dq, ddq, np.zeros(len(dq)), acceleration, jerk, False, phases)
-
-
-def reach(q: Array, dq: Array, ddq: Array, phases: Array) -> tuple[Array, Array, float]:
-    """Return the least and the greatest position (n,) along a way, and how long it lasts [s]."""
-    low, high = np.empty(len(q)), np.empty(len(q))
-    return low, high, _reach(q, dq, ddq, phases, low, high)
 
 
 @compiled(VECTOR, VECTOR, VECTOR, ARRAY3, ROW, ROW)
@@ -219,6 +193,80 @@ def _reach(q: Array, dq: Array, ddq: Array, phases: Array, low: Array, high: Arr
             total += seconds
         duration = max(duration, total)
     return duration
+
+
+@compiled(
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG, INDEX, TABLE, STACK, ROW, ROW
+)
+def step_and_stop(
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    target: Array,
+    acceleration: Array,
+    jerk: Array,
+    period_s: float,
+    together: bool,
+    ends: Index,
+    moved: Array,
+    phases: Array,
+    low: Array,
+    high: Array,
+) -> float:
+    """Write what `stepped` returns, the phases (2, 4, n) of the quickest stop, and its reach.
+
+    The phases are zeros before. Returns how long the stop lasts [s].
+    """
+    n = len(q)
+    _step(q, dq, ddq, target, acceleration, jerk, period_s, together, ends, moved)
+    _plan(moved[1], moved[2], np.zeros(n), acceleration, jerk, False, phases)
+    return _reach(moved[0], moved[1], moved[2], phases, low, high)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, TABLE)
+def shape(
+    dq: Array,
+    ddq: Array,
+    target: Array,
+    acceleration: Array,
+    jerk: Array,
+    period_s: float,
+    out: Array,
+) -> bool:
+    """Write velocity and acceleration (2, n) one period on the way to velocities (n,), together.
+
+    Nothing is written, and False returned, where all stands and is told to. Raises `ValueError`
+    where the result would not be finite.
+    """
+    n, stands = len(dq), True
+    for i in range(n):
+        stands = stands and dq[i] == 0.0 and ddq[i] == 0.0 and target[i] == 0.0
+    if stands:
+        return False
+    moved, phases = np.empty((3, n)), np.zeros((2, 4, n))
+    _plan(dq, ddq, target, acceleration, jerk, True, phases)
+    _go_along(np.zeros(n), dq, ddq, target, phases, period_s, moved)
+    for i in range(n):
+        out[0, i], out[1, i] = moved[1, i], moved[2, i]
+    return True
+
+
+def stopping(dq: Array, ddq: Array, acceleration: Array, jerk: Array) -> Array:
+    """Return the phases (2, 4, n) of the quickest stop of each freedom."""
+    phases = np.zeros((2, 4, len(dq)))
+    _stop(dq, ddq, acceleration, jerk, phases)
+    return phases
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, STACK)
+def _stop(dq: Array, ddq: Array, acceleration: Array, jerk: Array, phases: Array) -> None:
+    _plan(dq, ddq, np.zeros(len(dq)), acceleration, jerk, False, phases)
+
+
+def reach(q: Array, dq: Array, ddq: Array, phases: Array) -> tuple[Array, Array, float]:
+    """Return the least and the greatest position (n,) along a way, and how long it lasts [s]."""
+    low, high = np.empty(len(q)), np.empty(len(q))
+    return low, high, _reach(q, dq, ddq, phases, low, high)
 
 
 @compiled(VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER)

@@ -6,15 +6,13 @@ frames, and what its rate jumps by is owed and paid back smoothly (`feedforward.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from ....config.schema.sources.schedule import Schedule
 from ....config.schema.sources.sources import Sources
-from ..evolve import evolve
 from ..rigid_body import differ
 from ..spatial import Array, sizes
 from .feedforward import NOT_LED, Feedforward, FeedforwardState
@@ -31,13 +29,12 @@ ORDERED: Final = 1e-3
 """A source that asks for more than this means it; below, it makes up for noise [m/s, rad/s]."""
 
 
-@dataclass(frozen=True)
-class TaskMemory:
+class TaskMemory(NamedTuple):
     """What one task remembers from tick to tick."""
 
     states: Mapping[str, Any]
     """Each source's state by name."""
-    gains: dict[str, Array] = field(default_factory=dict)
+    gains: dict[str, Array]
     """The sources' gains (6,) in effect."""
     feedforward: FeedforwardState = NOT_LED
     about: About | None = None
@@ -80,7 +77,7 @@ class Task:
             if type(source).advance is not Source.advance
         )
         self._idle = {name: source.idle() for name, source in self._sources.items()}
-        self.idle = TaskMemory(MappingProxyType(self._idle))
+        self.idle = TaskMemory(MappingProxyType(self._idle), {})
         """The memory of a task that was asked for nothing yet."""
 
     def tuned(
@@ -98,7 +95,7 @@ class Task:
         gains = self._gains.scheduled(target, quantities)
         if moving and memory.gains.keys() == gains.keys():
             gains = self._gains.ramped(memory.gains, gains, at_once)
-        return memory if gains is memory.gains else evolve(memory, gains=gains)
+        return memory if gains is memory.gains else memory._replace(gains=gains)
 
     def twists(self, memory: TaskMemory, context: Context) -> tuple[TaskMemory, dict[str, Array]]:
         """Return each source's twist (6,) in World axes, and last the ground's own motion.
@@ -139,7 +136,7 @@ class Task:
                 memory.feedforward, context.carried, jump, context.lever
             )
         twists[FRAMES] = frames
-        return evolve(memory, states=states, feedforward=feedforward, about=about), twists
+        return TaskMemory(states, gains, feedforward, about, memory.off_path), twists
 
     def orders(self, twists: Mapping[str, Array]) -> bool:
         """Return whether any of the twists (6,) is an operator's or a device's wish to move."""
@@ -159,7 +156,7 @@ class Task:
         states = dict(memory.states)
         for name, source in self._advancing:
             states[name] = source.advance(states[name], granted)
-        return evolve(memory, states=states, off_path=off_path)
+        return TaskMemory(states, memory.gains, memory.feedforward, memory.about, off_path)
 
     def _jump(
         self,

@@ -25,9 +25,9 @@ class Path(NamedTuple):
 
     def now(self) -> tuple[Pose, Array]:
         """Return the path's pose in World and its own twist (6,) in World axes."""
-        motion = self.profile.at()
-        R, twist = turned(self.goal.T_world_target.R, motion.q[3:], motion.dq)
-        return Pose(R, motion.q[:3]), twist
+        q, dq = self.profile.now()
+        R, twist = turned(self.goal.T_world_target.R, q[3:], dq)
+        return Pose(R, q[:3]), twist
 
     @property
     def finished(self) -> bool:
