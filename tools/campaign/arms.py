@@ -12,6 +12,7 @@ import numpy as np
 from ...config.load import Cell, load_cell
 from ...config.schema.section import Pose
 from ...drivers.rig.physics.world import World
+from ...protocols import topics as t
 from ...protocols.messages.messages import MechanismCommand, TaskCommand
 from ..scripts.message import TopicMessage
 from ..scripts.script import Script
@@ -152,6 +153,8 @@ def _for(part: Cell, made: Step) -> Step:
         fields["task"] = named[0]
     elif issubclass(topic.message, MechanismCommand):
         fields["mechanism"] = named[1]
+    elif topic is t.RIG_FAULT:
+        fields["target"] = f"{part.prefix}{fields['target']}"
     return made.model_copy(update={"message": TopicMessage(topic, fields)})
 
 
@@ -187,10 +190,12 @@ def play(seed: int) -> Encounter:
     promised = cell.config.avoidance.self_clearance
     if min(least) < promised - ROUNDING:
         reasons.append(f"the commanded arms came to {1e3 * min(least):.2f} mm")
-    true = [t.between_arms_m for t in result.truths if t.between_arms_m is not None]
+    true = [x.between_arms_m for x in result.truths if x.between_arms_m is not None]
     if min(true) <= 0.0:
         reasons.append("the arms touched")
-    limited = sum(bool(s.limits) or any(t.limits for t in s.tasks.values()) for s in result.states)
+    limited = sum(
+        bool(s.limits) or any(task.limits for task in s.tasks.values()) for s in result.states
+    )
     return Encounter(name, min(least), min(true), limited, len(result.states), reasons)
 
 
