@@ -19,7 +19,9 @@ CELLS = {
     "pa10_reflect": ("csv",),
     "ranger": MODES,
     # The other cells are one of these with something around the arm.
+    "snake": ("csp",),
     "snake30": ("csp", "csv"),
+    "snake_tail": ("csp",),
     "ur5e": MODES,
     # Its tool is told to nobody: a torque law would let it sink, and the cell has none.
     "ur5e_scene": ("csp", "csv"),
