@@ -99,7 +99,7 @@ class Slither:
         found = self._resolver.rates(q, k._replace(J=J), wish, around)
         dq = found.dq.copy()
         dq[: insertion.beyond] = 0.0
-        return Slid(found._replace(dq=dq), insertion, False, ())
+        return Slid(found._replace(dq=dq), insertion._replace(speed=0.0), False, ())
 
     def _none(self, dq: Array) -> JointRates:
         return JointRates(dq, self._redundancy.none(), math.nan, False, None, None)
