@@ -23,7 +23,7 @@ from .operators.exposure import network
 from .operators.link import Link
 from .plant import PlantReading
 from .runtime.events import Events
-from .units.insertion import told_insertion
+from .units.insertion import described_insertion, told_insertion
 from .units.unit import Unit
 from .units.units import Units
 
@@ -63,6 +63,7 @@ def _described(part: Cell) -> dict[str, Any]:
         "joints": tuple(f"{part.prefix}{j.name}" for j in joints),
         "lower": bounds.lower,
         "upper": bounds.upper,
+        "insertion": described_insertion(part),
         "max_velocity": tuple(d.max_velocity for d in drives),
         "postures": config.mechanism.postures,
         "sources": SOURCES,

@@ -137,6 +137,8 @@ class TaskDescription(Message):
     lower: JointVector
     upper: JointVector
     max_velocity: JointVector
+    insertion: dict[str, float] | None = None
+    """Of an arm in tunnels: its greatest `speed` [m/s] and greatest `depth` [m]."""
 
 
 class Description(TaskDescription):

@@ -1,6 +1,8 @@
 """What is told of an arm in its tunnels."""
 
+from ...config.load import Cell
 from ..control.arm.arm import Arm
+from ..control.mechanism.backbone.chain import Chain
 from ..control.mechanism.backbone.insertion import Insertion
 
 
@@ -15,3 +17,11 @@ def told_insertion(arm: Arm, insertion: Insertion | None) -> dict[str, float] | 
         "speed": insertion.speed,
         "free": float(backbone.chain.n - insertion.beyond),
     }
+
+
+def described_insertion(part: Cell) -> dict[str, float] | None:
+    """Return how fast and how deep an arm may be inserted; None for one without a backbone."""
+    backbone = part.config.mechanism.backbone
+    if backbone is None:
+        return None
+    return {"speed": backbone.speed, "depth": Chain.from_cell(part).length - backbone.least}

@@ -37,7 +37,7 @@ def test_the_head_goes_round_a_circle_and_withdraws_as_a_curve(play, out):
     tool = np.array([t.pose_mrf for t in run.truths])
     before = tool[np.searchsorted(times, 0.25)]
     on_way = (times > 0.3) & (times < 5.5)
-    spokes = tool[on_way, :2] - (before[:2] + [0.012, -0.0275])
+    spokes = tool[on_way, :2] - (before[:2] + np.array([0.012, -0.0275]))
     assert np.abs(np.hypot(*spokes.T) - 0.03).max() < 0.002
     assert np.ptp(np.unwrap(np.arctan2(spokes[:, 1], spokes[:, 0]))) > 6.0
     assert np.abs(tool[on_way, 5] - before[5]).max() < 0.005

@@ -75,6 +75,25 @@ class Motions(ABC):
             self.end_stream(t.JOYSTICK)
             self.need_lease()
 
+    def drive(self, speed: float, seconds: float = 0.0) -> None:
+        """Insert an arm into its tunnels at a speed [m/s], or withdraw it with a negative one.
+
+        For a while; with `seconds` 0, until told otherwise (and only while `spin` is called).
+        Raises as `joystick` does.
+        """
+        self.stream(t.DRIVE, rates=(speed,))
+        if seconds > 0.0:
+            self.spin(seconds)
+            self.end_stream(t.DRIVE)
+            self.need_lease()
+
+    def insert(self, depth: float, speed: float | None = None) -> None:
+        """Insert or withdraw an arm until its tip is so far past the entrance [m].
+
+        Returns at once; `wait_goal` waits.
+        """
+        self.command(t.INSERT, depth=depth, speed=speed)
+
     def move_to(
         self, xyz: Sequence[float], rpy: Sequence[float], relative_to: str = "crf", **more: Any
     ) -> None:

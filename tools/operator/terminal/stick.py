@@ -14,6 +14,9 @@ AXES = {
 JOINT_SIGNS = {"[": -1.0, "]": 1.0, "left": -1.0, "right": 1.0, "down": -1.0, "up": 1.0}
 """Key: direction in which the chosen joint moves."""
 
+DRIVES = {"v": 1.0, "b": -1.0}
+"""Key: direction in which an arm in tunnels is driven along."""
+
 SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
 """Stick speeds to choose from [m/s]."""
 
@@ -28,6 +31,8 @@ def opposites(key: str) -> tuple[str, ...]:
     if key in AXES:
         axis, sign = AXES[key]
         return tuple(k for k, other in AXES.items() if other == (axis, -sign))
+    if key in DRIVES:
+        return tuple(k for k in DRIVES if k != key)
     return tuple(k for k, sign in JOINT_SIGNS.items() if sign == -JOINT_SIGNS.get(key, 0.0))
 
 
@@ -66,6 +71,10 @@ class Stick:
                 axis, sign = AXES[key]
                 twist[axis] += sign * (self.speed if axis < 3 else self.turn)
         return tuple(twist)
+
+    def insertion(self, held: Collection[str], most: float) -> float:
+        """Return the insertion speed of the keys that are held, at most `most` either way [m/s]."""
+        return sum(DRIVES.get(key, 0.0) for key in held) * min(self.speed, most)
 
     def rates(self, held: Collection[str], max_velocity: Sequence[float]) -> tuple[float, ...]:
         """Return joint rates (n,) [rad/s] of the keys that are held, within (n,) bounds."""

@@ -14,7 +14,7 @@ from ....protocols.messages.telemetry import Event, TaskDescription
 from ..client.operator import Operator
 from ..client.protocol_client import NoLease, OnReply
 from .keyboard import HeldKeys
-from .stick import AXES, JOINT_SIGNS, Stick, opposites
+from .stick import AXES, DRIVES, JOINT_SIGNS, Stick, opposites
 
 HELP = """\
  w s  a d  r f   move along x, y, z while held        + -   faster, slower
@@ -25,8 +25,10 @@ HELP = """\
  p  ready posture    P or 0  park   t  tare           g     force source on, off
  L  take the lease                  q  quit           ?     this help"""
 
-HANDS = " y  next arm"
-"""Where the cell has several."""
+HANDS, TUNNELS = " y  next arm", " v b  insert, withdraw while held"
+"""Where the cell has several arms, and where an arm goes through tunnels."""
+
+STREAMS = (t.JOYSTICK, t.JOG, t.DRIVE)
 
 SILENT_S = 0.3
 """Telemetry older than this is shown as missing [s]."""
@@ -78,7 +80,7 @@ class KeyboardTeleop:
     def press(self, key: str, now_s: float) -> None:
         """Act on a key. A refusal is printed, never raised."""
         try:
-            if key in AXES or key in JOINT_SIGNS:
+            if key in AXES or key in JOINT_SIGNS or (key in DRIVES and self._insertion):
                 self._move(key, now_s)
             elif key in "123456789":
                 self._choose_joint(int(key) - 1)
@@ -90,7 +92,8 @@ class KeyboardTeleop:
 
     def help(self) -> None:
         """Say what the keys do."""
-        for line in (*HELP.splitlines(), *([HANDS] if len(self._tasks) > 1 else [])):
+        more = [*([HANDS] if len(self._tasks) > 1 else []), *([TUNNELS] if self._insertion else [])]
+        for line in (*HELP.splitlines(), *more):
             self._say(line)
 
     def acquire(self) -> None:
@@ -117,16 +120,20 @@ class KeyboardTeleop:
             self.held.release()
             self._moving = set()
             self._goal = False
-            self._client.end_stream(t.JOYSTICK)
-            self._client.end_stream(t.JOG)
+            for topic in STREAMS:
+                self._client.end_stream(topic)
             return
         held = self._moving = self.held.held(now_s)
         if self.stick.joint is None:
             self._client.end_stream(t.JOG)
             frame, twist = self.stick.frame, self.stick.twist(held)
             self._client.stream(t.JOYSTICK, twist=twist, expressed_in=frame, **self._task)
+            if self._insertion:
+                forward = self.stick.insertion(held, self._insertion["speed"])
+                self._client.stream(t.DRIVE, rates=(forward,), **self._mechanism)
         else:
             self._client.end_stream(t.JOYSTICK)
+            self._client.end_stream(t.DRIVE)
             rates = self.stick.rates(held, self._max_velocity(len(state.q)))
             self._client.stream(t.JOG, rates=rates, **self._mechanism)
 
@@ -151,12 +158,16 @@ class KeyboardTeleop:
     def _mechanism(self) -> dict[str, str]:
         return {"mechanism": self._tasks[self.hand].mechanism} if len(self._tasks) > 1 else {}
 
+    @property
+    def _insertion(self) -> dict[str, float] | None:
+        return self._tasks[self.hand].insertion if self._tasks else None
+
     def _change_hands(self) -> None:
         """Lead the next arm; the one that was led stands."""
         if len(self._tasks) < 2:
             self._say("the cell has one arm" if self._tasks else "no description yet")
             return
-        for topic in (t.JOYSTICK, t.JOG):
+        for topic in STREAMS:
             self._client.end_stream(topic)
         self.hand = (self.hand + 1) % len(self._tasks)
         self.stick.joint, self._goal = None, False
@@ -167,7 +178,7 @@ class KeyboardTeleop:
         if state is None or state.mode != "enabled":
             self._say("the arm is not enabled: m enables it")
             return
-        if key in AXES:
+        if key in AXES or key in DRIVES:
             self.stick.joint = None
             if self._goal:
                 # A posture in force does not hear the stick.

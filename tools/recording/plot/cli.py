@@ -13,6 +13,10 @@ PANELS = (
 )  # fmt: skip
 
 
+TUNNEL = "tunnel"
+"""A figure of its own: an arm in its tunnels."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
     parser.add_argument(
@@ -26,7 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="FILE", type=Path, help=".png or .svg; by default RUN.png beside the run"
     )
-    parser.add_argument("--panels", default=",".join(PANELS), help="which; all: %(default)s")
+    parser.add_argument(
+        "--panels",
+        default=",".join(PANELS),
+        help="which; all: %(default)s. 'tunnel': an arm in its tunnels, at six depths",
+    )
     parser.add_argument("--stills", type=int, default=4, help="how many moments are drawn")
     parser.add_argument(
         "--at",
@@ -49,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         raise DeviceError("nothing to draw with: pip install 'telerobot[plot]'") from None
     panels = tuple(args.panels.split(","))
     unknown = [name for name in panels if name not in PANELS]
-    if unknown:
+    if unknown and panels != (TUNNEL,):
         raise ConfigError(f"--panels: value '{unknown[0]}': one of {', '.join(PANELS)}")
     out = args.out or args.runs[0].with_suffix(".png")
     if out.suffix not in (".png", ".svg"):
@@ -58,7 +66,11 @@ def run(args: argparse.Namespace) -> int:
         runs = [load_recording(path, args.cell) for path in args.runs]
     except RecordError as error:
         raise ConfigError(str(error)) from None
-    if len(runs) > 1:
+    if panels == (TUNNEL,):
+        from .tunnels import slithering
+
+        figure = slithering(runs[0])
+    elif len(runs) > 1:
         figure = compared(runs, args.at, args.camera)
     else:
         figure = drawn(runs[0], panels, max(1, args.stills))

@@ -52,7 +52,11 @@ class Client:
 def described(*names):
     tasks = [
         TaskDescription.model_construct(
-            task=name, mechanism=f"arm_{name}", joints=("j1", "j2"), max_velocity=(1.0, 2.0)
+            task=name,
+            mechanism=f"arm_{name}",
+            joints=("j1", "j2"),
+            max_velocity=(1.0, 2.0),
+            insertion={"speed": 0.08, "depth": 0.9} if name == "snake" else None,
         )
         for name in names
     ]
@@ -99,3 +103,30 @@ def test_with_one_arm_nothing_names_it():
     teleop.press("w", 0.0)
     teleop.run(0.0)
     assert set(client.streams["cmd/joystick"]) == {"twist", "expressed_in"}
+
+
+def test_held_keys_insert_and_withdraw_an_arm_in_tunnels_at_its_speed_at_most():
+    teleop, client, lines = keys("snake")
+    teleop.help()
+    assert lines[-1] == " v b  insert, withdraw while held"
+    teleop.press("v", 0.0)
+    teleop.run(0.0)
+    assert client.streams["cmd/drive"] == {"rates": (0.05,)}
+    for _ in range(3):
+        teleop.press("+", 0.1)
+    teleop.press("b", 0.2)
+    teleop.run(0.2)
+    assert client.streams["cmd/drive"] == {"rates": (-0.08,)}
+    for key in ("2", "up"):
+        teleop.press(key, 0.3)
+    teleop.run(0.3)
+    assert set(client.streams) == {"cmd/jog"}
+
+
+def test_an_arm_without_tunnels_is_not_driven():
+    teleop, client, lines = keys("arm")
+    teleop.press("v", 0.0)
+    teleop.run(0.0)
+    assert set(client.streams) == {"cmd/joystick"}
+    teleop.help()
+    assert not any("insert" in line for line in lines)

@@ -1,0 +1,46 @@
+"""The figure of an arm in its tunnels shows the true links of a recorded run."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.tools.cli import main
+from telerobot.tools.recording.plot.reader import load_recording
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    def record(cell, step):
+        path = tmp_path_factory.mktemp("plot") / f"{cell}.mcap"
+        script = Script.model_validate({"duration_s": 0.8, "step": [step]})
+        Simulation(load_cell(cell), script, path).run()
+        return path
+
+    return record
+
+
+def test_links_and_curve_are_drawn_where_they_were(recorded, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    from telerobot.tools.recording.plot.tunnels import slithering
+
+    path = recorded("snake", {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}})
+    run = load_recording(path)
+    figure = slithering(run)
+    curve, links = figure.axes[0], figure.axes[1]
+    backbone = Backbone.from_cell(run.cell)
+    drawn = [line.get_xydata() for line in links.lines if len(line.get_xydata()) == 31]
+    truths = backbone.chain.points(np.array([t["q"] for t in run.truths]))[:, :, :2]
+    assert np.abs(truths - drawn[0]).max(axis=(1, 2)).min() == 0.0
+    free = [line.get_xydata() for line in curve.lines if len(line.get_xydata()) == 301]
+    assert np.linalg.norm(free[0][-1] - drawn[0][-1]) < 0.005
+    out = tmp_path / "figure.png"
+    assert main(["plot", str(path), "--panels", "tunnel", "--out", str(out)]) == 0
+    assert out.stat().st_size > 5000
+
+
+def test_an_arm_without_tunnels_is_refused_by_name(recorded, capsys):
+    path = recorded("pa10", {"at_s": 0.1, "cmd/joystick": {"twist": [0.0] * 6}})
+    assert main(["plot", str(path), "--panels", "tunnel"]) == 2
+    assert "mechanism.backbone: missing" in capsys.readouterr().err
