@@ -155,9 +155,9 @@ class OperatorSettings:
         self.objectives = ObjectiveGains({**self.objectives.gains, name: request.gain}, q)
 
     def set_payload(
-        self, request: requests.PayloadRequest, weighed: Callable[[Payload], bool]
+        self, request: requests.PayloadRequest, weighed: Callable[[Payload], bool] | None = None
     ) -> None:
-        """Redefine what hangs on the sensor; `weighed` tells whether it reads that of a payload.
+        """Redefine what hangs on the sensor; `weighed` tells whether the sensor reads a payload.
 
         Raises `Refused` for a name that the cell lacks, and for what would swing the tool.
         """
@@ -177,7 +177,7 @@ class OperatorSettings:
             known = ", ".join(self._payloads) or "none in this cell"
             raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
         swings = self.payload_bounds.inertia.refusal(payload)
-        if swings is not None and not weighed(payload):
+        if swings is not None and (weighed is None or not weighed(payload)):
             raise Refused(Why.UNSTABLE_PAYLOAD, swings)
         self._hang(payload)
         if request.bias is not None:
