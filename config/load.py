@@ -100,6 +100,31 @@ class Cell:
         return script_path(self.config.default_script, self.path.parent)
 
 
+def joint_part(cell: Cell, task: JointTask) -> Cell:
+    """Return what the file would say with a joint task's first mechanism alone, and that task."""
+    part = next(p for p in cell.parts if p.config.mechanism.name == task.by[0])
+    mechanism = part.config.mechanism.model_copy(update={"T_wrist_mrf": task.T_wrist_mrf[0]})
+    sensor = mechanism.force_torque
+    if sensor is not None:
+        # What one arm feels of another over the grasps is the stiffest that force control meets.
+        stiff = {
+            "stiffest_environment": task.internal_stiffness,
+            "stiffest_environment_rotation": task.internal_stiffness_rotation,
+        }
+        update = {"force_torque": sensor.model_copy(update=stiff)}
+        mechanism = mechanism.model_copy(update=update)
+    config = part.config.model_copy(
+        update={
+            "mechanism": mechanism,
+            "sources": task.sources,
+            "schedules": task.schedules,
+            "T_world_crf": task.T_world_crf,
+            "reflection": None,
+        }
+    )
+    return replace(part, config=config)
+
+
 def shipped(kind: str) -> tuple[str, ...]:
     """Return the names of what is shipped of a kind: `cells`, `robots` or `scripts`."""
     suffix = ".urdf" if kind == "robots" else ".toml"

@@ -155,6 +155,7 @@ TARE = _request("tare", requests.TareRequest)
 PAYLOAD = _request("payload", requests.PayloadRequest)
 ACKNOWLEDGE_LOAD = _request("acknowledge_load", requests.AcknowledgeLoad)
 GRIPPER = _request("gripper", requests.GripperRequest)
+HOLD_TOGETHER = _request("hold_together", requests.HoldTogether)
 MARK = _request("mark", requests.MarkRequest)
 REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
@@ -179,7 +180,7 @@ TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, DRIVE, INSERT, CANCEL,
     SIGHTING, OBSTACLE, FRAME_NEWS,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
-    PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, MARK, STORE_VIEW,
+    PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,
     STATE, REFLECTION, EVENT, DESCRIPTION,
     RIG_FAULT, RIG_MOTION, RIG_TRUTH,

@@ -190,13 +190,20 @@ class Cycle:
         units = self.units.each
         memories = [unit.memory for unit in units if unit.memory is not None]
         if len(memories) < len(units):
-            memories = list(self._control.seed(q))
+            memories = list(self._control.seed(q, self.units.held))
         inputs = [
             unit.inputs(
                 memory, self.mode, self.tick, now_s, own, q[unit.joints], self.units.obstacles
             )
             for unit, memory, own in zip(units, memories, reading.units, strict=True)
         ]
+        places = {unit.mechanism: i for i, unit in enumerate(units)}
+        holding = [(places[j.units[0].mechanism], j) for j in self.units.joint if j.on]
+        for i, joint in holding:
+            own, part = reading.units[i], units[i].joints
+            inputs[i] = joint.inputs(
+                self.mode, self.tick, now_s, own, q[part], self.units.obstacles
+            )
         start = time.perf_counter()
         nexts, outputs = self._control.tick(memories, inputs)
         self.compute_s = time.perf_counter() - start
@@ -209,6 +216,8 @@ class Cycle:
         for unit, memory, output in zip(units, nexts, outputs, strict=True):
             self.plant.switch(unit.outputs)
             unit.keep(self.tick, memory, output)
+        for i, joint in holding:
+            joint.keep(outputs[i].shared)
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
         """Tell that an obstacle came too near for any stop, and which is nearest."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
-from ..config.load import Cell, ConfigError
+from ..config.load import Cell
 from ..config.schema.security import refuse_exposure
 from ..drivers.device import DeviceError
 from ..drivers.fieldbuses import Fieldbuses, open_buses
@@ -37,14 +37,7 @@ RETIRE_S = 3.0
 def build(
     cell: Cell, buses: Fieldbuses, link: Link, clock: Clock, new_key: Callable[[], bytes]
 ) -> Cycle:
-    """Return the cycle of a cell over its buses and an operators' link; no device is open yet.
-
-    Raises `ConfigError` for a task that several mechanisms are to hold: that is not built yet.
-    """
-    if cell.joint_tasks:
-        raise ConfigError(
-            f"{cell.path}: tasks: '{cell.joint_tasks[0].name}': a daemon holds no joint task so far"
-        )
+    """Return the cycle of a cell over its buses and an operators' link; no device is open yet."""
     plant = Plant(buses, make_drivers(cell, buses))
     return Cycle(cell, Control.of(cell), plant, link, clock, new_key)
 

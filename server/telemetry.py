@@ -5,7 +5,8 @@ from importlib import metadata
 from typing import Any, NamedTuple
 
 from ..config.joint_bounds import joint_bounds
-from ..config.load import Cell
+from ..config.load import Cell, joint_part
+from ..config.schema.joint_task import JointTask
 from ..config.schema.sources.sources import SOURCES
 from ..protocols.codec import encode
 from ..protocols.messages.messages import VERSION, Vector6
@@ -24,6 +25,7 @@ from .operators.link import Link
 from .plant import PlantReading
 from .runtime.events import Events
 from .units.insertion import described_insertion, told_insertion
+from .units.joint_unit import JointUnit
 from .units.unit import Unit
 from .units.units import Units
 
@@ -48,7 +50,10 @@ def describe(cell: Cell) -> Description:
             for bus in config.fieldbuses
         },
         versions={"telerobot": metadata.version("telerobot"), "protocol": str(VERSION)},
-        tasks=tuple(TaskDescription(**_described(part)) for part in cell.others),
+        tasks=(
+            *(TaskDescription(**_described(part)) for part in cell.others),
+            *(TaskDescription(**_described_joint(cell, task)) for task in cell.joint_tasks),
+        ),
     )
 
 
@@ -69,6 +74,11 @@ def _described(part: Cell) -> dict[str, Any]:
         "sources": SOURCES,
         "gains": {name: section.gain for name, section in config.sources.each.items()},
     }
+
+
+def _described_joint(cell: Cell, task: JointTask) -> dict[str, Any]:
+    """Return what is described of a task that several mechanisms hold: the first one's joints."""
+    return {**_described(joint_part(cell, task)), "task": task.name}
 
 
 class TickRecord(NamedTuple):
@@ -118,12 +128,17 @@ def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | 
         tasks={
             unit.task: TaskState.model_construct(**told)
             for unit, told in zip(units.each[1:], tasks[1:], strict=True)
+        }
+        | {
+            joint.task: TaskState.model_construct(**_of_task(record, joint, joint.output, None))
+            for joint in units.joint
+            if joint.output is not None
         },
     )
 
 
 def _of_task(
-    record: TickRecord, unit: Unit, output: Output, wrench: Array | None
+    record: TickRecord, unit: Unit | JointUnit, output: Output, wrench: Array | None
 ) -> dict[str, Any]:
     """Return what is told of one arm and its task; `wrench` (6,) is what its sensor reads."""
     commands, perception = unit.commands, unit.perception
@@ -167,6 +182,8 @@ def _of_task(
         },
         "scale": output.scale,
         "limits": output.limits,
+        "held_by": None if output.held is None else output.held.task,
+        "internal_force": None if output.held is None else output.held.internal_force,
         "sigma_min": output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
         "potential": None if output.field is None else potential(output.field),
         "off_path": None if output.off_path is None else _three(output.off_path),

@@ -14,7 +14,7 @@ from ...config.load import Cell
 from ...config.schema.on_bus import Entry
 from ...protocols.messages.messages import Vector6
 from ...protocols.messages.moving import RigMotion
-from ...protocols.messages.rig import ArmTruth, RigFault, RigTruth
+from ...protocols.messages.rig import ArmTruth, BeamTruth, RigFault, RigTruth
 from ..kinds import KINDS as DEVICES
 from .fault_values import FARTHEST, vector_of
 from .faults import Faults
@@ -23,6 +23,7 @@ from .nodes.drive_loops import DriveLoops
 from .nodes.node import Node
 from .nodes.servo_node import SimulatedDrive
 from .nodes.wire import RigError, Wire
+from .physics.beam import Beam
 from .physics.geoms import quaternion
 from .physics.movers import Movers
 from .physics.scene import prefixes, turned_by
@@ -206,11 +207,24 @@ class Rig:
             frames=self.frames,
             arms=arms,
             between_arms_m=self.world.distances.between_arms(),
+            beam=None if self.world.beam is None else _beam_truth(self.world.beam),
         )
 
     def _arm_truth(self, arm: int) -> ArmTruth:
         fx, fy, fz = self.world.contact_force(arm).tolist()
         return ArmTruth(pose_mrf=_six(*self.world.mrf_pose(arm)), contact_force=(fx, fy, fz))
+
+
+def _beam_truth(beam: Beam) -> BeamTruth:
+    x, y, z = beam.push().tolist()
+    return BeamTruth(
+        pose=_six(*beam.pose()),
+        grasps=tuple((a, b, c, d, e, f) for a, b, c, d, e, f in beam.wrenches.tolist()),
+        internal_force=beam.internal_force(),
+        stretch=beam.stretch(),
+        peg_depth=beam.peg_depths(),
+        push=(x, y, z),
+    )
 
 
 def _node(entry: Entry, bench: Bench) -> Node:

@@ -89,6 +89,17 @@ class SwitchRequest(TaskCommand):
     on: bool
 
 
+class HoldTogether(Command):
+    """Lets the arms of a joint task hold its payload together, or let go of it; only at rest.
+
+    Without a name it is the cell's only one. While it is on, commands are for that task; those of
+    its arms alone are refused. What the grippers do is not part of it.
+    """
+
+    task: Identifier | None = None
+    on: bool = True
+
+
 class SpeedRequest(Command):
     """Sets the reduced-speed factor, one factor on all limits [1]."""
 

@@ -42,6 +42,24 @@ class ArmTruth(Message):
     contact_force: Vector3
 
 
+class BeamTruth(Message):
+    """The truth about a payload that several arms hold.
+
+    Its pose in World `[x, y, z, roll, pitch, yaw]`; the wrench of each arm on it at its grasp
+    [N, N·m], in the payload's axes; the greatest force at a grasp that moves nothing
+    (`internal_force`) [N], how far the grasps are from fitting each other (`stretch`) [m], how deep
+    each peg is in the nearest hole (`peg_depth`) [m], negative before it, and what payload and pegs
+    `push` on what they touch, in World [N].
+    """
+
+    pose: Vector6
+    grasps: tuple[Vector6, ...]
+    internal_force: float
+    stretch: float
+    peg_depth: tuple[float, ...] = ()
+    push: Vector3
+
+
 class RigTruth(Message):
     """The physics' truth, for whoever judges.
 
@@ -66,3 +84,5 @@ class RigTruth(Message):
     sight: dict[str, dict[str, float]] = Field(default_factory=dict)
     arms: dict[str, ArmTruth] = Field(default_factory=dict)
     between_arms_m: float | None = None
+    beam: BeamTruth | None = None
+    """The payload that several arms hold; None where there is none."""

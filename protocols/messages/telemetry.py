@@ -64,6 +64,10 @@ class TaskState(Message):
     master: dict[str, float]
     scale: float
     limits: tuple[str, ...]
+    held_by: str | None = None
+    """The joint task for which the arm holds a payload with others; None for none."""
+    internal_force: float | None = None
+    """Greatest force at a grasp of that payload that moves nothing [N]; None while not known."""
     sigma_min: float
     potential: dict[str, float] | None = None
     off_path: Vector3 | None = None

@@ -205,6 +205,8 @@ class Output(NamedTuple):
     """News made the stored stop fall short of a clearance; the least bad one was taken."""
     held: Holding | None = None
     """The payload that it holds with others; None for an arm with a task alone."""
+    shared: "Output | None" = None
+    """The same of a joint task, at its shared MRF; told by its first arm only."""
 
     @property
     def gaps(self) -> tuple[Gap, ...]:

@@ -12,7 +12,7 @@ as of anything else.
 A pure function of its inputs: no I/O, no clock, no thread, no logging.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from typing import Self
 
@@ -77,14 +77,14 @@ class Control:
             guard = Guard(cell, joints.acceleration, joints.jerk, capsules)
         return cls(arms, guard, cell)
 
-    def seed(self, q: Array) -> tuple[Memory, ...]:
+    def seed(self, q: Array, on: Collection[str] | None = None) -> tuple[Memory, ...]:
         """Return the memories of arms at rest at q (n,) [rad] that were told nothing yet.
 
-        Those of a joint task that is on at start hold its payload.
+        Arms hold the payloads of the joint tasks `on`; of those that are at start, if None.
         """
         each = [q[part] for part in self.parts]
         found = tuple(arm.seed(own) for arm, own in zip(self.arms, each, strict=True))
-        return found if self.joint is None else self.joint.seeded(found, each)
+        return found if self.joint is None else self.joint.seeded(found, each, on)
 
     @property
     def parts(self) -> tuple[slice, ...]:

@@ -8,6 +8,7 @@ from ...protocols.messages.sightings import Sighting
 from ...protocols.topics import Flow
 from ..refusals import Refused
 from ..runtime.events import Events
+from ..units.joint_unit import JointUnit
 from ..units.unit import Unit
 from ..units.units import Units
 from .admission import Admission, Instant
@@ -55,10 +56,11 @@ class Dispatcher:
         self._units.obstacles.update(context.now.tick)
         for unit in self._units.each:
             unit.perception.vision.update(context.now.tick)
-            _tell_dropped(unit)
-            _look_at_energy(unit)
-            for name in unit.commands.expired(now_s):
-                unit.events.info("stream_expired", name)
+        for commanded in self._units.all:
+            _tell_dropped(commanded)
+            _look_at_energy(commanded)
+            for name in commanded.commands.expired(now_s):
+                commanded.events.info("stream_expired", name)
 
     def listen(self, now: Instant) -> None:
         """Sort what has come while nothing else is due."""
@@ -105,14 +107,14 @@ class Dispatcher:
             answer(encode(refusal_reply(refused, context.now)))
 
 
-def _tell_dropped(unit: Unit) -> None:
+def _tell_dropped(unit: Unit | JointUnit) -> None:
     """Tell of goals that ended because something else was asked for."""
     for what, key in unit.commands.dropped:
         unit.events.info(f"{what}_dropped", f"by {key}", by=key)
     unit.commands.dropped.clear()
 
 
-def _look_at_energy(unit: Unit) -> None:
+def _look_at_energy(unit: Unit | JointUnit) -> None:
     reflector = unit.commands.handle.reflector
     if reflector is not None and reflector.take_trip():
         held = ": the force is held back" if reflector.protected else ""

@@ -74,6 +74,8 @@ class Services:
                 self._events.info("speed_set", "", factor=message.factor)
             case AvoidanceRequest():
                 self._switch_avoidance(message.on, context.units)
+            case requests.HoldTogether():
+                context.units.hold_together(message.task, message.on)
             case requests.MarkRequest():
                 self._events.info("marked", message.text)
             case m.TaskCommand() | m.MechanismCommand():

@@ -103,6 +103,11 @@ class ForceTorqueMonitor:
         return bool((np.ptp(np.array(self._stood), axis=0) < STILL).all())
 
     @property
+    def stale(self) -> tuple[str, ...]:
+        """The sensor's name while it is stale."""
+        return (NAME,) if self._stale else ()
+
+    @property
     def missed(self) -> tuple[str, ...]:
         """The sensor's name while it is stale and the arm may not move without it."""
-        return (NAME,) if self._essential and self._stale else ()
+        return self.stale if self._essential else ()

@@ -5,6 +5,7 @@ from dataclasses import replace
 from ...config.load import Cell
 from ..commands.commands import Commands
 from ..control.arm.arm import Arm
+from ..control.evolve import evolve
 from ..control.mechanism.payload import Payload
 from ..control.spatial import Pose
 from ..control.state import Memory, Output
@@ -48,9 +49,13 @@ class Perception:
             weight, twists = None, {}
             if output is not None:
                 twists, self._T_world_mrf = output.twists, output.T_world_mrf_measured
-                weight = self._arm.weight(output.T_world_mrf_measured, commands.control_settings())
+                # Of the MRF that the tick was about: arms that hold a payload have another one.
+                settings = evolve(commands.control_settings(), T_wrist_mrf=output.T_wrist_mrf)
+                weight = self._arm.weight(output.T_world_mrf_measured, settings)
             self.sensor.update(reading, weight, twists)
-            self.load.update(output, mode, now_s, self.sensor.unloaded, self.collisions.carried)
+            if output is None or output.held is None:
+                carried = self.collisions.carried
+                self.load.update(output, mode, now_s, self.sensor.unloaded, carried)
         moved = commands.frames.moved
         load = self.load
         self.collisions.update(reading, memory, output, moved, mode, load.doubt, load.tool)
@@ -68,7 +73,7 @@ class Perception:
         """Store the pose of the arm in a tick, for pictures that were exposed in it."""
         if self.vision.watching:
             frames = self._commands.frames
-            T_world_wrist = output.T_world_mrf_measured @ frames.T_wrist_mrf.inverse()
+            T_world_wrist = output.T_world_mrf_measured @ output.T_wrist_mrf.inverse()
             self.vision.remember(tick, T_world_wrist, frames.moved.T_world_base_measured)
 
     @property

@@ -8,12 +8,13 @@ from ...protocols.messages.moving import FrameRequest
 from ...protocols.messages.reflection import ReflectionRequest
 from ...protocols.messages.sightings import StoreView
 from ..refusals import Refused, Why
+from .joint_unit import JointUnit
 from .unit import Unit
 
 _PAST = {"pause": "paused", "resume": "resumed", "abort": "aborted"}
 
 
-def serve_unit(message: m.Message, unit: Unit) -> None:
+def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
     """Do what a request asks of a unit, and tell it by an event. Raises `Refused`."""
     commands, events = unit.commands, unit.events
     settings = commands.settings
@@ -74,7 +75,7 @@ def serve_unit(message: m.Message, unit: Unit) -> None:
             raise Refused(Why.NOT_NOW, f"no service for {type(message).__name__}")
 
 
-def _set_gain(message: requests.GainRequest, unit: Unit) -> None:
+def _set_gain(message: requests.GainRequest, unit: Unit | JointUnit) -> None:
     settings = unit.commands.settings
     settings.require_source(message.source)
     reason = unit.gain_bound(message.source, message.gain)
@@ -87,20 +88,20 @@ def _set_gain(message: requests.GainRequest, unit: Unit) -> None:
     unit.events.info("gain_set", message.source, gain=str(list(message.gain)))
 
 
-def _tell_frame(request: FrameRequest, unit: Unit) -> None:
+def _tell_frame(request: FrameRequest, unit: Unit | JointUnit) -> None:
     there = request.relative_to or ("wrist" if request.frame == "mrf" else "world")
     on = {"moves_with": unit.commands.frames.crf.on} if request.frame == "crf" else {}
     unit.events.info("frame_set", request.frame, relative_to=str(there), **on)
 
 
-def _tell_payload(name: str | None, unit: Unit) -> None:
+def _tell_payload(name: str | None, unit: Unit | JointUnit) -> None:
     payload = unit.commands.settings.payload
     if payload is not None:
         com = str(np.round(payload.com, 4).tolist())
         unit.events.info("payload_set", name or "", mass=payload.mass, com=com)
 
 
-def _tare(unit: Unit) -> None:
+def _tare(unit: Unit | JointUnit) -> None:
     sensor = unit.perception.sensor
     if sensor.unloaded is None:
         raise Refused(Why.SENSOR_STALE, "force_torque is stale or missing")

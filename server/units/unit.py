@@ -36,6 +36,8 @@ class Unit:
         """Why gains of a source would be unstable, or None."""
         self.memory: Memory | None = None
         """None before the arm's joints were heard, and after its devices were configured anew."""
+        self.q: Array | None = None
+        """Where the joints (n,) were measured last [rad]."""
         self.output: Output | None = None
         """What the last tick decided; None before the first."""
 
@@ -58,6 +60,7 @@ class Unit:
 
     def perceive(self, reading: UnitReading, mode: Mode, now_s: float) -> None:
         """Update all monitors."""
+        self.q = reading.q if reading.q is not None else self.q
         self.perception.update(reading, self.memory, self.output, mode, now_s)
 
     def follow_frames(self, tick: int, mode: Mode) -> None:

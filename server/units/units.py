@@ -8,11 +8,14 @@ import numpy as np
 from ...config.load import Cell
 from ...protocols.messages.messages import CancelGoals, MechanismCommand, Message, TaskCommand
 from ..commands.settings import CellSettings
+from ..control.joint_task.several import JointTasks
+from ..control.joint_task.switch import HoldRefused
 from ..control.spatial import Array
 from ..control.tick import Control
 from ..perception.obstacle_map import ObstacleMap
 from ..refusals import Refused, Why
 from ..runtime.events import Events
+from .joint_unit import JointUnit, of_task
 from .unit import Unit
 
 
@@ -20,10 +23,19 @@ class Units:
     """The units of a cell in the order of its joints, and what they share."""
 
     def __init__(
-        self, units: Sequence[Unit], settings: CellSettings, obstacles: ObstacleMap
+        self,
+        units: Sequence[Unit],
+        settings: CellSettings,
+        obstacles: ObstacleMap,
+        joint: Sequence[JointUnit] = (),
+        tasks: JointTasks | None = None,
     ) -> None:
-        """Build it of at least one unit; they have one period."""
-        self.each = tuple(units)
+        """Build it of at least one unit; they have one period.
+
+        `joint` are the tasks that several of them hold, `tasks` computes these.
+        """
+        self.each, self.joint = tuple(units), tuple(joint)
+        self._tasks = tasks
         self.settings, self.obstacles = settings, obstacles
 
     @classmethod
@@ -34,29 +46,86 @@ class Units:
             Unit(part, arm, joints, settings, events)
             for part, arm, joints in zip(cell.parts, control.arms, control.parts, strict=True)
         ]
-        return cls(units, settings, ObstacleMap.from_cell(cell, events))
+        by = {unit.mechanism: unit for unit in units}
+        joint = [
+            JointUnit(cell, task, [by[name] for name in task.by], settings, events)
+            for task in cell.joint_tasks
+        ]
+        return cls(units, settings, ObstacleMap.from_cell(cell, events), joint, control.joint)
 
     # --- which of them is meant ------------------------------------------------------------------
 
-    def of(self, message: Message) -> Unit:
+    def of(self, message: Message) -> Unit | JointUnit:
         """Return the unit that a message concerns: the first where it names none.
 
-        Raises `Refused` for a name that the cell does not have.
+        That is the joint task that the first arm holds a payload for, if it does. Raises `Refused`
+        for a name that the cell does not have, and for what is meant for one arm alone while it
+        holds a payload with others.
         """
-        if isinstance(message, TaskCommand) and message.task is not None:
-            return self._named(message.task, Why.UNKNOWN_TASK, "task")
-        if isinstance(message, MechanismCommand) and message.mechanism is not None:
-            return self._named(message.mechanism, Why.UNKNOWN_MECHANISM, "mechanism")
-        return self.each[0]
+        unit = self.each[0]
+        if isinstance(message, TaskCommand):
+            for joint in self.joint:
+                if joint.task == message.task:
+                    if not joint.on:
+                        raise Refused(Why.NOT_NOW, f"nobody holds '{joint.task}'")
+                    return joint
+            if message.task is not None:
+                unit = self._named(message.task, Why.UNKNOWN_TASK, "task")
+            else:
+                held = self.holder_of(unit)
+                if held is not None:
+                    return held
+        elif isinstance(message, MechanismCommand) and message.mechanism is not None:
+            unit = self._named(message.mechanism, Why.UNKNOWN_MECHANISM, "mechanism")
+        holder = self.holder_of(unit)
+        if holder is not None:
+            holder.require(message)
+        return unit
 
-    def told(self, message: Message) -> tuple[Unit, ...]:
+    def told(self, message: Message) -> tuple[Unit | JointUnit, ...]:
         """Return the units that a command is for: all, for goals that are cancelled without a name.
 
         Raises `Refused` as `of` does.
         """
         if isinstance(message, CancelGoals) and message.task is None:
-            return self.each
+            return self.all
         return (self.of(message),)
+
+    @property
+    def all(self) -> tuple[Unit | JointUnit, ...]:
+        """All that may be commanded: arms, and tasks that several of them hold."""
+        return (*self.each, *self.joint)
+
+    def holder_of(self, unit: Unit) -> JointUnit | None:
+        """Return the joint task for which an arm holds a payload now, or None."""
+        return next((joint for joint in self.joint if joint.on and unit in joint.units), None)
+
+    def hold_together(self, name: str | None, on: bool) -> None:
+        """Let the arms of a joint task hold its payload, or let go of it. Raises `Refused`."""
+        joint = of_task(self.joint, name)
+        memories = [unit.memory for unit in self.each if unit.memory is not None]
+        q = [unit.q for unit in self.each if unit.q is not None]
+        if self._tasks is None or not len(memories) == len(q) == len(self.each):
+            raise Refused(Why.NOT_NOW, "where the arms are was not heard yet")
+        try:
+            found = self._tasks.switched(joint.task, on, memories, q)
+        except HoldRefused as refused:
+            raise Refused(Why.NOT_NOW, str(refused)) from None
+        for unit, memory in zip(self.each, found, strict=True):
+            unit.memory = memory
+        told: list[Unit | JointUnit] = [joint, *joint.units]
+        for unit_or_task in told:
+            unit_or_task.commands.clear()
+        joint.on = on
+        joint.keep(None)
+        joint.events.info(
+            "held_together" if on else "let_go", ", ".join(unit.mechanism for unit in joint.units)
+        )
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Names of the joint tasks that are on."""
+        return tuple(joint.task for joint in self.joint if joint.on)
 
     def seeing(self, camera: str) -> Unit:
         """Return the unit whose task has a camera; the first for one that nobody has."""
@@ -76,7 +145,7 @@ class Units:
 
     def clear(self) -> None:
         """Drop every stream and goal: what was commanded before is dead."""
-        for unit in self.each:
+        for unit in self.all:
             unit.commands.clear()
 
     def forget(self) -> None:
@@ -113,7 +182,7 @@ class Units:
         return tuple(
             f"{unit.cell.prefix}{name}"
             for unit in self.each
-            for name in unit.perception.sensor.missed
+            for name in _missed(unit, self.holder_of(unit))
         )
 
     @property
@@ -123,4 +192,13 @@ class Units:
             return "sensor stale"
         if self.settings.avoid and self.obstacles.stop is not None:
             return "obstacle stale"
+        strained = next((joint.task for joint in self.joint if joint.strained), None)
+        if strained is not None:
+            return f"internal force of {strained}"
         return "touched" if self.touched else None
+
+
+def _missed(unit: Unit, holder: JointUnit | None) -> tuple[str, ...]:
+    """Return sensors without which an arm may not move; none holds a payload with others blind."""
+    sensor = unit.perception.sensor
+    return sensor.missed if holder is None else sensor.stale

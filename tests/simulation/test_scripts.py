@@ -21,7 +21,12 @@ ELSEWHERE = {
     name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))
 }
 """Scripts that need pictures, a peg or obstacles: `test_vision.py` and its like play them."""
-ELSEWHERE |= {"two_arms"}  # `test_pa10_two.py`
+ELSEWHERE |= {
+    "two_arms",
+    "two_nodes",
+    "carry",
+    "stop_together",
+}  # `test_pa10_two.py`, `test_pa10_pair.py`
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources"}
 """Scripts that `test_frames.py` and `test_all_sources.py` play."""
 FIELD = {n for n in shipped("scripts") if n.startswith("sight_line_")} | {"round_obstacle"}

@@ -27,6 +27,7 @@ from ...server.runtime.clock import VirtualClock
 from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
 from ..scripts.script import Script, load_script
+from .beam import beam_figures
 from .frame_sensors import SimulatedFrameSensors
 from .observer import Observer
 from .result import (
@@ -258,6 +259,7 @@ class Simulation:
             "tick_us": tick_times(self._compute),
             "command_hash": self._hash.hexdigest(),
         }
+        summary |= beam_figures(self.truths, period)
         return Result(summary, tuple(self.states), tuple(self.truths))
 
 

@@ -21,7 +21,7 @@ from ..arm.asking import Seen
 from ..arm.context import path_of_mrf
 from ..evolve import evolve
 from ..grasps.held import Held, Holding
-from ..grasps.views import apart
+from ..grasps.views import apart, mean_of
 from ..mechanism.joint_rates import Around
 from ..mechanism.kinematics import Kinematics
 from ..mechanism.null_space.redundancy import ObjectiveGains
@@ -159,22 +159,22 @@ class JointTask:
         if together.strained:
             strained = (f"internal_force:{self.name}",)
         found = [
-            output._replace(
-                held=member.holding,
-                T_world_mrf=together.T_world_mrf,
-                limits=(*output.limits, *strained),
-            )
+            output._replace(held=member.holding, limits=(*output.limits, *strained))
             for output, member in zip(outputs, together.members, strict=True)
         ]
-        position = shared.position
-        found[0] = found[0]._replace(
+        position, first = shared.position, found[0]
+        common = first._replace(
+            T_world_mrf=together.T_world_mrf,
+            T_world_mrf_measured=mean_of([output.T_world_mrf_measured for output in found]),
             T_wrist_mrf=told.settings.T_wrist_mrf,
+            at_rest=all(output.at_rest for output in found),
             gains=shared.gains,
             at_goal=told.intent is Intent.MOVE and position.at_goal,
             bleeding=any(m.held is not None and m.held.force.bleeding for m in memories),
             path=position.progress,
             T_world_path=path_of_mrf(told, position.T_world_path),
         )
+        found[0] = first._replace(shared=common)
         return nexts, found
 
     # --- its steps ---------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """The joint tasks of a cell, those of them that are on, and what they mean for the whole tick."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..stop.way_to_rest import Stop
 from .joint_task import JointTask
 from .members import Member, Together
 from .stretch import Stretch
-from .switch import held_together
+from .switch import held_together, let_go
 
 LimiterOf = Callable[[tuple[tuple[int, ...], ...]], Limiter]
 """Builds the limiter of a cell in which the joints of groups of arms stop in proportion."""
@@ -52,10 +52,15 @@ class JointTasks:
         # Scratch: limiters by the arms whose joints are a group.
         self._limiters: dict[tuple[tuple[int, ...], ...], Limiter] = {}
 
-    def seeded(self, memories: tuple[Memory, ...], q: Sequence[Array]) -> tuple[Memory, ...]:
-        """Return the memories of arms at rest, each at its q (n,): payloads held at start are."""
+    def seeded(
+        self, memories: tuple[Memory, ...], q: Sequence[Array], on: Collection[str] | None
+    ) -> tuple[Memory, ...]:
+        """Return the memories of arms at rest, each at its q (n,), that hold payloads.
+
+        Those of the tasks `on`; of those that are at start, if None.
+        """
         for task in self.tasks:
-            if task.section.at_start:
+            if task.section.at_start if on is None else task.name in on:
                 memories = held_together(task, memories, q, always=True)
         return memories
 
@@ -66,6 +71,19 @@ class JointTasks:
             for task, stretch in zip(self.tasks, self._stretches, strict=True)
             if task.on(memories)
         ]
+
+    def switched(
+        self, name: str, on: bool, memories: Sequence[Memory], q: Sequence[Array]
+    ) -> tuple[Memory, ...]:
+        """Return the memories of all arms once a task is on or off; `q` are measured joints (n,).
+
+        Raises `HoldRefused` where that is not possible now, `KeyError` for a task that there is
+        not.
+        """
+        task = {task.name: task for task in self.tasks}[name]
+        if not on:
+            return let_go(task, memories) if task.on(memories) else tuple(memories)
+        return tuple(memories) if task.on(memories) else held_together(task, memories, q)
 
     def limiter(self, on: Sequence[On]) -> Limiter:
         """Return the limiter of a cell in which these tasks are on."""

@@ -104,12 +104,12 @@ def test_the_beam_goes_where_the_stick_leads_it(cell):
 
 def test_a_nudge_during_a_pose_move_is_paid_back_at_the_goal(cell):
     run = Carrying(cell())
-    target = run.outputs_of_rest().T_world_mrf
+    target = run.outputs_of_rest().shared.T_world_mrf
     target = target._replace(p=target.p + 0.05)
     goal = PathGoal(target, serial=1)
     run.run(0.5, 0.05 * UP, goal=goal)
     force, _, _ = run.run(3.0, goal=goal)
-    assert run.outputs[0].at_goal
+    assert run.outputs[0].shared.at_goal
     at, _ = run.world.beam.pose()
     # the pads give way by 0.5 mm under the weight
     np.testing.assert_allclose(at, target.p - [0, 0, 5 * 9.81 / 1e5], atol=1e-3)
@@ -138,7 +138,7 @@ def test_hold_bleeds_internal_force_off(cell):
     assert force[:3].max() > 25.0
     assert force[-1] < 15.0  # its threshold
     np.testing.assert_allclose(place[-1], place[0], atol=2e-3)
-    assert not run.outputs[0].bleeding
+    assert not run.outputs[0].shared.bleeding
 
 
 def test_internal_force_beyond_its_bound_stops_the_arms_by_name(cell):

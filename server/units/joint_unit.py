@@ -1,0 +1,124 @@
+"""A task that several arms hold together: what is commanded for it, and whether it is on."""
+
+from collections.abc import Sequence
+
+from ...config.load import Cell, joint_part
+from ...config.schema.joint_task import JointTask
+from ...protocols.messages import messages as m
+from ...protocols.messages import motion, requests
+from ..commands.commands import Commands
+from ..commands.settings import CellSettings
+from ..control.evolve import evolve
+from ..control.spatial import Array, Pose
+from ..control.state import Inputs, Output
+from ..mode import Mode
+from ..perception.obstacle_map import ObstacleMap
+from ..plant import UnitReading
+from ..refusals import Refused, Why
+from ..runtime.events import Events
+from ..stability.gains import gain_check
+from .tick_inputs import tick_inputs
+from .unit import Unit
+
+AT_THE_ARM = (
+    motion.RedundancyRequest, requests.GripperRequest, requests.AcknowledgeLoad, m.CancelGoals,
+)  # fmt: skip
+"""What may concern one arm alone while it holds a payload with others."""
+
+
+class JointUnit:
+    """What the daemon keeps for one joint task; its arms are units with all that is theirs."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        section: JointTask,
+        units: Sequence[Unit],
+        settings: CellSettings,
+        events: Events,
+    ) -> None:
+        """Build it for a task of a cell, whose `units` hold the payload; the first leads."""
+        self.task, self.mechanism, self.units = section.name, "", tuple(units)
+        self.events = events.of(section.name)
+        part = joint_part(cell, section)
+        self.commands = Commands.from_cell(part, settings)
+        self.commands.settings.on["following"] = False
+        self.gain_bound = gain_check(part)
+        self.arm, self.perception = units[0].arm, units[0].perception
+        self.commands.frames.lens = lambda: self.perception.vision.lens
+        self.on = section.at_start
+        """The arms hold the payload."""
+        self.output: Output | None = None
+        """What the last tick decided of the task; None while it is off."""
+        self._told = [0] * len(units)
+
+    @property
+    def T_world_mrf(self) -> Pose | None:
+        """Where the command has the shared MRF in force; None while the task is off."""
+        if self.output is None:
+            return None
+        then, now = self.output.T_wrist_mrf, self.commands.frames.T_wrist_mrf
+        T = self.output.T_world_mrf
+        return T if then is now else T @ (then.inverse() @ now)
+
+    @property
+    def strained(self) -> bool:
+        """True while the internal force is beyond its bound."""
+        held = None if self.output is None else self.output.held
+        return held is not None and held.strained
+
+    def require(self, message: m.Message) -> None:
+        """Raise `Refused` for what is meant for one arm alone while this is on."""
+        if self.on and not isinstance(message, AT_THE_ARM):
+            raise Refused(Why.NOT_NOW, f"the arm holds '{self.task}': command that task, or let go")
+
+    def inputs(
+        self,
+        mode: Mode,
+        tick: int,
+        now_s: float,
+        reading: UnitReading,
+        q: Array,
+        obstacles: ObstacleMap,
+    ) -> Inputs:
+        """Return the inputs of the first arm, which are the task's, too."""
+        first = self.units[0]
+        T_world_mrf = self.T_world_mrf or first.T_world_mrf or Pose.identity()
+        asked = self.commands.in_force(now_s, T_world_mrf)
+        own = first.commands.control_settings()
+        settings = evolve(
+            asked.settings,
+            wrench_bias=own.wrench_bias,
+            payload=own.payload,
+            objectives=own.objectives,
+        )
+        asked = asked._replace(settings=settings, jog=None, posture=None)
+        moved = first.commands.frames.moved
+        return tick_inputs(mode, tick, now_s, reading, q, asked, self.perception, obstacles, moved)
+
+    def keep(self, output: Output | None) -> None:
+        """Take in what a tick decided of the task; None while it is off."""
+        self.output = output
+        if output is None:
+            return
+        for i, unit in enumerate(self.units):
+            held = None if unit.output is None else unit.output.held
+            if held is not None and held.redefined > self._told[i]:
+                self.events.info(
+                    "grasp_redefined",
+                    f"{unit.mechanism} sees the payload elsewhere than it did",
+                    mechanism=unit.mechanism,
+                    apart_m=round(held.apart, 6),
+                )
+                self._told[i] = held.redefined
+
+
+def of_task(joint: Sequence[JointUnit], name: str | None) -> JointUnit:
+    """Return the joint task of that name, the only one where none is named. Raises `Refused`."""
+    for each in joint:
+        if each.task == name or (name is None and len(joint) == 1):
+            return each
+    if not joint:
+        raise Refused(Why.UNKNOWN_TASK, "the cell has no task that several mechanisms hold")
+    known = ", ".join(each.task for each in joint)
+    raise Refused(Why.UNKNOWN_TASK, f"task {name!r} is none of: {known}")

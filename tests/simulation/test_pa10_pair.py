@@ -1,0 +1,116 @@
+"""Two arms that hold a beam in one daemon: what is told to the task, to one arm, and faults."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.scripts.script import load_script
+from telerobot.tools.simulation.simulation import Simulation
+
+from .conftest import Run
+
+BACK = {"twist": [-0.08, 0.0, 0.05, 0.0, 0.0, 0.0], "expressed_in": "world"}
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return load_cell("pa10_pair")
+
+
+@pytest.fixture(scope="module")
+def stopped(cell):
+    simulation = Simulation(cell, load_script("stop_together"))
+    return Run(simulation, simulation.run())
+
+
+def moved(run):
+    """Return how far the beam went (3,) [m]."""
+    first, last = run.truths[0].beam, run.truths[-1].beam
+    return np.array(last.pose[:3]) - first.pose[:3]
+
+
+def test_a_stop_on_the_move_holds_the_beam_and_hands_change_at_rest(stopped):
+    assert stopped.summary["failure"] is None
+    assert stopped.summary["refused"] == []
+    assert stopped.summary["limit_violations"] == 0
+    assert [e for e in stopped.simulation.events if e.severity == "error"] == []
+    assert stopped.summary["internal_force_n"]["max"] < 10.0
+    assert stopped.summary["stretch_m"] < 0.5e-3
+    assert len(stopped.events("let_go")) == len(stopped.events("held_together")) == 1
+    assert np.linalg.norm(moved(stopped)) > 0.1
+    told = [state.held_by for state in stopped.states]
+    assert {None, "beam"} == set(told)
+
+
+def test_state_tells_of_the_task_and_of_each_arm(stopped):
+    state = stopped.states[-1]
+    assert {"right", "beam"} == set(state.tasks)
+    assert state.held_by == state.tasks["right"].held_by == "beam"
+    assert state.tasks["beam"].internal_force < 1.0
+    at = stopped.truths[-1].beam.pose
+    np.testing.assert_allclose(state.tasks["beam"].pose_mrf_measured[:3], at[:3], atol=1e-3)
+
+
+def test_a_command_without_a_name_is_for_the_task_that_holds_the_first_arm(play, cell):
+    run = play({"at_s": 0.1, "for_s": 0.8, "cmd/joystick": BACK}, seconds=1.2, cell=cell)
+    np.testing.assert_allclose(moved(run), [-0.064, 0.0, 0.04], atol=0.02)
+
+
+ALONE = [
+    ("cmd/joystick", {"task": "left", **BACK}),
+    ("cmd/jog", {"mechanism": "right", "rates": [0.1, 0, 0, 0, 0, 0, 0]}),
+    ("cmd/posture", {"mechanism": "left", "posture": "ready"}),
+]
+
+
+@pytest.mark.parametrize(("topic", "message"), ALONE, ids=[topic for topic, _ in ALONE])
+def test_what_would_move_one_arm_alone_is_refused_while_it_holds_the_beam(
+    play, cell, topic, message
+):
+    run = play({"at_s": 0.1, topic: message}, seconds=0.4, cell=cell)
+    refused = run.events("command_refused")
+    assert refused
+    assert refused[0].values["reason"] == "not_now"
+    assert "the arm holds 'beam'" in refused[0].detail
+    assert np.abs(moved(run)).max() < 1e-3
+
+
+REFUSED = [
+    ({"task": "beam", "on": False}, 0.6, "moves"),
+    ({"task": "rod", "on": True}, 0.1, "task 'rod' is none of: beam"),
+]
+
+
+@pytest.mark.parametrize(("message", "at_s", "words"), REFUSED, ids=["moving", "unknown"])
+def test_hands_change_at_rest_only_and_for_a_task_that_there_is(play, cell, message, at_s, words):
+    run = play(
+        {"at_s": 0.1, "for_s": 0.9, "cmd/joystick": BACK},
+        {"at_s": at_s, "operator/hold_together": message},
+        seconds=1.1,
+        cell=cell,
+    )
+    assert words in run.events("request_refused")[0].detail
+    assert run.states[-1].held_by == "beam"
+
+
+def test_a_stale_sensor_stops_both_while_they_hold_the_beam(play, cell):
+    run = play(
+        {"at_s": 0.1, "for_s": 2.0, "cmd/joystick": BACK},
+        {"at_s": 0.8, "rig/fault": {"kind": "silence", "target": "right.force_torque"}},
+        seconds=1.5,
+        cell=cell,
+    )
+    assert run.events("stopping")[0].values["reason"] == "sensor stale"
+    assert run.summary["internal_force_n"]["max"] < 10.0
+    assert run.summary["mode"] == "hold"
+
+
+def test_a_fault_of_one_arm_stops_both(play, cell):
+    run = play(
+        {"at_s": 0.1, "for_s": 2.0, "cmd/joystick": BACK},
+        {"at_s": 0.8, "rig/fault": {"kind": "fault", "target": "left.e1"}},
+        seconds=1.4,
+        cell=cell,
+    )
+    assert run.summary["mode"] == "fault"
+    assert "operation_enabled" not in run.truths[-1].drives
+    assert run.summary["internal_force_n"]["max"] < 100.0
