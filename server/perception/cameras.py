@@ -149,7 +149,8 @@ class VisionTracker:
         name = camera or self._camera
         track = self._tracks.get(name)
         if track is None:
-            raise Refused(Why.UNKNOWN_CAMERA, f"{name!r} is none of {', '.join(self._tracks)}")
+            known = ", ".join(self._tracks) or "none"
+            raise Refused(Why.UNKNOWN_CAMERA, f"{name!r} is none of {known}")
         if track.known is None or not self._places:
             raise Refused(Why.SENSOR_STALE, f"camera {name} sees no tag now")
         self._camera = name

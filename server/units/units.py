@@ -7,6 +7,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols.messages.messages import CancelGoals, MechanismCommand, Message, TaskCommand
+from ...protocols.messages.sightings import StoreView
 from ..commands.settings import CellSettings
 from ..control.joint_task.several import JointTasks
 from ..control.joint_task.switch import HoldRefused
@@ -58,9 +59,9 @@ class Units:
     def of(self, message: Message) -> Unit | JointUnit:
         """Return the unit that a message concerns: the first where it names none.
 
-        That is the joint task that the first arm holds a payload for, if it does. Raises `Refused`
-        for a name that the cell does not have, and for what is meant for one arm alone while it
-        holds a payload with others.
+        That is the joint task that the first arm holds a payload for, if it does; the view to be
+        stored is that of whoever has the camera. Raises `Refused` for a name that the cell does not
+        have, and for what is meant for one arm alone while it holds a payload with others.
         """
         unit = self.each[0]
         if isinstance(message, TaskCommand):
@@ -71,6 +72,8 @@ class Units:
                     return joint
             if message.task is not None:
                 unit = self._named(message.task, Why.UNKNOWN_TASK, "task")
+            elif isinstance(message, StoreView) and message.camera is not None:
+                unit = self.seeing(message.camera)
             else:
                 held = self.holder_of(unit)
                 if held is not None:
@@ -128,11 +131,12 @@ class Units:
         return tuple(joint.task for joint in self.joint if joint.on)
 
     def seeing(self, camera: str) -> Unit:
-        """Return the unit whose task has a camera; the first for one that nobody has."""
+        """Return the unit whose task has a camera. Raises `Refused` for one that nobody has."""
         for unit in self.each:
             if any(c.name == camera for c in unit.cell.config.cameras):
                 return unit
-        return self.each[0]
+        known = ", ".join(c.name for unit in self.each for c in unit.cell.config.cameras) or "none"
+        raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
 
     def _named(self, name: str, why: Why, kind: str) -> Unit:
         for unit in self.each:

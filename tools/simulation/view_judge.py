@@ -1,6 +1,8 @@
 """Judge of the view: its true distance from the stored one, by physics, never by pictures."""
 
 import math
+from dataclasses import dataclass
+from typing import Self
 
 from ...config.load import Cell
 from ...config.schema.cameras import Camera, RigTag
@@ -9,30 +11,45 @@ from ...protocols.messages.telemetry import Event
 from ...server.control.spatial import Pose, rotation_log
 
 
+@dataclass(frozen=True)
+class _Eye:
+    """A camera, and the arm whose task it is for."""
+
+    camera: Camera
+    arm: str
+    T_mrf_wrist: Pose
+    T_world_base: Pose
+
+    @classmethod
+    def of(cls, part: Cell, camera: Camera) -> Self:
+        mechanism = part.config.mechanism
+        mrf, base = mechanism.T_wrist_mrf, mechanism.T_world_base
+        T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
+        return cls(camera, mechanism.name, T_mrf_wrist, Pose.from_xyz_rpy(base.xyz, base.rpy))
+
+
 class ViewJudge:
     """Remembers the true view when one is stored, and compares."""
 
     def __init__(self, cell: Cell) -> None:
-        mrf, base = cell.config.mechanism.T_wrist_mrf, cell.config.mechanism.T_world_base
-        self._base = (*base.xyz, *base.rpy)
-        self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
-        self._cameras = {c.name: c for c in cell.config.cameras}
+        self._eyes = {c.name: _Eye.of(part, c) for part in cell.parts for c in part.config.cameras}
         tags = () if cell.config.rig is None else cell.config.rig.tags
         self._tags = {tag.tag: tag for tag in tags}
-        self._camera = cell.config.sources.vision.camera or next(iter(self._cameras), "")
+        kept = (part.config.sources.vision.camera for part in cell.parts)
+        self._camera = next((name for name in kept if name), None) or next(iter(self._eyes), "")
         self._stored: Pose | None = None
 
     def view(self, truth: RigTruth, camera: str | None = None) -> Pose | None:
         """Return the true pose of a camera's tag in its Lens, None where there is no such tag."""
-        seen_by = self._cameras.get(camera or self._camera)
-        tag = None if seen_by is None else self._tags.get(seen_by.tag)
-        if seen_by is None or tag is None:
+        eye = self._eyes.get(camera or self._camera)
+        tag = None if eye is None else self._tags.get(eye.camera.tag)
+        if eye is None or tag is None:
             return None
-        T_world_mrf = Pose.from_xyz_rpy(truth.pose_mrf[:3], truth.pose_mrf[3:])
-        T_world_wrist = T_world_mrf @ self._T_mrf_wrist
-        base = truth.frames.get("base", self._base)
-        T_world_base = Pose.from_xyz_rpy(base[:3], base[3:])
-        return _lens(seen_by, T_world_wrist, T_world_base).inverse() @ _tag(
+        pose = truth.arms[eye.arm].pose_mrf
+        T_world_wrist = Pose.from_xyz_rpy(pose[:3], pose[3:]) @ eye.T_mrf_wrist
+        base = truth.frames.get("base")
+        T_world_base = eye.T_world_base if base is None else Pose.from_xyz_rpy(base[:3], base[3:])
+        return _lens(eye.camera, T_world_wrist, T_world_base).inverse() @ _tag(
             tag, T_world_wrist, truth
         )
 
@@ -50,7 +67,7 @@ class ViewJudge:
         now = self.view(truth)
         if self._stored is None or now is None:
             return None
-        carried = self._cameras[self._camera].on == "wrist"
+        carried = self._eyes[self._camera].camera.on == "wrist"
         a, b = (self._stored.inverse(), now.inverse()) if carried else (self._stored, now)
         turn = rotation_log(a.R.T @ b.R)
         way = b.p - a.p
