@@ -83,6 +83,11 @@ class Cycle:
         """The mode that the last tick decided."""
         return self._supervisor.mode
 
+    @property
+    def following_error(self) -> Array | None:
+        """How far all joints (n,) are behind their commands [rad]; None before the first tick."""
+        return self.units.following_error
+
     def boot(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`."""
         self.plant.open()

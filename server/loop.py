@@ -128,6 +128,6 @@ def _note(statistics: LoopStatistics, cycle: Cycle, late: float, busy: float) ->
     statistics.lateness.append(late)
     statistics.busy.append(busy)
     statistics.compute.append(cycle.compute_s)
-    error = cycle.units.following_error
+    error = cycle.following_error
     if cycle.mode.energised and error is not None:
         statistics.worst_error = max(statistics.worst_error, float(abs(error).max()))

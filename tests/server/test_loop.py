@@ -66,7 +66,7 @@ class _Plant:
 class _Stalling:
     """A cycle whose third tick takes almost five periods, on a clock that it moves."""
 
-    mode, output, compute_s = Mode.READY, None, 0.0
+    mode, following_error, compute_s = Mode.READY, None, 0.0
     pressed = False
 
     def __init__(self, clock):

@@ -25,7 +25,7 @@ def forged(epoch, seq):
 
 def stick_map(**changes):
     fields = {
-        "v": VERSION, "seen_tick": 10**6,
+        "v": VERSION, "seen_tick": 10**6, "task": None,
         "twist": TWIST, "relative_to": "crf", "expressed_in": "crf", "handle": None,
     }  # fmt: skip
     return msgpack.packb(fields | changes)

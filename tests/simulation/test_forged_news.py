@@ -156,7 +156,9 @@ def comes(since, tick, _simulation):
 
 
 def test_forged_obstacles_push_the_elbow_of_an_idle_arm_no_faster_than_its_self_motion():
-    run = play("pa10_hand_pole", comes)
+    """Of one that was moved since it was enabled: before, no self-motion leads it away."""
+    tap = {"at_s": 0.0, "for_s": 0.1, "cmd/joystick": {"twist": [0.002, 0, 0, 0, 0, 0]}}
+    run = play("pa10_hand_pole", comes, steps=[tap])
     config = run.simulation.cell.config
     bound = config.redundancy.max_rate * np.array([d.max_velocity for d in config.mechanism.drives])
     rates = np.abs([s.dq_command for s in run.states])
