@@ -1,6 +1,6 @@
 """Tasks that several mechanisms of a cell file hold together, and that they fit the mechanisms."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,10 +18,13 @@ def is_joint(table: dict[str, Any]) -> bool:
     return isinstance(by, list) and len(by) > 1
 
 
-def agree(path: Path, tasks: Sequence[tuple[int, JointTask]], mechanisms: Sequence[str]) -> None:
+def agree(
+    path: Path, tasks: Sequence[tuple[int, JointTask]], mechanisms: Mapping[str, bool]
+) -> None:
     """Raise `ConfigError` where joint tasks, each with its place in the file, do not fit the cell.
 
-    A mechanism holds one payload at a time: two tasks at start may not ask for the same.
+    `mechanisms` tells by name which have a force/torque sensor: none holds a payload with others
+    without. A mechanism holds one payload at a time: two tasks at start may not ask for the same.
     """
     holder: dict[str, str] = {}
     for i, task in tasks:
@@ -29,6 +32,8 @@ def agree(path: Path, tasks: Sequence[tuple[int, JointTask]], mechanisms: Sequen
             where = f"{path}: tasks[{i}].by[{k}]: value '{name}'"
             if name not in mechanisms:
                 raise ConfigError(f"{where}: no such mechanism{nearest(name, mechanisms)}")
+            if not mechanisms[name]:
+                raise ConfigError(f"{where}: has no force_torque sensor to hold a payload by")
             if not task.at_start:
                 continue
             if name in holder:

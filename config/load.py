@@ -100,29 +100,35 @@ class Cell:
         return script_path(self.config.default_script, self.path.parent)
 
 
-def joint_part(cell: Cell, task: JointTask) -> Cell:
-    """Return what the file would say with a joint task's first mechanism alone, and that task."""
-    part = next(p for p in cell.parts if p.config.mechanism.name == task.by[0])
-    mechanism = part.config.mechanism.model_copy(update={"T_wrist_mrf": task.T_wrist_mrf[0]})
-    sensor = mechanism.force_torque
-    if sensor is not None:
-        # What one arm feels of another over the grasps is the stiffest that force control meets.
+def grasp_part(cell: Cell, task: JointTask, member: int) -> Cell:
+    """Return what the file would say with one mechanism of a joint task alone, and that task.
+
+    What one arm feels of another over the grasps is the stiffest that force control meets there.
+    """
+    part = next(p for p in cell.parts if p.config.mechanism.name == task.by[member])
+    mechanism = part.config.mechanism
+    if mechanism.force_torque is not None:
         stiff = {
             "stiffest_environment": task.internal_stiffness,
             "stiffest_environment_rotation": task.internal_stiffness_rotation,
         }
-        update = {"force_torque": sensor.model_copy(update=stiff)}
-        mechanism = mechanism.model_copy(update=update)
-    config = part.config.model_copy(
-        update={
-            "mechanism": mechanism,
-            "sources": task.sources,
-            "schedules": task.schedules,
-            "T_world_crf": task.T_world_crf,
-            "reflection": None,
-        }
-    )
-    return replace(part, config=config)
+        sensor = mechanism.force_torque.model_copy(update=stiff)
+        mechanism = mechanism.model_copy(update={"force_torque": sensor})
+    own = {
+        "mechanism": mechanism,
+        "sources": task.sources,
+        "schedules": task.schedules,
+        "T_world_crf": task.T_world_crf,
+        "reflection": None,
+    }
+    return replace(part, config=part.config.model_copy(update=own))
+
+
+def joint_part(cell: Cell, task: JointTask) -> Cell:
+    """Return that of a joint task's first mechanism, with the shared MRF for its own."""
+    part = grasp_part(cell, task, 0)
+    mechanism = part.config.mechanism.model_copy(update={"T_wrist_mrf": task.T_wrist_mrf[0]})
+    return replace(part, config=part.config.model_copy(update={"mechanism": mechanism}))
 
 
 def shipped(kind: str) -> tuple[str, ...]:
@@ -147,7 +153,8 @@ def load_cell(name_or_path: str | Path) -> Cell:
         (i, validated(path, table, JointTask, partial(under, f"tasks[{i}]")))
         for i, table in joint_tables_of(path, document)
     ]
-    agree(path, joint, [part.config.mechanism.name for part in parts])
+    feels = {p.config.mechanism.name: p.config.mechanism.force_torque is not None for p in parts}
+    agree(path, joint, feels)
     tasks = tuple(task for _, task in joint)
     return _agreed(replace(parts[0], others=tuple(parts[1:]), joint_tasks=tasks))
 

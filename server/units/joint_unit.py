@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ...config.load import Cell, joint_part
+from ...config.load import Cell, grasp_part, joint_part
 from ...config.schema.joint_task import JointTask
 from ...protocols.messages import messages as m
 from ...protocols.messages import motion, requests
@@ -43,7 +43,7 @@ class JointUnit:
         part = joint_part(cell, section)
         self.commands = Commands.from_cell(part, settings)
         self.commands.settings.on["following"] = False
-        self.gain_bound = gain_check(part)
+        self.gain_bound = gain_check(grasp_part(cell, section, 0))
         self.arm, self.perception = units[0].arm, units[0].perception
         self.commands.frames.lens = lambda: self.perception.vision.lens
         self.on = section.at_start

@@ -89,6 +89,12 @@ REFUSED = [
         BEAM + "[rig.beam]\nmass = 5\nhalf_size = [1, 1, 1]\nmisfit = [[0, 0, 0]]",
         "rig.beam.misfit: 1 places for 2 mechanisms of task 'beam': one each",
     ),
+    (
+        BEAM.replace('"right"]', '"third"]')
+        + '[[buses]]\nname = "third"\nport = 43212\n'
+        + '[[mechanisms]]\nname = "third"\nlike = "ranger"\nbus = "third"\n',
+        "tasks[0].by[1]: value 'third': has no force_torque sensor to hold a payload by",
+    ),
     (BEAM + "most_internal = -1.0", "tasks[0].most_internal: value -1.0: should be greater than 0"),
 ]
 

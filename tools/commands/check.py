@@ -13,6 +13,7 @@ from ..checks.enabling import enabling
 from ..checks.findings import Finding, failed, summary, table, to_json
 from ..checks.holding import holding
 from ..checks.loops.following import following
+from ..checks.loops.joint_tasks import joint_tasks
 from ..checks.loops.reflection import reflection
 from ..checks.loops.stability import stability
 from ..checks.loops.torque import torque
@@ -24,7 +25,7 @@ from ..checks.tunnel import tunnel
 
 Check = Callable[[Cell], Iterator[Finding]]
 
-OF_THE_CELL: Final[tuple[Check, ...]] = (timing, network, bus_load, arms)
+OF_THE_CELL: Final[tuple[Check, ...]] = (timing, network, bus_load, arms, joint_tasks)
 
 OF_AN_ARM: Final[tuple[Check, ...]] = (
     sampling,

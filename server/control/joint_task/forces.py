@@ -31,7 +31,7 @@ class Grasping(NamedTuple):
     exerted: tuple[Array | None, ...]
     """What each exerts (6,), None when stale."""
     internal_force: float | None
-    """Greatest force that moves nothing [N]; None without all wrenches."""
+    """Greatest force that moves nothing, beyond what the shares mean [N]; None without all."""
 
     def off(self, i: int) -> Array | None:
         """Return by how much one arm exerts too little (6,); None when stale."""
@@ -80,10 +80,12 @@ def grasping(
         None if h is None else rotate_twist(T.R, h) for T, h in zip(placed, felt, strict=True)
     )
     known = [h for h in exerted if h is not None]
-    force = None
+    desired, force = load_shares(G, weights, wrench), None
     if len(known) == len(exerted):
-        force = float(np.sqrt((internal(G, np.array(known))[:, :3] ** 2).sum(axis=1).max()))
-    return Grasping(p, load_shares(G, weights, wrench), exerted, force)
+        # Shares that are not equal are no strain: they are meant.
+        beyond = internal(G, np.array(known) - desired)
+        force = float(np.sqrt((beyond[:, :3] ** 2).sum(axis=1).max()))
+    return Grasping(p, desired, exerted, force)
 
 
 class GivingWay:

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell, shipped
+from telerobot.config.load import HERE, load_cell, shipped
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.stability.force_loop import bound, filter_periods, jerk_lag_s
 from telerobot.tools.checks.bus_load import worst_case_bits
@@ -242,3 +242,17 @@ def test_a_frame_that_may_be_anywhere_is_worth_a_word(small):
     base = findings(small.cell)["news of base"]
     assert base.status is Status.WARN
     assert "extent" in base.text
+
+
+def test_force_control_at_a_grasp_is_judged_by_what_one_arm_feels_of_another(tmp_path):
+    text = (HERE / "cells/pa10_pair.toml").read_text()
+    path = tmp_path / "stiff.toml"
+    path.write_text(text.replace("internal_stiffness = 50000.0", "internal_stiffness = 500000.0"))
+    found = {finding.check: finding for finding in judge(load_cell(path))}
+    assert found["beam.left.force gain x"].status is Status.ERROR
+    assert found["beam.left.force gain x"].values["loop_gain"] == pytest.approx(1.5)
+    # What touches an arm alone is as stiff as it was.
+    assert found["left.force gain x"].status is Status.OK
+    shipped_one = {finding.check: finding for finding in judge(load_cell("pa10_pair"))}
+    assert shipped_one["beam.right.force gain rz"].status is Status.OK
+    assert shipped_one["beam.grasps"].values["misfit_m"] < 1e-5
