@@ -54,6 +54,8 @@ class Control:
         """What several arms may hold together; None in a cell without joint tasks."""
         if cell is not None and cell.joint_tasks:
             self.joint = JointTasks(cell, self.arms, self._limiter_of)
+        # Scratch: how all joints were told to go in the last tick, and those of each arm.
+        self._limited: tuple[Limited, tuple[Limited, ...]] | None = None
         self.gate = Gate(
             joints.names,
             joints.lower,
@@ -127,10 +129,13 @@ class Control:
         curves = [a.judge(m, s) for a, m, (s, _) in zip(self.arms, before, asked, strict=True)]
         limited = self._limit(before, first, allowed, clear, on, curves)
         refusal = self.gate.refusal(limited.motion.q, self._sent(before))
+        limits = (limited,) if len(self.arms) == 1 else tuple(map(limited.of, self.parts))
+        self._limited = limited, limits
         nexts, outputs = [], []
         for i, arm in enumerate(self.arms):
-            own = limited if len(self.arms) == 1 else limited.of(self.parts[i])
-            memory, output = arm.finish(before[i], inputs[i], *asked[i], allowed[i], clear, own)
+            memory, output = arm.finish(
+                before[i], inputs[i], *asked[i], allowed[i], clear, limits[i]
+            )
             nexts.append(memory)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         if on:
@@ -150,8 +155,7 @@ class Control:
 
         `curves` judge the stops of arms that follow a curve.
         """
-        motion = Motion.of_all([memory.motion for memory in memories])
-        stop = Stop.of_all([memory.stop for memory in memories])
+        motion, stop = self._whole(memories)
         limiter = self.limiter if self.joint is None or not on else self.joint.limiter(on)
         if inputs.intent is Intent.STOP or any(each.together.strained for each in on):
             return limiter.go_on(stop)
@@ -187,6 +191,18 @@ class Control:
             [np.concatenate([every[self.parts[i]] for i in group]).tolist() for group in groups],
             self.parts,
         )
+
+    def _whole(self, memories: Sequence[Memory]) -> tuple[Motion, Stop]:
+        """Return motion and stop of all joints: those of the last tick, if it was told of them."""
+        if self._limited is not None:
+            limited, each = self._limited
+            if all(
+                m.motion is e.motion and m.stop is e.stop
+                for m, e in zip(memories, each, strict=True)
+            ):
+                return limited.motion, limited.stop
+        motion = Motion.of_all([memory.motion for memory in memories])
+        return motion, Stop.of_all([memory.stop for memory in memories])
 
     def _sent(self, memories: Sequence[Memory]) -> tuple[Array, Array, Array]:
         """Return the last three commanded postures (n,), newest first."""

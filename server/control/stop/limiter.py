@@ -50,7 +50,7 @@ class Limited(NamedTuple):
 
     def of(self, part: slice) -> "Limited":
         """Return that of some joints."""
-        return self._replace(motion=self.motion.of(part), stop=self.stop.of(part))
+        return Limited(self.motion.of(part), self.stop.of(part), self.stopped, self.worsened)
 
 
 Judge = Callable[[Stop], float]

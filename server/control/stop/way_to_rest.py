@@ -55,12 +55,14 @@ class Stop(NamedTuple):
         if len(each) == 1:
             return each[0]
         most = max(stop.phases.shape[1] for stop in each)
-        phases = [
-            np.pad(stop.phases, ((0, 0), (0, most - stop.phases.shape[1]), (0, 0))) for stop in each
-        ]
+        phases, first = np.zeros((2, most, sum(len(stop.low) for stop in each))), 0
+        for stop in each:
+            _, k, n = stop.phases.shape
+            phases[:, :k, first : first + n] = stop.phases
+            first += n
         return Stop(
             Motion.of_all([stop.start for stop in each]),
-            np.concatenate(phases, axis=2),
+            phases,
             np.concatenate([stop.low for stop in each]),
             np.concatenate([stop.high for stop in each]),
             max(stop.duration_s for stop in each),
@@ -69,12 +71,8 @@ class Stop(NamedTuple):
 
     def of(self, part: slice) -> "Stop":
         """Return that of some freedoms."""
-        return self._replace(
-            start=self.start.of(part),
-            phases=np.ascontiguousarray(self.phases[:, :, part]),
-            low=self.low[part],
-            high=self.high[part],
-        )
+        start, phases = self.start.of(part), self.phases[:, :, part]
+        return Stop(start, phases, self.low[part], self.high[part], self.duration_s, self.elapsed_s)
 
     def at(self, ahead_s: float = 0.0) -> Motion:
         """Return the motion `ahead_s` after now."""
