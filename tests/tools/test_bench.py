@@ -52,6 +52,26 @@ def test_a_made_chain_has_so_many_joints_and_moves(joints, tmp_path):
     assert figures["free_us"]["p50"] > 0.0
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_arms_in_a_row_are_like_the_cells_own_with_a_task_each(count, tmp_path):
+    own = load_cell("pa10")
+    cell = load.among(load.several(own, count, tmp_path), load.OBSTACLES)
+    assert len(cell.parts) == count
+    for part in cell.parts:
+        assert [j.upper for j in part.robot.joints] == [j.upper for j in own.robot.joints]
+        assert len(part.config.obstacles) == load.OBSTACLES
+    assert tick.bench(cell, ticks=20)["free_us"]["p50"] > 0.0
+
+
+def test_one_arm_takes_the_time_of_one(monkeypatch):
+    monkeypatch.setattr(growth, "ARMS", (1, 2))
+    figures = growth.arms(load_cell("pa10"), ticks=20, rounds=1)
+    for phase in ("free_us", "limited_us", "back_to_back_us"):
+        assert figures[f"{phase}_1"]["times_one"] == 1.0
+        assert figures[f"{phase}_2"]["p50"] > 0.0
+    assert figures["pause_ms"] == 1e3 * tick.PAUSE_S
+
+
 def test_growth_writes_a_row_for_each_count(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(growth, "COUNTS", (1, 3))
     monkeypatch.setattr(growth, "JOINTS", (6,))

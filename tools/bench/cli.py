@@ -12,18 +12,24 @@ from ..host.local_plant import ChildDied
 from ..operator.client.connection import OperatorError
 from . import latency, simulate, sync, tick
 from .figures import Figures, machine
-from .growth import growth
+from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth
 from .load import OBSTACLES, among
 
 Bench = Callable[[Cell, bool], Figures]
 
 BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
     "tick": (
-        lambda cell, quick: tick.bench(cell, 1000 if quick else tick.TICKS),
+        lambda cell, quick: tick.bench(cell, tick.QUICK_TICKS if quick else tick.TICKS),
         ("pa10", "ur5e", "pa10_hand_torque"),
     ),
     "load": (
-        lambda cell, quick: tick.bench(among(cell, OBSTACLES), 1000 if quick else tick.TICKS),
+        lambda cell, quick: tick.bench(
+            among(cell, OBSTACLES), tick.QUICK_TICKS if quick else tick.TICKS
+        ),
+        ("pa10",),
+    ),
+    "arms": (
+        lambda cell, quick: arms(cell, *((QUICK_TICKS, 1) if quick else (TICKS, ROUNDS))),
         ("pa10",),
     ),
     "simulate": (

@@ -1,4 +1,4 @@
-"""Growth of the tick's time with obstacles and with joints, beside a fixed piece of arithmetic.
+"""Growth of the tick's time with obstacles, joints and arms, beside a fixed piece of arithmetic.
 
 The fixed piece is plain numpy, measured among the ticks: on a machine that others use, the quotient
 of the two says more than microseconds.
@@ -7,14 +7,16 @@ of the two says more than microseconds.
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 
 from ...config.load import Cell
 from . import tick
 from .figures import Figures
-from .load import OBSTACLES, among, chain
+from .load import OBSTACLES, among, chain, several
 
 COUNTS = (1, 2, 4, 8, 16, 32, 64)
 JOINTS = (6, 7, 8, 9, 10, 11, 12)
+ARMS = (1, 2, 3, 4)
 TICKS = 1000
 ROUNDS = 5
 """Everything is measured so often, in turn, and each phase's quietest round counts: on a machine
@@ -34,6 +36,24 @@ def growth(cell: Cell, quick: bool) -> Figures:
     for (of, count, _), times in zip(cells, zip(*measured, strict=True), strict=True):
         rows[of][count] = _row(times)
     return rows
+
+
+def arms(cell: Cell, ticks: int, rounds: int) -> Figures:
+    """Measure one arm, and several with a task each, all among the same number of obstacles.
+
+    Of each phase the quietest round; `times_one` is the median, over the rounds, of how often the
+    time of one arm it takes.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        cells = [among(several(cell, count, Path(folder)), OBSTACLES) for count in ARMS]
+        measured = [[tick.bench(made, ticks) for made in cells] for _ in range(rounds)]
+    found: Figures = {"obstacles": OBSTACLES, "pause_ms": 1e3 * tick.PAUSE_S}
+    for phase in ("free_us", "limited_us", "back_to_back_us"):
+        for i, count in enumerate(ARMS):
+            ratios = [figures[i][phase]["p50"] / figures[0][phase]["p50"] for figures in measured]
+            row = min((figures[i][phase] for figures in measured), key=lambda times: times["p99"])
+            found[f"{phase}_{count}"] = {**row, "times_one": round(median(ratios), 2)}
+    return found
 
 
 def _row(times: Sequence[Figures]) -> Figures:

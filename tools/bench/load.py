@@ -1,8 +1,8 @@
-"""Tick at full load: among obstacles of every kind, and for chains of any length.
+"""Tick at full load: among obstacles of every kind, for several arms, and for chains of any length.
 
-Obstacles are drawn by seed around where the arm moves, clear of it at the start; the sight line
-looks at a place beside the tool. The chain is made here: links of equal length whose axes
-alternate, as an arm's do.
+Obstacles are drawn by seed around where arms move, clear of them at the start; the sight line looks
+at a place beside a tool. The chain is made here: links of equal length whose axes alternate, as an
+arm's do.
 """
 
 from dataclasses import replace
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...config.load import Cell
+from ...config.load import Cell, load_cell
 from ...config.schema.obstacles import Avoidance, Obstacle, Workspace
 from ...config.urdf import read_robot
 from ...server.control.spatial import Array
@@ -27,30 +27,54 @@ KINDS = ("sphere", "capsule", "box", "sphere", "capsule", "box", "point", "sight
 LENGTH = 1.2
 """Of a made chain, all links together [m]."""
 
+APART = 1.2
+"""Between the bases of two arms, which stand in a row [m]."""
+
 Draw = np.random.Generator
 
 
 def among(cell: Cell, count: int) -> Cell:
     """Return a cell with so many obstacles, a workspace, and every barrier on."""
-    geometry = Geometry(cell, ())
-    q = np.array(cell.config.mechanism.postures["ready"])
-    tool = geometry.tool(q).p
+    ready = [np.array(part.config.mechanism.postures["ready"]) for part in cell.parts]
+    tools = [Geometry(part, ()).tool(q).p for part, q in zip(cell.parts, ready, strict=True)]
     draw = np.random.default_rng(1)
     found: list[Obstacle] = []
     while len(found) < count:
         way = draw.normal(0.0, 1.0, 3)
-        centre = tool + draw.uniform(*REACH) * way / np.linalg.norm(way)
+        centre = tools[len(found) % len(tools)] + draw.uniform(*REACH) * way / np.linalg.norm(way)
         obstacle, thing = _drawn(draw, len(found), centre)
-        beside = Geometry(cell, (thing,))
-        if beside.clearance(q).things > CLEAR:
+        if all(
+            Geometry(part, (thing,)).clearance(q).things > CLEAR
+            for part, q in zip(cell.parts, ready, strict=True)
+        ):
             found.append(obstacle)
     avoidance = Avoidance(
         enabled=True,
         near_speed=0.1,
         workspace=Workspace(low=(-3.0, -3.0, -1.0), high=(3.0, 3.0, 3.0)),
     )
-    config = cell.config.model_copy(update={"obstacles": tuple(found), "avoidance": avoidance})
-    return replace(cell, config=config)
+    told = {"obstacles": tuple(found), "avoidance": avoidance}
+    first, *others = (
+        replace(part, config=part.config.model_copy(update=told), others=()) for part in cell.parts
+    )
+    return replace(first, others=tuple(others))
+
+
+def several(cell: Cell, count: int, folder: Path) -> Cell:
+    """Return a cell of so many arms like the cell's own, in a row, each with a task of its own.
+
+    Its file is written to `folder`.
+    """
+    path = folder / f"arms{count}.toml"
+    lines = [f'name = "arms{count}"', f'default_script = "{cell.config.default_script}"']
+    for i in range(count):
+        lines += ["[[buses]]", f'name = "arm{i}"', f'channel = "239.74.163.{100 + i}"']
+    for i in range(count):
+        y = APART * (i - 0.5 * (count - 1))
+        lines += ["[[mechanisms]]", f'name = "arm{i}"', f'bus = "arm{i}"', f'like = "{cell.path}"']
+        lines += [f"T_world_base = {{ xyz = [0.0, {y}, 0.0] }}"]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return load_cell(path)
 
 
 def _drawn(draw: Draw, i: int, centre: Array) -> tuple[Obstacle, Thing]:
