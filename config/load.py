@@ -13,7 +13,7 @@ from typing import Any, Final
 from .agree.agree import check_agreement
 from .agree.cell import PartOf, check_cell
 from .devices import devices_of, shared_devices
-from .errors import ConfigError, nearest
+from .errors import ConfigError, nearest, short
 from .joint_ranges import expand
 from .joint_tasks import agree, agree_with_beam
 from .parts import Part, joint_tables_of, on_top, parts_of
@@ -171,7 +171,7 @@ def _agreed(cell: Cell) -> Cell:
 def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
     """Return what another cell's file says."""
     if not isinstance(name, str):
-        raise ConfigError(f"{where}value {name!r}: the name or path of a cell")
+        raise ConfigError(f"{where}value {short(name)}: the name or path of a cell")
     other = _find("cells", name, base, where)
     return _seen_from(base, other.parent, _whole(other))
 
@@ -203,7 +203,7 @@ def _whole(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
     if name is None:
         return document
     if not isinstance(name, str):
-        raise ConfigError(f"{path}: extends: value {name!r}: the name or path of a cell")
+        raise ConfigError(f"{path}: extends: value {short(name)}: the name or path of a cell")
     other = _find("cells", name, path.parent, f"{path}: extends: ")
     if other.resolve() in (p.resolve() for p in (*below, path)):
         raise ConfigError(f"{path}: extends: value '{name}': extends itself")

@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from .errors import ConfigError, nearest
+from .errors import ConfigError, nearest, short
 from .joint_tasks import SHARED, is_joint
 
 MOST: Final = 8
 """Mechanisms in one cell [1]."""
+
+NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 OF_A_MECHANISM: Final = (
     "T_world_crf", "potential", "priority", "redundancy", "reflection", "resolve", "schedules",
@@ -122,9 +124,9 @@ def _refuse_of_one(path: Path, document: Document) -> None:
     obstacles = document.get("obstacles", [])
     for i, obstacle in enumerate(obstacles if isinstance(obstacles, list) else []):
         if isinstance(obstacle, dict) and "camera" in obstacle:
+            where = f"{path}: obstacles[{i}].camera: value {short(obstacle['camera'])}"
             raise ConfigError(
-                f"{path}: obstacles[{i}].camera: value {obstacle['camera']!r}: there are several "
-                "mechanisms: sight lines are for cells with one"
+                f"{where}: there are several mechanisms: sight lines are for cells with one"
             )
 
 
@@ -201,7 +203,9 @@ def _tasks(path: Path, tables: list[Document], mechanisms: list[str]) -> dict[st
         where = f"{path}: tasks[{i}]"
         by = table.get("by", [name])
         if not isinstance(by, list) or len(by) != 1 or not isinstance(by[0], str):
-            raise ConfigError(f"{where}.by: value {by!r}: a list with the name of one mechanism")
+            raise ConfigError(
+                f"{where}.by: value {short(by)}: a list with the name of one mechanism"
+            )
         if by[0] not in mechanisms:
             hint = nearest(by[0], mechanisms)
             raise ConfigError(f"{where}.by: value '{by[0]}': no such mechanism{hint}")
@@ -231,9 +235,14 @@ def _tables(path: Path, key: str, value: object) -> list[Document]:
 def _names(path: Path, key: str, tables: list[Document]) -> list[str]:
     names: list[str] = []
     for i, table in enumerate(tables):
-        name = table.get("name")
-        if not isinstance(name, str):
+        if "name" not in table:
             raise ConfigError(f"{path}: {key}[{i}].name: missing: its name")
+        name = table["name"]
+        if not isinstance(name, str) or not NAME.fullmatch(name):
+            raise ConfigError(
+                f"{path}: {key}[{i}].name: value {short(name)}: must be small letters, digits and "
+                "_, at most 32, a letter first"
+            )
         if name in names:
             raise ConfigError(f"{path}: {key}[{i}].name: value '{name}': is there already")
         names.append(name)

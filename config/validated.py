@@ -3,15 +3,14 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from .errors import ConfigError, nearest
+from .errors import ConfigError, nearest, short
 from .schema.section import Section
 
-_LONGEST_VALUE: Final = 60
 S = TypeVar("S", bound=Section)
 
 
@@ -53,13 +52,8 @@ def _explain(error: ErrorDetails, kind: type[BaseModel]) -> str:
         return f"{key}: missing" + (f": {meaning}" if meaning else "")
     message = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
     value = error["input"]
-    shown = "" if isinstance(value, dict) else f"value {_short(value)}: "
+    shown = "" if isinstance(value, dict) else f"value {short(value)}: "
     return f"{key}: {shown}{message}" + (f" ({meaning})" if meaning else "")
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
 
 
 def _section_of(names: list[str], kind: type[BaseModel]) -> tuple[type[BaseModel] | None, str]:

@@ -108,6 +108,9 @@ HEAD = 'name = "two"\ndefault_script = "pa10_tour"\n'
             "tasks[1].by: value 'left': has another task already",
         ),
         (PAIR + "[[tasks]]\nname = 'left'\ngain = 3\n", "tasks[0].gain: unknown key"),
+        (PAIR + "[[tasks]]\nname = 3\n", "tasks[0].name: value 3: must be small letters, digits"),
+        (PAIR + "[[tasks]]\nname = 'Fine'\nby = ['left']\n", "tasks[0].name: value 'Fine': must"),
+        (PAIR + "[[tasks]]\nby = ['left']\n", "tasks[0].name: missing: its name"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_in_one_line(cell, text, words):
