@@ -53,6 +53,9 @@ class Backbone(Section):
     )
     speed: float = Field(0.08, gt=0, le=1, description="greatest insertion speed [m/s]")
     acceleration: float = Field(0.3, gt=0, le=10, description="of the insertion [m/s²]")
+    most_push: float = Field(
+        10.0, gt=0, le=1e4, description="force of the head at which a drive inserts no further [N]"
+    )
     tunnel: tuple[Segment, ...] = Field(
         min_length=1, max_length=64, description="its pieces, from the entrance on"
     )

@@ -80,6 +80,7 @@ class Arm:
             # An arm that may not move gives way at most, and is not held up.
             may_move=memory.moving_since_s is not None,
             T_wrist_mrf=inputs.settings.T_wrist_mrf,
+            together=asked.together,
             by_joint=asked.by_joint,
             ordered=not beside or self.asking.ordered(asked.twists, inputs),
         )

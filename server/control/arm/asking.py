@@ -39,7 +39,9 @@ class Wanted(NamedTuple):
     give_way: Array | None = None
     """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
     by_joint: bool = False
-    """The joints are commanded themselves: jogged, led to a posture, or along a curve."""
+    """The joints are commanded themselves: jogged, or led to a posture."""
+    together: bool = False
+    """The joints follow a curve: one that is held up holds up all."""
     insertion: Insertion | None = None
     """Where along its curve the arm is."""
 
@@ -116,7 +118,7 @@ class Asking:
             self.stages.wrist, lever, wrench, hand,
         )  # fmt: skip
         task, twists = self.stages.task.twists(task, context)
-        around = Around(inputs.scene, near, base, placed)
+        around = Around(inputs.scene, near, base, placed, wrench)
         asked = self.resolved(
             motion.q, twists, objectives, task.off_path, inputs, k, lever, around, memory.insertion
         )
@@ -217,13 +219,13 @@ class Asking:
             off_path,
             inputs.goal is not None,
         )
-        slither, by_joint = self.stages.slither, False
+        slither, together = self.stages.slither, False
         if slither is None:
             found = self.stages.resolver.rates(q, k, wish, around)
         elif inputs.intent is Intent.SEED:
-            found, insertion, by_joint, _ = slither.at_rest(q)
+            found, insertion, together, _ = slither.at_rest(q)
         else:
-            found, insertion, by_joint, slowed = slither.rates(
+            found, insertion, together, slowed = slither.rates(
                 q, k, wish, around, insertion, inputs.drive, inputs.intent is Intent.MOVE
             )
             limits += slowed
@@ -239,8 +241,8 @@ class Asking:
             found.self_motion,
             found.field,
             found.give_way,
-            by_joint,
-            insertion,
+            together=together,
+            insertion=insertion,
         )
 
     def _giving_way(

@@ -36,7 +36,7 @@ class Slid(NamedTuple):
 
     found: JointRates
     insertion: Insertion | None
-    by_joint: bool
+    together: bool
     """The joints follow the curve, and none makes up for another."""
     limits: tuple[str, ...]
 
@@ -78,9 +78,14 @@ class Slither:
             driven = abs(insertion.speed) > ARRIVED_SPEED
         if free > self._rank and not driven:
             return self._tail(q, k, wish, around, insertion)
-        twist = float(self.backbone.head(q) @ wish.twist[:3]) if free <= self._rank else 0.0
+        head = self.backbone.head(q)
+        twist = float(head @ wish.twist[:3]) if free <= self._rank else 0.0
+        push = 0.0
+        if around.wrench is not None:
+            push = float(head @ (k.T_world_mrf.R @ around.wrench[:3]))
+        share = self.backbone.gives_way(insertion.speed, push)
         forward = twist + insertion.speed
-        dq, speed = self.backbone.rates(insertion, q, forward)
+        dq, speed = self.backbone.rates(insertion, q, twist + share * insertion.speed)
         if not wish.spare and abs(speed) < STANDS:
             dq = np.zeros(len(q))
         slowed = abs(speed) < SLOWED * abs(forward) and abs(forward) > STANDS

@@ -44,6 +44,8 @@ class BarrierInputs(NamedTuple):
     """What holds the arm up; None before the first tick."""
     may_move: bool
     T_wrist_mrf: Pose
+    together: bool = False
+    """Joints mean something only together, as along a curve: one at its bound holds up all."""
     by_joint: bool = False
     """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
     ordered: bool = True
@@ -202,7 +204,10 @@ class Allow:
         if leash is not None:
             limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
             limits += self._reasons(i, leash.left_by(dq), "leash")
-        if arm.by_joint and beyond:
+        if arm.together and beyond:
+            part = _part_within(dq, low, high)
+            dq, share, beyond = part * dq, part * share, False
+        elif arm.by_joint and beyond:
             dq, beyond = np.clip(dq, low, high), False
         return _Bounded(dq, share, low, high, beyond, leash, limits)
 
@@ -244,6 +249,14 @@ class Allow:
 
     def _reasons(self, i: int, which: list[int], name: str) -> tuple[str, ...]:
         return tuple(f"{name}:{self._names[i][j]}" for j in which)
+
+
+def _part_within(dq: Array, low: Array, high: Array) -> float:
+    """Return the part (0 to 1) of rates (n,) at which none is beyond its bounds (n,)."""
+    bound = np.where(dq > 0.0, high, low)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parts = np.where(dq == 0.0, 1.0, bound / dq)
+    return min(1.0, max(0.0, float(parts.min())))
 
 
 def parts_of(counts: Sequence[int]) -> tuple[slice, ...]:

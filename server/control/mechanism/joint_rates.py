@@ -49,6 +49,8 @@ class Around(NamedTuple):
     """Where a Base that moves is; None: Base stands."""
     placed: Placed | None
     """Its capsules at the commanded posture, where they are known already."""
+    wrench: Array | None = None
+    """What it exerts, at and in the MRF (6,) [N, N·m]; None where that is not known."""
 
 
 class JointRates(NamedTuple):

@@ -212,6 +212,14 @@ class Backbone:
         step = min(bound, max(-bound, speed - insertion.speed))
         return insertion._replace(speed=insertion.speed + step)
 
+    def gives_way(self, speed: float, push: float) -> float:
+        """Return what share (0 to 1) of an insertion's speed is left, with the head pushing [N].
+
+        Ahead, or back where it is withdrawn.
+        """
+        against = push if speed > 0.0 else -push
+        return min(1.0, max(0.0, 1.0 - against / self.section.most_push))
+
     def depth(self, insertion: Insertion) -> float:
         """Return the tip's way from the entrance [m]."""
         return self.chain.length - insertion.s1

@@ -1,0 +1,48 @@
+"""Inside a tunnel a snake gives way to what it meets, and a drive's fault touches no wall."""
+
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.simulation.simulation import simulate
+
+
+def test_it_gives_way_to_what_blocks_the_way_and_withdraws():
+    run = simulate("snake_blocked")
+    assert run.ok
+    assert run.summary["mode"] == "enabled"
+    assert 2.0 < run.summary["wall_force_n"] < 40.0
+    deepest = max(s.insertion["depth"] for s in run.states if s.insertion)
+    assert deepest < 0.325  # the drive alone would have come to 0.43
+    assert any("insertion_speed" in s.limits for s in run.states)
+    assert run.states[-1].insertion["depth"] < 0.2
+    assert not any(any(t.contact_force) for t in run.truths[-50:])
+
+
+@pytest.mark.parametrize(("speed", "joint"), [(0.08, "j15"), (0.05, "j25")])
+def test_a_drive_that_faults_inside_stops_all_and_touches_no_wall(play, speed, joint):
+    run = play(
+        {"at_s": 0.3, "cmd/drive": {"rates": [speed]}},
+        {"at_s": 1.4, "rig/fault": {"kind": "fault", "target": joint}},
+        seconds=2.0,
+        cell=load_cell("snake"),
+    )
+    assert run.summary["mode"] == "fault"
+    assert max(map(abs, run.truths[-1].dq)) < 1e-3
+    assert run.summary["wall_force_n"] == 0.0
+    assert run.summary["min_clearance_m"] > 0.005
+
+
+def test_a_joint_that_is_blocked_inside_holds_up_all_and_lets_the_arm_withdraw(play):
+    run = play(
+        {"at_s": 0.3, "cmd/drive": {"rates": [0.08]}},
+        {"at_s": 1.1, "rig/fault": {"kind": "block", "target": "j22"}},
+        {"at_s": 2.2, "cmd/drive": {"rates": [-0.06]}},
+        seconds=2.9,
+        cell=load_cell("snake"),
+    )
+    assert run.result.ok
+    depth = {t: run.at(t).insertion["depth"] for t in (1.1, 1.6, 2.1, 2.8)}
+    assert depth[1.6] < depth[1.1] + 0.03
+    assert depth[2.1] == pytest.approx(depth[1.6], abs=1e-4)
+    assert "leash:j22" in run.at(2.0).limits
+    assert depth[2.8] < depth[2.1] - 0.01
+    assert run.summary["wall_force_n"] == 0.0
