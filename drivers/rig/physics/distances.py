@@ -66,10 +66,10 @@ class Distances:
         if not len(self._pairs):
             return None
         mujoco.mj_kinematics(self._model, self._data)
-        bound = self._bounds(self._pairs)
+        bound = self._bounds_of_fixed()
         fromto = np.zeros(6)
         found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
-        # Bounding balls tell which pairs can be the nearest at all.
+        # Lower bounds tell which pairs can be the nearest at all.
         for i in np.argsort(bound, kind="stable"):
             if bound[i] >= found.distance:
                 break
@@ -93,7 +93,7 @@ class Distances:
                 if bound < within
                 else within
                 for (arm, fixed), bound in zip(
-                    self._pairs.tolist(), self._bounds(self._pairs), strict=True
+                    self._pairs.tolist(), self._bounds_of_fixed(), strict=True
                 )
             ]
         )
@@ -104,6 +104,25 @@ class Distances:
         way = self._data.geom_xpos[first] - self._data.geom_xpos[second]
         reach = self._model.geom_rbound[pairs].sum(axis=1)
         return np.asarray(np.sqrt((way * way).sum(axis=1)) - reach)
+
+    def _bounds_of_fixed(self) -> Vector:
+        """Return lower bounds of the distances of arms from what stands, in the order of `_pairs`.
+
+        A bounding ball fits a wide box badly: beside one, the box itself counts.
+        """
+        arm, fixed = self._pairs[:: len(self._fixed), 0], self._pairs[: len(self._fixed), 1]
+        model, data = self._model, self._data
+        way = data.geom_xpos[arm] - data.geom_xpos[fixed][:, None]
+        radius = model.geom_rbound[arm]
+        apart = np.sqrt((way * way).sum(axis=2)) - radius
+        local = np.abs(way @ data.geom_xmat[fixed].reshape(-1, 3, 3))
+        beyond = np.maximum(local - model.geom_size[fixed][:, None], 0.0)
+        beside = np.sqrt((beyond * beyond).sum(axis=2))
+        box = (model.geom_type[fixed] == mujoco.mjtGeom.mjGEOM_BOX)[:, None]
+        # What is in the middle of a box may be deeper than its own radius.
+        by_box = np.where(beside > 0.0, beside - radius, -np.inf)
+        by_ball = apart - model.geom_rbound[fixed][:, None]
+        return np.asarray(np.where(box, by_box, by_ball).T.ravel())
 
     @cached_property
     def _pairs(self) -> NDArray[np.int64]:

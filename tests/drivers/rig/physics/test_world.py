@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from telerobot.config.load import Cell, load_cell
 from telerobot.drivers.rig.nodes.drive_loops import DriveLoops
+from telerobot.drivers.rig.physics.geoms import FIXED
 from telerobot.drivers.rig.physics.world import World
 
 
@@ -175,6 +176,24 @@ def test_gaps_are_those_of_which_the_least_is_the_clearance(cell: Cell) -> None:
         )
         assert gaps.min() == pytest.approx(clearance, abs=1e-9)
         np.testing.assert_allclose(near, np.minimum(gaps, 0.1), atol=1e-9)
+
+
+def test_what_is_nearest_among_many_boxes_is_that_of_all_pairs() -> None:
+    world, rng = World(load_cell("pa10_pair")), np.random.default_rng(6)
+    start = world.q.copy()
+    for spread in (0.02, 0.1, 0.3):
+        world.q[:] = start + rng.uniform(-spread, spread, world.n)
+        nearest = world.distances.nearest()
+        assert nearest is not None
+        fixed = [g for g in range(world.model.ngeom) if world.model.geom_contype[g] == FIXED]
+        weld = world.model.body_weldid[world.model.geom_bodyid]
+        moving = [g for g in range(world.model.ngeom) if g not in fixed and weld[g] != 0]
+        every = [
+            mujoco.mj_geomDistance(world.model, world.data, a, f, 1.0, None)
+            for a in moving
+            for f in fixed
+        ]
+        assert nearest.distance == pytest.approx(min(every), abs=1e-9)
 
 
 def test_a_push_on_the_tool_is_felt_at_the_joints_as_its_moment(cell: Cell) -> None:
