@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled
+from .compiled import INDEX, MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 from .evolve import evolve
 from .spatial import Array, Pose
 
@@ -97,14 +97,26 @@ class Scene:
         """Return how far each may be from where it is predicted (k,) [m], `ahead` [s] from now."""
         return _reach(self.speed, self.acceleration, self.age, self.still_after, ahead)
 
+    def kept_clear(self, ahead: float) -> Array:
+        """Return how near to each nothing may come (k,) [m], `ahead` [s] from now too."""
+        clear = np.empty(len(self.speed))
+        _keep_clear(
+            self.clearance, self.speed, self.acceleration, self.age, self.still_after,
+            self.velocity, ahead, clear,
+        )  # fmt: skip
+        return clear
+
     def growth(self, which: Index, ahead: Array) -> Array:
         """Return how much nearer obstacles `which` (p,) may be (s, p) [m], `ahead` (s,) from now.
 
         Nearer than where they are now, that is; zero for a negative index.
         """
-        return _growth(
-            self.speed, self.acceleration, self.age, self.still_after, self.velocity, which, ahead
-        )
+        found = np.zeros((len(ahead), len(which)))
+        _grow(
+            self.speed, self.acceleration, self.age, self.still_after, self.velocity, which, ahead,
+            found,
+        )  # fmt: skip
+        return found
 
     def placed(self, T_world_wrist: Pose) -> Self:
         """Return the scene with every sight line in World that starts at a carried camera."""
@@ -144,12 +156,24 @@ def _reach(
     return found
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, INDEX, VECTOR)
-def _growth(
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, ROW)
+def _keep_clear(
+    clearance: Array, speed: Array, acceleration: Array, age: Array, still_after: Array,
+    velocity: Array, ahead: float, clear: Array,
+) -> None:  # fmt: skip
+    reach = _reach(speed, acceleration, age, still_after, ahead)
+    for k in range(len(speed)):
+        predicted2 = 0.0
+        for axis in range(3):
+            predicted2 += velocity[k, axis] * velocity[k, axis]
+        clear[k] = clearance[k] + (reach[k] + math.sqrt(predicted2) * ahead)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, INDEX, VECTOR, TABLE)
+def _grow(
     speed: Array, acceleration: Array, age: Array, still_after: Array, velocity: Array,
-    which: Index, ahead: Array,
-) -> Array:  # fmt: skip
-    found = np.zeros((len(ahead), len(which)))
+    which: Index, ahead: Array, found: Array,
+) -> None:  # fmt: skip
     for s in range(len(ahead)):
         reach = _reach(speed, acceleration, age, still_after, ahead[s])
         for i in range(len(which)):
@@ -159,4 +183,3 @@ def _growth(
                 for axis in range(3):
                     predicted2 += velocity[k, axis] * velocity[k, axis]
                 found[s, i] = reach[k] + math.sqrt(predicted2) * ahead[s]
-    return found

@@ -209,9 +209,10 @@ class Clearance:
         By what moves in the scene, and with Base.
         """
         ahead = np.asarray(ahead_s)
-        found = np.zeros((len(ahead), near.size))
         if scene is not None and scene.moves:
             found = scene.growth(near.obstacle, ahead)
+        else:
+            found = np.zeros((len(ahead), near.size))
         return found if base is None else found + near.carried * ahead[:, None]
 
     def _floors(

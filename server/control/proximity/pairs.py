@@ -80,10 +80,7 @@ class PairSearch:
         `room` is how far each capsule may come; what moves counts for the next `ahead_s` [s].
         """
         scene = _NOTHING if scene is None else scene
-        reach = scene.clearance
-        if scene.moves:
-            every = np.arange(len(scene.names))
-            reach = reach + scene.growth(every, np.array([ahead_s]))[0]
+        reach = scene.kept_clear(ahead_s) if scene.moves else scene.clearance
         wanted = self._wanted(scene)
         first = np.empty(len(self._own) + wanted.size, dtype=np.int64)
         second = np.empty(len(first), dtype=np.int64)
