@@ -112,8 +112,13 @@ class State(TaskState):
     tasks: dict[str, TaskState] = Field(default_factory=dict)
 
     def of(self, task: str | None) -> TaskState:
-        """Return the state of a task by its name; of the first where it is not among `tasks`."""
-        return self if task is None else self.tasks.get(task, self)
+        """Return the state of a task by its name; of the first where it is not among `tasks`.
+
+        Without a name it is the one that commands without a name are for: the joint task that the
+        first arm holds a payload for, if it does.
+        """
+        name = self.held_by if task is None else task
+        return self if name is None else self.tasks.get(name, self)
 
 
 class Event(Message):

@@ -1,6 +1,7 @@
 """The campaign's table of parts, in the order in which they are run."""
 
 from .arms import ARMS
+from .beam import BEAM
 from .contact.peg_runs import PEG
 from .contact.reflection import REFLECTION
 from .contact.touch import TOUCH
@@ -29,4 +30,5 @@ PARTS: dict[str, Part] = {
     "crossings": CROSSINGS,
     "wild": WILD,
     "arms": ARMS,
+    "beam": BEAM,
 }

@@ -111,6 +111,10 @@ class Operator(Connection, Motions):
         """Clear all protective stops with the lease, else the newest of one's own."""
         self._wait(self.client.clear_protective_stop)
 
+    def hold_together(self, on: bool = True, task: str | None = None) -> None:
+        """Let the arms of a joint task hold its payload, or let go of it; only at rest."""
+        self.request(t.HOLD_TOGETHER, task=task, on=on)
+
     def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
         """Send any request and return its reply. Raises `OperatorError` when refused."""
         return self._wait(lambda on_reply: self.client.request(topic, on_reply, **fields))
@@ -142,8 +146,8 @@ class Operator(Connection, Motions):
         self.client.end_stream(topic, named)
 
     def task_state(self) -> TaskState | None:
-        """Return the newest state of the cell's first task."""
-        return self.state
+        """Return the newest state of the task that commands without a name are for."""
+        return None if self.state is None else self.state.of(None)
 
     @property
     def cell_state(self) -> State | None:
