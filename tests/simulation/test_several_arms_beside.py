@@ -4,6 +4,10 @@ another bus' trouble, a switch for all."""
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
+
+from .conftest import Run
 
 PAIR = """
 name = "pair"
@@ -115,3 +119,32 @@ def test_contact_of_one_arm_holds_both_and_that_arm_alone_gives_way(play, cell):
     assert run.summary["limit_violations"] == 0
     left = np.abs(run.speeds(1.2, 2.5))[:, LEFT]
     assert left.max() < 2e-3
+
+
+def test_a_drive_of_one_arm_that_restarts_stops_both_and_is_configured_anew(cell):
+    steps = [
+        *BOTH_UP,
+        {"at_s": 2.0, "operator/mode": {"action": "reset"}},
+        {"at_s": 4.5, "operator/mode": {"action": "enable"}},
+    ]
+    simulation = Simulation(cell(), Script.model_validate({"duration_s": 6.0, "step": steps}))
+    restarted: list[float] = []
+
+    def on_tick(now):
+        start = now.player.start_s
+        if start and now.clock.time_s > start + 1.0 and not restarted:
+            restarted.append(now.clock.time_s)
+            now.rig.nodes["right.e1"].boot()
+
+    simulation.on_tick = on_tick
+    run = Run(simulation, simulation.run())
+    fault = run.events("fault")[0]
+    assert fault.values["device"] == "right.e1"
+    assert fault.values["cause"] in ("node_restarted", "state_lost")
+    assert fault.time_s - restarted[0] < 0.05
+    assert np.abs(run.speeds(1.6, 1.9)).max() < 1e-3
+    assert run.summary["refused"] == []
+    assert run.summary["mode"] == "enabled"
+    late = np.abs(run.speeds(5.5, 6.0))
+    assert min(late[:, LEFT].max(), late[:, RIGHT].max()) > 0.01, "both sticks are still held"
+    assert run.summary["limit_violations"] == 0
