@@ -13,6 +13,7 @@ from ....protocols.messages import requests
 from ....protocols.messages.telemetry import Event, TaskDescription
 from ..client.operator import Operator
 from ..client.protocol_client import NoLease, OnReply
+from .hands import led
 from .keyboard import HeldKeys
 from .stick import AXES, DRIVES, JOINT_SIGNS, Stick, opposites
 
@@ -152,7 +153,7 @@ class KeyboardTeleop:
     @property
     def _task(self) -> dict[str, str]:
         """What names the task that the keys lead, where the cell has several."""
-        return {"task": self._tasks[self.hand].task} if len(self._tasks) > 1 else {}
+        return led(self._operator.state, self._tasks, self.hand)
 
     @property
     def _mechanism(self) -> dict[str, str]:
@@ -171,7 +172,7 @@ class KeyboardTeleop:
             self._client.end_stream(topic)
         self.hand = (self.hand + 1) % len(self._tasks)
         self.stick.joint, self._goal = None, False
-        self._say(f"the keys lead {self._tasks[self.hand].task}")
+        self._say(f"the keys lead {self._task['task']}")
 
     def _move(self, key: str, now_s: float) -> None:
         state = self._operator.state

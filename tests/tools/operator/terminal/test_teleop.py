@@ -63,12 +63,14 @@ def described(*names):
     return Description.model_construct(**tasks[0].__dict__, tasks=tuple(tasks[1:]))
 
 
-def keys(*names):
+def keys(*names, holding=None):
     """Return a keyboard's teleop over a cell with those tasks, its client, and what it says."""
     client, lines = Client(), []
     operator = SimpleNamespace(
         client=client,
-        state=SimpleNamespace(mode="enabled", q=(0.0,) * 4),
+        state=SimpleNamespace(
+            mode="enabled", q=(0.0,) * 4, of=lambda _task: SimpleNamespace(held_by=holding)
+        ),
         holds_lease=True,
         description=described(*names),
     )
@@ -130,3 +132,12 @@ def test_an_arm_without_tunnels_is_not_driven():
     assert set(client.streams) == {"cmd/joystick"}
     teleop.help()
     assert not any("insert" in line for line in lines)
+
+
+def test_keys_for_an_arm_that_holds_a_payload_with_others_lead_all_of_them():
+    teleop, client, lines = keys("left", "right", "beam", holding="beam")
+    teleop.press("w", 0.0)
+    teleop.run(0.05)
+    assert client.streams["cmd/joystick"]["task"] == "beam"
+    teleop.press("y", 0.1)
+    assert lines[-1] == "the keys lead beam"
