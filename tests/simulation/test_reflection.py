@@ -27,7 +27,7 @@ def test_a_stiff_wall_far_away_is_pushed_without_bouncing(cell, mode, rtt_s):
 
 def test_without_protection_a_reflecting_stick_bounces_at_a_tenth_of_a_second(cell):
     found = trial(cell, "rate", 0.1, protected=False, seed=SEED)
-    assert found.ripple > 0.4  # 0.497 with drives that hold the arm's weight; protected 0.07
+    assert found.ripple > 0.4  # 0.497 with drives that hold the arm's weight
 
 
 def test_without_protection_a_reflecting_master_bounces_and_gives_out_energy(cell):
