@@ -157,7 +157,7 @@ class Control:
         """
         motion, stop = self._whole(memories)
         limiter = self.limiter if self.joint is None or not on else self.joint.limiter(on)
-        if inputs.intent is Intent.STOP or any(each.together.strained for each in on):
+        if inputs.intent is Intent.STOP or any(each.stops for each in on):
             return limiter.go_on(stop)
         if inputs.intent is Intent.SEED:
             return Limited(motion, stop, False)

@@ -62,10 +62,17 @@ class JointUnit:
         return T if then is now else T @ (then.inverse() @ now)
 
     @property
-    def strained(self) -> bool:
-        """True while the internal force is beyond its bound."""
-        held = None if self.output is None else self.output.held
-        return held is not None and held.strained
+    def reason_to_stop(self) -> str | None:
+        """Why the arms may not move, or None: they press too hard, or lost the payload."""
+        if not self.on or self.output is None:
+            return None
+        for unit in self.units:
+            held = None if unit.output is None else unit.output.held
+            if held is not None and held.strained:
+                return f"internal force of {self.task}"
+            if held is not None and held.slipped:
+                return f"{self.task} slipped from {unit.mechanism}"
+        return None
 
     def require(self, message: m.Message) -> None:
         """Raise `Refused` for what is meant for one arm alone while this is on."""

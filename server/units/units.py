@@ -196,9 +196,9 @@ class Units:
             return "sensor stale"
         if self.settings.avoid and self.obstacles.stop is not None:
             return "obstacle stale"
-        strained = next((joint.task for joint in self.joint if joint.strained), None)
-        if strained is not None:
-            return f"internal force of {strained}"
+        for joint in self.joint:
+            if joint.reason_to_stop is not None:
+                return joint.reason_to_stop
         return "touched" if self.touched else None
 
 

@@ -87,6 +87,7 @@ class Beam:
         self.wrenches = np.zeros((k, 6))
         """What each arm exerts on the payload, at its pad (k, 6) [N, N·m]."""
         self._apart = np.zeros((k, 3))
+        self._lifted = np.zeros(3)
         self._pegs = [int(model.body(f"{BEAM}_peg_{i}").id) for i in range(len(rig.beam.pegs))]
         self._holes = {hole.name: hole for hole in rig.holes}
 
@@ -111,6 +112,10 @@ class Beam:
         """Open a pad: the payload slips out of it."""
         self._closed[pad] = False
 
+    def lift(self, force: Vector) -> None:
+        """Push the payload at its centre of mass with a World force (3,) [N], from now on."""
+        self._lifted = np.asarray(force, dtype=float)
+
     def clear(self) -> None:
         """Take off arms and payload whatever was put on them in the step before."""
         self._data.xfrc_applied[[self._body, *(pad.tip for pad in self._pads)]] = 0.0
@@ -125,6 +130,7 @@ class Beam:
         )
         own = np.zeros(6)
         mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, body, own, 0)
+        data.xfrc_applied[body, :3] += self._lifted
         twist = np.zeros(6)
         for i, pad in enumerate(self._pads):
             p, turned = self._seen(i)

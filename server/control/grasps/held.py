@@ -27,6 +27,8 @@ class Held:
     """What the sources of the joint task remember; of its first arm only."""
     redefined: int = 0
     """How often views had drifted so far apart that it was told."""
+    light_s: float = 0.0
+    """So long has this arm carried next to nothing, while the others carry its part [s]."""
 
 
 class Holding(NamedTuple):
@@ -42,6 +44,8 @@ class Holding(NamedTuple):
     """Greatest force at any grasp that moves nothing [N]; None without all wrenches."""
     strained: bool
     """That is beyond its bound: the arms stop."""
+    slipped: bool
+    """The payload slipped out of this arm's grasp: the arms stop."""
     apart: float
     """How far this arm's view of the payload is from the mean of all [m]."""
     redefined: int

@@ -20,6 +20,15 @@ from ..state import Inputs, Intent
 from ..task.bleed import bleed
 from ..task.sources.force import ForceState, desired_wrench
 
+LEAST_SHARE = 4.0
+"""Of lighter payloads nobody can tell whether they slipped [N]."""
+
+EMPTY = 0.25
+"""An arm that carries less than this part of its share carries nothing [1]."""
+
+OTHERS = 0.75
+"""The others carry its part when they carry more than this of the whole [1]."""
+
 
 class Grasping(NamedTuple):
     """k grasps of one payload in one tick; wrenches (k, 6) in the axes of the MRF."""
@@ -86,6 +95,27 @@ def grasping(
         beyond = internal(G, np.array(known) - desired)
         force = float(np.sqrt((beyond[:, :3] ** 2).sum(axis=1).max()))
     return Grasping(p, desired, exerted, force)
+
+
+def without_load(forces: Grasping, up: Array) -> tuple[bool, ...]:
+    """Return which of k arms carry next to nothing of the payload, and the others their part.
+
+    `up` (3,) is the vertical in the axes of the MRF. What a payload rests on takes load off the
+    others, too: then nothing slipped.
+    """
+    exerted = [h for h in forces.exerted if h is not None]
+    meant = forces.desired[:, :3] @ up
+    if len(exerted) < len(meant) or meant.min() < LEAST_SHARE:
+        return (False,) * len(meant)
+    carried = np.array(exerted)[:, :3] @ up
+    others = (carried.sum() - carried) > OTHERS * meant.sum()
+    return tuple(((carried < EMPTY * meant) & others).tolist())
+
+
+def light_s(before_s: Sequence[float], forces: Grasping, up: Array, period_s: float) -> list[float]:
+    """Return how long each arm has been without load [s], one period after `before_s`."""
+    empty = without_load(forces, up)
+    return [s + period_s if e else 0.0 for s, e in zip(before_s, empty, strict=True)]
 
 
 class GivingWay:

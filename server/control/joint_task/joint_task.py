@@ -31,12 +31,16 @@ from ..state import Inputs, Intent, Memory, Output
 from ..task.sources.force import ForceState
 from ..task.task import TaskMemory
 from .common import Common
-from .forces import GivingWay, Grasping
+from .forces import GivingWay, Grasping, light_s
 from .grips import Grips
 from .members import Member, Together
 
 FIT_M = 0.020
 """Grasps that are farther from fitting each other do not hold one payload [m]."""
+
+
+SLIPPED_S = 0.1
+"""An arm that carries next to nothing for so long has lost the payload [s]."""
 
 
 class _Of(NamedTuple):
@@ -115,7 +119,12 @@ class JointTask:
         twist = sum(twists.values(), np.zeros(6))
         views, wrists = [of.inputs.settings.T_wrist_mrf for of in each], [of.wrist for of in each]
         forces = self._giving_way.forces(told, views, wrists, T_payload_mrf, T_world_mrf.R)
-        tuned = [self._tuned(i, of, forces, T_world_mrf.R) for i, of in enumerate(each)]
+        light = [0.0] * len(each)
+        if told.intent is not Intent.SEED:
+            before_s, T = [of.held.light_s for of in each], self.arms[0].p.period_s
+            light = light_s(before_s, forces, T_world_mrf.R[2], T)
+        lost = max(light) >= SLIPPED_S
+        tuned = [self._tuned(i, of, forces, T_world_mrf.R, lost) for i, of in enumerate(each)]
         factor, ways = told.settings.speed_factor, [t.way for t in tuned]
         share = min(
             arm.asking.tool_share(twist + way, factor)
@@ -124,16 +133,17 @@ class JointTask:
         internal, bound = forces.internal_force, self.section.most_internal
         strained = told.intent is Intent.MOVE and internal is not None and internal > bound
         members = []
-        for i, (of, t) in enumerate(zip(each, tuned, strict=True)):
+        for i, (seen, t) in enumerate(zip(each, tuned, strict=True)):
+            of = seen._replace(held=evolve(seen.held, light_s=light[i]))
             away = apart(T_world_mrf, of.kinematics.T_world_mrf)[0]
             holding = Holding(
-                self.name, forces.exerted[i], forces.desired[i], internal, strained, away,
-                of.held.redefined,
+                self.name, forces.exerted[i], forces.desired[i], internal, strained,
+                light[i] >= SLIPPED_S, away, of.held.redefined,
             )  # fmt: skip
             members.append(self._member(i, of, t, twists, twist, share, holding))
         return Together(
             tuple(members), T_world_mrf, shared, twists, twist, share, strained,
-            forces.p, share * _relative(ways),
+            lost, forces.p, share * _relative(ways),
         )  # fmt: skip
 
     def finish(
@@ -158,6 +168,8 @@ class JointTask:
         strained: tuple[str, ...] = ()
         if together.strained:
             strained = (f"internal_force:{self.name}",)
+        if together.slipped:
+            strained += (f"slipped:{self.name}",)
         found = [
             output._replace(held=member.holding, limits=(*output.limits, *strained))
             for output, member in zip(outputs, together.members, strict=True)
@@ -209,14 +221,16 @@ class JointTask:
             found.append(_Of(before[i], given, measured[i], wrists[i], held[i], k))
         return found, mean
 
-    def _tuned(self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array) -> _Tuned:
-        """Return one arm's gains in effect, and the twist by which it gives way with them."""
+    def _tuned(self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array, lost: bool) -> _Tuned:
+        """Return one arm's gains in effect, and the twist by which it gives way with them.
+
+        None does that while the payload is `lost`: they would go up and down after their shares.
+        """
         asking = self.arms[i].asking
         task, objectives, since_s = asking.tuned(of.before, of.inputs, of.kinematics, of.wrist)
         gain, at = task.gains.get("force", np.zeros(6)), of.kinematics.T_world_wrist.p
-        way, state = self._giving_way.twist(
-            i, forces, gain, R_world_mrf, of.inputs.intent, of.held, at
-        )
+        intent = Intent.STOP if lost else of.inputs.intent
+        way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, intent, of.held, at)
         return _Tuned(task, objectives, since_s, way, state)
 
     def _member(

@@ -36,6 +36,8 @@ class Together(NamedTuple):
     """Part of it that the tool's speed bounds allow, 0 to 1 [1]."""
     strained: bool
     """The internal force is beyond its bound while the arms may move."""
+    slipped: bool
+    """The payload slipped out of a grasp."""
     grasps: Array
     """Where the grasps are, seen from the MRF (k, 3) [m]."""
     giving_way: float

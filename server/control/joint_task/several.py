@@ -29,6 +29,11 @@ class On(NamedTuple):
     stretch: Stretch
 
     @property
+    def stops(self) -> bool:
+        """True while the arms may not move on: pressed too hard, or without the payload."""
+        return self.together.strained or self.together.slipped
+
+    @property
     def link(self) -> Link:
         """Its arms, for the barriers."""
         ways = [member.give_way for member in self.together.members]

@@ -175,3 +175,27 @@ def test_views_that_drift_apart_are_told_and_follow_their_mean(cell):
     # What they disagreed on is not paid back as a motion.
     assert force[-100:].max() < 1.0
     np.testing.assert_allclose(place[-1], place[-100], atol=1e-4)
+
+
+def test_a_beam_that_slips_out_of_one_grasp_stops_both_arms(cell):
+    run = Carrying(cell())
+    run.run(0.5, 0.1 * FORWARD)
+    run.world.beam.let_go(1)
+    run.run(0.6, 0.1 * FORWARD)
+    assert "slipped:beam" in run.outputs[0].limits
+    assert [output.held.slipped for output in run.outputs] == [False, True]
+    assert all(output.at_rest for output in run.outputs)
+    before = run.command.copy()
+    run.run(0.5, intent=Intent.HOLD)  # and no arm goes up or down after its share
+    np.testing.assert_allclose(run.command, before, atol=1e-6)
+
+
+def test_a_beam_that_is_set_down_on_something_did_not_slip(cell):
+    run = Carrying(cell())
+    run.run(0.1)
+    beam = run.world.beam
+    for _ in range(40):
+        # as if a table carried nine tenths of it
+        beam.lift(np.array([0.0, 0.0, 0.9 * 5 * 9.81]))
+        run.tick()
+    assert not any(output.held.slipped for output in run.outputs)
