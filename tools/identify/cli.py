@@ -13,11 +13,15 @@ from .estimate import NotIdentified
 from .guide import Sample
 from .report import as_dict, snippet, table
 from .run import identify, identify_simulated, judge
+from .subject import Subject, subject_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
     add_cell_arguments(parser, bus=False)
+    parser.add_argument(
+        "--mechanism", metavar="NAME", help="whose sensor, where the cell has several"
+    )
     parser.add_argument(
         "--posture", default="ready", help="the wrist turns about this one (default: %(default)s)"
     )
@@ -45,29 +49,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify; print what was found and the lines for the cell. Raises `ConfigError`."""
     cell = cell_from(args)
-    stops = attitudes(cell, args.posture, args.attitudes, args.room)
+    subject = subject_of(cell, args.mechanism)
+    part = subject.part
+    stops = attitudes(part, args.posture, args.attitudes, args.room)
     try:
-        samples = _simulated(cell, stops) if args.simulate else _driven(cell, stops)
-        found = judge(cell, samples)
+        lead = _simulated if args.simulate else _driven
+        found = judge(part, lead(cell, stops, subject))
     except (NotIdentified, OperatorError) as error:
         print(f"telerobot: not identified: {error}", file=sys.stderr)
         return 1
     if args.json:
-        print(json.dumps(as_dict(cell, found)))
+        print(json.dumps(as_dict(part, found)))
     else:
-        print(f"{table(found)}\n\n{snippet(cell, found)}")
+        print(f"{table(found)}\n\n{snippet(part, found)}")
     return 0
 
 
-def _simulated(cell: Cell, stops: list[Stop]) -> list[Sample]:
-    return identify_simulated(cell, stops, _say)
+def _simulated(cell: Cell, stops: list[Stop], subject: Subject) -> list[Sample]:
+    return identify_simulated(cell, stops, _say, subject)
 
 
-def _driven(cell: Cell, stops: list[Stop]) -> list[Sample]:
+def _driven(cell: Cell, stops: list[Stop], subject: Subject) -> list[Sample]:
     with Operator(cell, name="identify") as operator:
         operator.acquire()
         operator.enable()
-        return identify(operator, stops, _say)
+        return identify(operator, stops, _say, subject)
 
 
 def _count(text: str) -> int:

@@ -12,10 +12,11 @@ import numpy as np
 from ...protocols import topics as t
 from ...protocols.messages import messages as m
 from ...protocols.messages import requests
-from ...protocols.messages.telemetry import State
+from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.spatial import Array
 from ..operator.client.protocol_client import NoLease, ProtocolClient
 from .attitudes import Stop
+from .subject import Subject
 
 SETTLE_S = 0.4
 """From arrival until the sensor is believed [s]."""
@@ -42,6 +43,8 @@ class Guide:
     client: ProtocolClient
     stops: list[Stop]
     say: Callable[[str], None] = lambda _line: None
+    subject: Subject | None = None
+    """The arm that it leads; None: the only one."""
     samples: list[Sample] = field(default_factory=list)
     failure: str = ""
     """Reason of a failure."""
@@ -68,7 +71,7 @@ class Guide:
         elif self._at < 0:
             # Its weight is no contact to force control, and no push to collision detection.
             self._at = 0
-            self.client.request(t.PAYLOAD, self._on_told, unknown=True)
+            self.client.request(t.PAYLOAD, self._on_told, unknown=True, mechanism=self._mechanism)
         elif not self._allowed:
             return
         elif self._since_s == 0.0:
@@ -84,13 +87,14 @@ class Guide:
             self._fail(f"{reply.reason}: {reply.detail}")
 
     def _leave(self, state: State) -> None:
-        self.client.command(t.POSTURE, q=tuple(self.stops[self._at].q.tolist()))
+        q = tuple(self.stops[self._at].q.tolist())
+        self.client.command(t.POSTURE, q=q, mechanism=self._mechanism)
         self._asked_seq, self._since_s = self.client.seq, state.time_s
         self._arrived_s = None
         self._heard.clear()
 
     def _travel(self, state: State) -> None:
-        if state.last_seq.get(t.POSTURE.key, 0) >= self._asked_seq and state.at_goal:
+        if state.last_seq.get(t.POSTURE.key, 0) >= self._asked_seq and self._of(state).at_goal:
             self._arrived_s = state.time_s
             if not self.stops[self._at].measure:
                 self._next()
@@ -98,16 +102,25 @@ class Guide:
             self._fail(f"posture not reached within {ARRIVE_S:g} s")
 
     def _listen(self, state: State) -> None:
-        if state.wrench_sensor is None:
+        wrench_sensor = self._of(state).wrench_sensor
+        if wrench_sensor is None:
             self._fail("the force/torque sensor is stale or missing")
             return
-        self._heard.append((state.q, state.wrench_sensor))
+        joints = slice(None) if self.subject is None else self.subject.joints
+        self._heard.append((state.q[joints], wrench_sensor))
         if self._arrived_s is not None and state.time_s >= self._arrived_s + SETTLE_S + AVERAGE_S:
             q, wrench = (np.mean(part, axis=0) for part in zip(*self._heard, strict=True))
             self.samples.append(Sample(q, wrench))
             wanted = sum(stop.measure for stop in self.stops)
             self.say(f"attitude {len(self.samples)} of {wanted}")
             self._next()
+
+    @property
+    def _mechanism(self) -> str | None:
+        return None if self.subject is None else self.subject.mechanism
+
+    def _of(self, state: State) -> TaskState:
+        return state.of(None if self.subject is None else self.subject.task)
 
     def _next(self) -> None:
         self._at += 1

@@ -50,11 +50,14 @@ def table(found: Estimate) -> str:
 
 
 def snippet(cell: Cell, found: Estimate) -> str:
-    """Return the lines of `[mechanism.force_torque]` that say what was found."""
+    """Return the lines of `[mechanism.force_torque]` that say what was found.
+
+    Of one of several they are for its own table in `[[mechanisms]]`.
+    """
     sensor = cell.config.mechanism.force_torque
     xyz = (0.0, 0.0, 0.0) if sensor is None else sensor.T_wrist_sensor.xyz
     lines = [
-        "[mechanism.force_torque]",
+        f"[{cell.place.split('[')[0]}.force_torque]",
         f"T_wrist_sensor = {{ xyz = {_numbers(xyz, 6)}, rpy = {_numbers(found.rpy(), 6)} }}",
         f"payload = {{ mass = {found.mass:.5g}, com = {_numbers(found.com, 5)} }}",
         f"bias = {_numbers(found.bias, 4)}",

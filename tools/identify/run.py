@@ -14,17 +14,23 @@ from ..simulation.simulation import Simulation
 from .attitudes import Stop
 from .estimate import Estimate, NotIdentified, estimate
 from .guide import ARRIVE_S, Guide, Sample
+from .subject import Subject
 
 LONGEST_S = 1800.0
 """No identification takes longer [s]."""
 
 
-def identify(operator: Operator, stops: list[Stop], say: Callable[[str], None]) -> list[Sample]:
+def identify(
+    operator: Operator,
+    stops: list[Stop],
+    say: Callable[[str], None],
+    subject: Subject | None = None,
+) -> list[Sample]:
     """Lead a daemon's arm through the stops; needs the lease and an enabled arm.
 
     Raises `NotIdentified` where it could not go on.
     """
-    guide = Guide(operator.client, stops, say)
+    guide = Guide(operator.client, stops, say, subject)
     operator.on_state = guide.run
     try:
         operator.spin(min(LONGEST_S, ARRIVE_S * len(stops)), lambda: guide.over)
@@ -34,11 +40,14 @@ def identify(operator: Operator, stops: list[Stop], say: Callable[[str], None]) 
 
 
 def identify_simulated(
-    cell: Cell, stops: list[Stop], say: Callable[[str], None] = lambda _line: None
+    cell: Cell,
+    stops: list[Stop],
+    say: Callable[[str], None] = lambda _line: None,
+    subject: Subject | None = None,
 ) -> list[Sample]:
     """Identify a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
     simulation = Simulation(cell, Script(duration_s=LONGEST_S))
-    guide = Guide(simulation.player.client, stops, say)
+    guide = Guide(simulation.player.client, stops, say, subject)
 
     def after_tick(running: Simulation) -> None:
         if running.player.phase is Phase.PLAYING:
