@@ -1,12 +1,10 @@
 """Leading along the path to a goal: begun, turned from leg to leg, paused, and reached."""
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...evolve import evolve
 from ...spatial import Array, Pose, pose_error, rotate_twist
 from .free import Free, FreePlanner
 from .goals import Goal, PathGoal, Pursuit, Route, TwistRoute
@@ -19,8 +17,7 @@ PAUSE_TIME_S = 0.15
 """Time constant with which a path is paused and resumed [s]."""
 
 
-@dataclass(frozen=True)
-class Progress:
+class Progress(NamedTuple):
     """How far a goal is under way."""
 
     leg: int
@@ -32,8 +29,7 @@ class Progress:
     """Part of the path's own speed that it goes at: 0 when paused [1]."""
 
 
-@dataclass(frozen=True)
-class PositionState:
+class PositionState(NamedTuple):
     """The path under way, if any, and whether its goal is reached."""
 
     path: Path | Free | None = None
@@ -83,15 +79,15 @@ class Leader:
         """
         step_s = pace * self._period_s
         if slid and not state.behind:
-            state = evolve(state, behind=True)
+            state = state._replace(behind=True)
         match state.path:
             case Path() as path:
                 moved = path.advanced(state.pace * step_s)
-                return state if moved is path else evolve(state, path=moved)
+                return state if moved is path else PositionState(moved, *state[1:])
             case Free() as free:
                 # Reduced speed, like a pause, stretches time: the same way at a lower speed.
                 leg_s = state.leg_s + state.pace * free.factor * step_s
-                return evolve(state, path=self._free.step(free, step_s), leg_s=leg_s)
+                return state._replace(path=self._free.step(free, step_s), leg_s=leg_s)
         return state
 
     def lead(
@@ -103,12 +99,12 @@ class Leader:
             state, begin = PositionState(goal=goal), True
         else:
             begin = before.attempt != goal.attempt
-            state = evolve(state, goal=goal) if goal is not before else state
+            state = state._replace(goal=goal) if goal is not before else state
         pace, way = state.pace, (0.0 if paused else 1.0) - state.pace
         if way:
             part = 1.0 - math.exp(-self._period_s / PAUSE_TIME_S)
             pace = pace + way if abs(way) < 1e-4 else pace + part * way
-            state = evolve(state, pace=pace)
+            state = state._replace(pace=pace)
         path: Path | Free
         match goal:
             case PathGoal() | Route():
@@ -141,7 +137,7 @@ class Leader:
                 leg = state.leg + 1
                 turned = self._straight.turn(path, legs[leg], factor)
                 if turned is not None:
-                    return evolve(state, leg=leg), turned
+                    return state._replace(leg=leg), turned
         return state, path
 
     def _by_twists(
@@ -157,7 +153,7 @@ class Leader:
             aim = state.pace * free.factor * goal.segments[leg].twist
             if goal.moving_axes:
                 aim = rotate_twist(free.pose.R, aim)
-        return evolve(state, leg=leg, leg_s=leg_s), free._replace(aim=aim)
+        return state._replace(leg=leg, leg_s=leg_s), free._replace(aim=aim)
 
     def _freed(
         self, state: PositionState, T: Pose, twist: Array, factor: float, begin: bool

@@ -14,7 +14,6 @@ import numpy as np
 
 from .....config.schema.sources.position import Position as Section
 from ...compiled import MATRIX, ROW, VECTOR, compiled
-from ...evolve import evolve
 from ...rigid_body import differ, motion_at, twist_at
 from ...spatial import Array, Pose, pose_error, rotate_twist
 from ...stop.motion import Motion
@@ -70,7 +69,7 @@ class Position(Source[PositionState]):
         pose = free.pose @ (before.inverse() @ point)
         now = Motion(np.zeros(6), free.twist, free.acceleration)
         now = motion_at(now, pose.p - free.pose.p, self._most, self._acceleration)
-        return evolve(state, path=free._replace(pose=pose, twist=now.dq, acceleration=now.ddq))
+        return state._replace(path=free._replace(pose=pose, twist=now.dq, acceleration=now.ddq))
 
     def jump(
         self,
@@ -137,12 +136,15 @@ class Position(Source[PositionState]):
         error = pose_error(T_path, T)
         rate = np.zeros(6)
         _follow(R_axes, error, twist_path, gain, factor * self._speed, rate)
-        return rate, evolve(
-            state,
-            path=path,
-            at_goal=self._leader.reached(state, path, goal, T),
-            T_world_path=T_path,
-            behind=state.behind and not within_bounds(error, CAUGHT_UP),
+        return rate, PositionState(
+            path,
+            self._leader.reached(state, path, goal, T),
+            state.goal,
+            T_path,
+            state.leg,
+            state.leg_s,
+            state.pace,
+            state.behind and not within_bounds(error, CAUGHT_UP),
         )
 
 
