@@ -175,3 +175,8 @@ def test_seeds_that_are_no_range_are_bad_usage(capsys):
         main(["campaign", "--seeds", "5:5"])
     assert ended.value.code == 2
     assert "5:5" in capsys.readouterr().err
+
+
+def test_hostile_parts_refuse_a_cell_of_several_arms(capsys):
+    assert main(["campaign", "--only", "hostile", "--cells", "pa10_two", "--seeds", "0:1"]) == 2
+    assert "hostile parts lead one arm; the part 'arms' leads two" in capsys.readouterr().err

@@ -1,5 +1,6 @@
 """Part `hostile`: every seed in every cell, with a goal at the end of each run."""
 
+from ....config.errors import ConfigError
 from ....config.load import load_cell
 from ..part import Part, Selection
 from .report import Report
@@ -15,7 +16,14 @@ SEEING_EVERY = 4
 
 def _jobs(selection: Selection) -> list[Job]:
     # A mistake in a cell shows here, in one line, and not in every worker.
-    every = {n: SEEING_EVERY if load_cell(n).config.cameras else 1 for n in selection.cells}
+    cells = {name: load_cell(name) for name in selection.cells}
+    for cell in cells.values():
+        if len(cell.parts) > 1:
+            raise ConfigError(
+                f"{cell.path}: mechanisms: {len(cell.parts)} tables: hostile parts lead one arm; "
+                "the part 'arms' leads two"
+            )
+    every = {name: SEEING_EVERY if cell.config.cameras else 1 for name, cell in cells.items()}
     return [
         (name, seed)
         for i, seed in enumerate(selection.seeds)
