@@ -16,6 +16,11 @@ class Segment(Section):
     length: float = Field(gt=1e-3, le=20, description="along the centre line [m]")
     bend: _Turn = Field(0.0, description="turn to the left, about its own z [rad]")
     climb: _Turn = Field(0.0, description="turn upward, about its own -y [rad]")
+    to: Pose | None = Field(
+        None,
+        description="entrance of the next tunnel in World: the piece is the gap before it, of this "
+        "length, without walls; its curve is solved once",
+    )
     open: bool = Field(
         False, description="true: no walls; the curve beyond the exit, at the end of the list"
     )
@@ -69,6 +74,11 @@ class Backbone(Section):
                 f"half_width = {self.half_width:g} must be above link_radius + clearance = "
                 f"{self.link_radius + self.clearance:g}"
             )
+        for i, piece in enumerate(self.tunnel):
+            if piece.to is not None and (piece.bend or piece.climb or piece.open):
+                raise ValueError(f"tunnel[{i}].to: a gap has neither bend nor climb, and ends")
+        if self.tunnel[0].to is not None or self.tunnel[-1].to is not None:
+            raise ValueError("tunnel: a gap lies between two pieces with walls")
         walled = [not piece.open for piece in self.tunnel]
         if not walled[0] or walled != sorted(walled, reverse=True):
             raise ValueError("tunnel: open pieces come last, after one with walls")

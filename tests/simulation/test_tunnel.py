@@ -111,3 +111,15 @@ def test_a_posture_off_its_curve_is_told_and_only_jogged(play, snake):
     assert run.states[-1].insertion["depth"] == pytest.approx(0.17, abs=1e-3)
     assert run.result.ok
     assert run.summary["wall_force_n"] == 0.0
+
+
+def test_it_goes_over_a_gap_into_the_next_tunnel(play):
+    run = play(
+        {"at_s": 0.3, "cmd/insert": {"depth": 0.60}}, seconds=6.8, cell=load_cell("snake_gap")
+    )
+    assert run.result.ok
+    assert run.states[-1].insertion["depth"] == pytest.approx(
+        0.60, abs=1e-3
+    )  # the gap ends at 0.49
+    assert run.summary["min_clearance_m"] >= 0.008
+    assert run.summary["wall_force_n"] == 0.0

@@ -9,9 +9,9 @@ def test_it_gives_way_to_what_blocks_the_way_and_withdraws():
     run = simulate("snake_blocked")
     assert run.ok
     assert run.summary["mode"] == "enabled"
-    assert 2.0 < run.summary["wall_force_n"] < 40.0
+    assert 2.0 < run.summary["wall_force_n"] < 15.0
     deepest = max(s.insertion["depth"] for s in run.states if s.insertion)
-    assert deepest < 0.325  # the drive alone would have come to 0.43
+    assert deepest < 0.320  # the drive alone would have come to 0.43
     assert any("insertion_speed" in s.limits for s in run.states)
     assert run.states[-1].insertion["depth"] < 0.2
     assert not any(any(t.contact_force) for t in run.truths[-50:])
@@ -44,5 +44,5 @@ def test_a_joint_that_is_blocked_inside_holds_up_all_and_lets_the_arm_withdraw(p
     assert depth[1.6] < depth[1.1] + 0.03
     assert depth[2.1] == pytest.approx(depth[1.6], abs=1e-4)
     assert "leash:j22" in run.at(2.0).limits
-    assert depth[2.8] < depth[2.1] - 0.01
+    assert depth[2.8] < depth[2.1] - 0.005
     assert run.summary["wall_force_n"] == 0.0

@@ -15,6 +15,7 @@ from .payloads import PAYLOADS
 from .requests import ASKING
 from .scenes.runs import SCENES
 from .torques import TORQUES
+from .tunnels import TUNNEL
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
@@ -31,4 +32,5 @@ PARTS: dict[str, Part] = {
     "wild": WILD,
     "arms": ARMS,
     "beam": BEAM,
+    "tunnel": TUNNEL,
 }

@@ -12,6 +12,10 @@ from .findings import Finding, Status, graded
 
 FULL = 0.9
 """Part of a bound whose use is worth a word [1]."""
+CALM = 0.7
+"""Loops that use more than this of what they take swing for long [1]."""
+LOOK = 8
+"""Every so many fits are looked at [1]."""
 
 
 def tunnel(cell: Cell) -> Iterator[Finding]:
@@ -27,7 +31,7 @@ def tunnel(cell: Cell) -> Iterator[Finding]:
     yield _speed(cell, backbone)
     yield from _start(cell, backbone)
     if cell.config.rig is not None:
-        yield from _gains(cell)
+        yield from _gains(cell, backbone)
 
 
 def _range(cell: Cell, backbone: Backbone) -> Finding:
@@ -103,24 +107,30 @@ def _start(cell: Cell, backbone: Backbone) -> Iterator[Finding]:
         )
 
 
-def _gains(cell: Cell) -> Iterator[Finding]:
-    """Judge simulated drives by what each moves: K_i < K_p K_d / I, of the straight arm."""
+def _gains(cell: Cell, backbone: Backbone) -> Iterator[Finding]:
+    """Judge the integral of simulated drives, of all joints together: K_i < K_p K_d / M.
+
+    As matrices: one joint's motion excites all others of a chain, whose inertias outboard are
+    nearly the same.
+    """
     rig, n = cell.config.rig, len(cell.robot.joints)
     if rig is None:
         return
-    drive = rig.drive
-    values = [
-        np.resize(np.array(v), n)
-        for v in (drive.stiffness, drive.damping, drive.integral, drive.armature)
-    ]
-    stiffness, damping, integral, armature = values
-    moved = np.diag(Mechanism.from_cell(cell).mass_matrix(np.zeros(n))) + armature
-    used = integral * moved / (stiffness * damping)
-    j = int(used.argmax())
+    drive, mechanism = rig.drive, Mechanism.from_cell(cell)
+    values = (drive.stiffness, drive.damping, drive.integral, drive.armature)
+    stiffness, damping, integral, armature = (np.resize(np.array(v), n) for v in values)
+    scale = np.sqrt(integral / (stiffness * damping))
+    used, s1 = 0.0, 0.0
+    for length, q in zip(backbone.lengths[::LOOK], backbone.fits[::LOOK], strict=True):
+        M = np.triu(mechanism.mass_matrix(q))
+        M = M + np.triu(M, 1).T + np.diag(armature)
+        share = float(np.linalg.eigvalsh(scale[:, None] * M * scale)[-1])
+        if share > used:
+            used, s1 = share, float(length)
     yield Finding(
         "tunnel gains",
-        graded(float(used[j]), FULL, 1.0),
-        f"rig.drive.integral of {cell.robot.joints[j].name} is {used[j]:.0%} of what its loop "
-        f"takes with {moved[j]:.3g} kg·m² outboard",
-        {"joint": cell.robot.joints[j].name, "used": float(used[j])},
+        graded(used, CALM, 1.0),
+        f"rig.drive.integral is {used:.0%} of what the loops of all joints together take, with a "
+        f"free length of {s1:.3f} m",
+        {"used": used, "free_length": s1},
     )

@@ -22,6 +22,10 @@ class Tunnel:
         for piece in backbone.tunnel:
             if piece.open:
                 break
+            if piece.to is not None:
+                T = matrix(piece.to)
+                R, p = T[:3, :3], T[:3, 3]
+                continue
             count = math.ceil(piece.length / STEP)
             turn = np.array([0.0, -piece.climb, piece.bend]) / count
             half, whole = _turned(0.5 * turn), _turned(turn)

@@ -76,6 +76,9 @@ def _pieces(backbone: Backbone) -> Iterator[_Piece]:
     for segment in backbone.tunnel:
         if segment.open:
             return
+        if segment.to is not None:
+            p, R = np.array(segment.to.xyz), _attitude(segment.to.rpy)
+            continue
         angle = math.hypot(segment.bend, segment.climb)
         count = max(1, math.ceil(angle / STEP - 1e-9))
         if not angle:

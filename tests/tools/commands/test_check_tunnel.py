@@ -101,4 +101,10 @@ def test_drive_gains_without_regard_to_what_is_outboard_are_an_error(changed):
     rig = "[rig.drive]\nstiffness = [100.0]\ndamping = [1.0]\nintegral = [1000.0]\n"
     finding = found(changed("", rig), "gains")
     assert finding.status is Status.ERROR
-    assert finding.values["joint"] == "j1"
+
+
+def test_gains_that_each_loop_takes_may_be_too_much_for_all_together(changed):
+    integral = load_cell("snake30").config.rig.drive.integral
+    finding = found(changed("", f"[rig.drive]\nintegral = {list(integral)}\n"), "gains")
+    assert finding.status is Status.ERROR
+    assert finding.values["used"] == pytest.approx(1.0, abs=0.05)

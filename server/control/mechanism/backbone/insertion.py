@@ -16,11 +16,11 @@ import numpy as np
 from .....config.errors import ConfigError
 from .....config.load import Cell
 from .....config.schema.backbone import Backbone as Section
-from ...spatial import Array, Pose
+from ...spatial import Array
 from .chain import Chain
 from .curve import Curve
-from .exterior import Bow
-from .interior import Arcs, Turn, off_centre
+from .interior import off_centre
+from .laying import curve_of
 
 FEEDBACK = 5.0
 """Gain towards the fit of now [1/s]."""
@@ -36,8 +36,6 @@ TAIL_OFF = (0.02, 0.07)
 """A tail that is farther off its curve slows an insertion, and holds it up altogether [rad]."""
 ARRIVED = 5e-4
 """A depth is reached within this [m]."""
-STRAIGHT = 1e-3
-"""The entrance lies so well straight ahead of the first joint, in lengths of the way there [1]."""
 WINDOW = 1.5
 """A point is looked for in the tunnel this many half widths from where it should be [1]."""
 
@@ -81,10 +79,9 @@ class Backbone:
         """
         self.chain, self.curve, self.section = chain, curve, section
         self._period_s = period_s
-        walled = sum(not piece.open for piece in section.tunnel)
-        self._upto = np.array([walled])
-        self.exit = float(curve.arcs.starts[walled])
+        self.exit = sum(piece.length for piece in section.tunnel if not piece.open)
         """Depth of the exit [m]."""
+        self._upto = np.array([int(np.abs(curve.arcs.starts - self.exit).argmin())])
         self._origins = np.concatenate(([0.0], chain.stations[:-1]))
         self.most = min(chain.length, curve.exterior.shortest + curve.arcs.length + chain.length)
         count = max(2, round((self.most - section.least) / GRID))
@@ -99,34 +96,10 @@ class Backbone:
         section = cell.config.mechanism.backbone
         if section is None:
             return None
-        where = f"{cell.path}: mechanism.backbone"
         chain = Chain.from_cell(cell)
-        T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
-        arcs = Arcs.from_entrance(T, [Turn(s.length, s.bend, s.climb) for s in section.tunnel])
-        ahead = T.p - chain.base
-        h = float(np.linalg.norm(ahead))
-        straight = chain.points(np.zeros((1, chain.n)))[0]
-        out = straight[-1] - straight[0]
-        aside = max(
-            float(np.linalg.norm(ahead / h - T.R[:, 0])),
-            float(np.linalg.norm(out / np.linalg.norm(out) - T.R[:, 0])),
-        )
-        if aside > STRAIGHT:
-            raise ConfigError(
-                f"{where}.entrance: must lie straight ahead of the first joint, along x: "
-                f"{aside:.4f} rad off"
-            )
-        if section.least < 1.02 * h:
-            raise ConfigError(
-                f"{where}.least: value {section.least:g}: must be at least 1.02 times the way to "
-                f"the entrance, {h:.4f} m: joints' speeds have no bound there"
-            )
-        if section.start > chain.length:
-            raise ConfigError(
-                f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
-            )
-        bow = Bow(chain.base, T.R[:, 0], T.R @ _bow(section), h)
-        return cls(chain, Curve(bow, arcs), section, cell.config.timing.period_s, where)
+        curve = curve_of(cell, section, chain)
+        where = f"{cell.path}: mechanism.backbone"
+        return cls(chain, curve, section, cell.config.timing.period_s, where)
 
     def _all_fits(self, where: str) -> tuple[Array, Array]:
         fits: list[Array] = []
@@ -275,14 +248,3 @@ class Backbone:
     def room(self) -> float:
         """How far links may be off the centre line [m]."""
         return self.section.half_width - self.section.link_radius - self.section.clearance
-
-
-def _bow(section: Section) -> Array:
-    """Return where the exterior bows out to (3,), in the entrance's frame."""
-    angle = section.bow
-    if angle is None:
-        bend, climb = next(((s.bend, s.climb) for s in section.tunnel if s.bend or s.climb), (1, 0))
-        angle = float(np.arctan2(-climb, -bend))
-        if section.axes != "planar":
-            angle += np.pi / 4
-    return np.array([0.0, np.cos(angle), np.sin(angle)])

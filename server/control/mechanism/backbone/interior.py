@@ -59,6 +59,18 @@ class Arcs(NamedTuple):
         frames.append(np.stack((T.p, T.R[:, 0], T.R[:, 1])))
         return cls(np.array(starts), np.array(frames), np.array([*curvature, 0.0]))
 
+    @classmethod
+    def of_all(cls, each: "Sequence[Arcs]") -> Self:
+        """Return arcs that begin where those before end."""
+        ends = np.cumsum([arcs.length for arcs in each])
+        begins = np.concatenate(([0.0], ends[:-1]))
+        starts = [arcs.starts[:-1] + s for arcs, s in zip(each, begins, strict=True)]
+        return cls(
+            np.concatenate((*starts, ends[-1:])),
+            np.concatenate((*(arcs.frames[:-1] for arcs in each), each[-1].frames[-1:])),
+            np.concatenate((*(arcs.curvature[:-1] for arcs in each), [0.0])),
+        )
+
     @property
     def end(self) -> Pose:
         """Where the last arc ends: x along the tangent, y to where a bend to the left turns."""

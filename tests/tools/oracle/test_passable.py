@@ -1,0 +1,44 @@
+"""The judge of tunnels accepts what the shipped snakes go through, and refuses what none can."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.config.schema.backbone import Segment
+from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.tools.oracle.passable import passable
+from telerobot.tools.oracle.tunnel import Tunnel
+
+
+def judged(section):
+    return passable(section, 0.05, 1.5, 1.04, 0.01, np.zeros(3))
+
+
+@pytest.mark.parametrize("name", ["snake", "snake_space"])
+def test_shipped_tunnels_are_passable(name):
+    assert judged(load_cell(name).config.mechanism.backbone)
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        [Segment(length=0.12, bend=3.0), Segment(length=0.8)],  # too sharp for links of 50 mm
+        [Segment(length=1.0, bend=3.1), Segment(length=1.0, bend=3.1)],  # it meets itself
+        [Segment(length=0.6, bend=-3.0), Segment(length=0.6)],  # beside the free part
+    ],
+)
+def test_tunnels_that_cannot_be_followed_are_not(pieces):
+    section = load_cell("snake").config.mechanism.backbone
+    bow = {"bow": 3.14159} if pieces[0].bend < 0 else {}
+    assert not judged(section.model_copy(update={"tunnel": tuple(pieces), **bow}))
+
+
+@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_gap"])
+def test_its_centre_line_is_the_server_s_curve(name):
+    cell = load_cell(name)
+    backbone, tunnel = Backbone.from_cell(cell), Tunnel(cell.config.mechanism.backbone)
+    depths = np.linspace(0.01, 0.24, 40)
+    points = backbone.curve.arcs.at(depths)[0]
+    assert tunnel.off_centre(points) < 1e-4
+    if backbone.section.axes == "planar":
+        aside = points + np.array([0.0, 0.0, 0.01])
+        assert tunnel.off_centre(aside) == pytest.approx(0.01, abs=1e-4)
