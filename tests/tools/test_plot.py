@@ -142,3 +142,20 @@ def test_a_run_of_two_arms_is_drawn_with_both(tmp_path):
     np.testing.assert_allclose(ax.lines[0].get_ydata(), between)
     assert main(["plot", str(path), "--out", str(out), "--stills", "2"]) == 0
     assert out.read_bytes().startswith(PNG)
+
+
+def test_a_run_with_a_payload_shows_it_and_what_presses_it(tmp_path):
+    from matplotlib.figure import Figure
+    from telerobot.config.load import load_cell
+
+    path, out = tmp_path / "pair.mcap", tmp_path / "pair.png"
+    script = Script.model_validate(
+        {"duration_s": 0.6, "step": [{"at_s": 0.1, "cmd/joystick": {"task": "beam", **STICK}}]}
+    )
+    result = Simulation(load_cell("pa10_pair"), script, path).run()
+    run, ax = load_recording(path), Figure().add_subplot()
+    assert PANELS["internal_force"](run, ax)
+    internal = [truth.beam.internal_force for truth in result.truths]
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), internal)
+    assert main(["plot", str(path), str(path), "--out", str(out)]) == 0
+    assert out.read_bytes().startswith(PNG)

@@ -9,7 +9,7 @@ from ..recorder import RecordError
 
 PANELS = (
     "distances", "potentials", "slope", "priority", "rates", "self_motion", "granted", "off_path",
-    "tool_path", "stills",
+    "tool_path", "internal_force", "stills",
 )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from ....drivers.device import DeviceError
 from ....drivers.rig.physics.camera import RigCameras
+from .grasps import internal_force
 from .panels import PANELS, distances
 from .reader import Recording
 from .stills import draw
@@ -66,7 +67,7 @@ def compared(runs: Sequence[Recording], at_s: float | None, camera: str | None) 
             picture.set_axis_off()
         over_time = figure.add_subplot(grid[-1, column], sharey=shared)
         shared = shared or over_time
-        distances(run, over_time)
+        (internal_force if run.truths[0].get("beam") else distances)(run, over_time)
         over_time.axvline(truth["time_s"], color="0.7", lw=0.8, zorder=0)
     return figure
 

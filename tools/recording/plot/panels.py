@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 
+from .grasps import internal_force
 from .reader import Recording
 
 NAMED_LINKS = 4
@@ -129,6 +130,7 @@ PANELS: dict[str, Callable[[Recording, Axes], bool]] = {
     "granted": granted,
     "off_path": off_path,
     "tool_path": tool_path,
+    "internal_force": internal_force,
 }
 """Panels by name; each returns whether there was anything to draw."""
 

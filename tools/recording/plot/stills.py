@@ -7,6 +7,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from ....config.schema.obstacles import Obstacle
 from ....server.control.spatial import rotation_rpy
+from .grasps import draw_payload
 from .reader import Array, Recording
 
 FROM = (22.0, -50.0)
@@ -23,6 +24,7 @@ def draw(run: Recording, truth: dict[str, Any], ax: Axes3D, width: float = 1.0) 
     for name, obstacle in ((o.name, o) for o in run.cell.config.obstacles):
         if obstacle.shape != "sight_line":
             _obstacle(ax, obstacle, label=name)
+    draw_payload(run, truth, ax)
     for start, end in run.sight_lines(truth):
         _line(ax, start, end, color="tab:red", lw=1.4)
         ax.scatter(*end, color="tab:red", s=16)
