@@ -36,6 +36,8 @@ PLATE = 0.05
 """Half the side of the plate [m]."""
 CLEAR = 0.01
 """A drawn arm begins at least so far from the plate [m]."""
+BEHIND_S = (0.0, 0.4, 0.8)
+"""And is as far from it where it comes on its way away, beyond where it began [s]."""
 SAID_S = 1.0
 """Time at which an operator acknowledges the undeclared load [s]."""
 LOAD_KG, LOAD_AT = 5.0, (0.0, 0.0, 0.1)
@@ -133,8 +135,7 @@ def drawn(seed: int) -> Plan:
         mode, sensed = str(draw.choice(MODES)), bool(draw.random() < 0.5)
         cell = prepared(load_cell(CELL), start, mode, sensed)
         cell = met(cell, start, rates, part, stiffness)
-        clearance = World(cell).distances.clearance()
-        if clearance is not None and clearance > CLEAR:
+        if all(_clear(_standing(cell, start - back_s * rates)) for back_s in BEHIND_S):
             return Plan(f"drawn {seed}", cell, tuple(rates.tolist()))
 
 
@@ -281,12 +282,19 @@ def plate(at: Vector, way: Vector, stiffness: float, half_size: float = PLATE) -
 
 def _place(cell: Cell, q: Vector, part: str) -> Vector:
     """Return where a part of the arm is in World (3,) [m] with the joints at q (n,)."""
-    mechanism = cell.config.mechanism
-    postures = {**mechanism.postures, "start": tuple(q.tolist())}
-    config = cell.config.model_copy(
-        update={"mechanism": mechanism.model_copy(update={"postures": postures})}
-    )
     link, point, _ = PARTS[part]
-    body = World(replace(cell, config=config)).data.body(link)
+    body = World(_standing(cell, q)).data.body(link)
     place: Vector = body.xpos + body.xmat.reshape(3, 3) @ np.array(point)
     return place
+
+
+def _standing(cell: Cell, q: Vector) -> Cell:
+    """Return the cell with joints that start at q (n,) [rad]."""
+    mechanism = cell.config.mechanism
+    postures = {**mechanism.postures, "start": tuple(q.tolist())}
+    mechanism = mechanism.model_copy(update={"postures": postures})
+    return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+
+
+def _clear(cell: Cell) -> bool:
+    return (World(cell).distances.clearance() or 0.0) > CLEAR
