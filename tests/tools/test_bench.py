@@ -27,7 +27,7 @@ def test_bench_writes_its_figures_and_the_machine_as_json(tmp_path, capsys, monk
     assert main(["bench", "--only", "tick", "--quick", "--json", str(file)]) == 0
     written = json.loads(file.read_text())
     assert written["quick"] is True
-    assert written["tick"].keys() == {"pa10", "ur5e", "pa10_hand_torque"}
+    assert written["tick"].keys() == {"pa10", "ur5e", "pa10_hand_torque", "snake"}
     assert {"free_us", "limited_us", "p99_us", "target_us", "met"} <= written["tick"]["pa10"].keys()
     assert {"cores", "python", "packages"} <= written["machine"].keys()
     assert "tick pa10" in capsys.readouterr().out
@@ -149,3 +149,12 @@ def test_a_cell_can_be_kept_from_self_motion(name, tmp_path):
     cell = without_self_motion(load_cell(name), tmp_path)
     assert cell.config.redundancy.mid_range == 0.0
     assert cell.config.mechanism == load_cell(name).config.mechanism
+
+
+def test_the_fit_is_measured_beside_a_dense_solve(tmp_path):
+    file = tmp_path / "bench.json"
+    assert main(["bench", "--only", "fit", "--quick", "--json", str(file)]) == 0
+    figures = json.loads(file.read_text())["fit"]["snake"]
+    assert {"10 joints", "1000 joints", "growth_100_to_1000", "paper_figures_ms"} <= figures.keys()
+    assert {"fit_us", "with_curve_us", "dense_us"} == figures["100 joints"].keys()
+    assert "dense_us" not in figures["1000 joints"]

@@ -11,6 +11,7 @@ from ...drivers.device import DeviceError
 from ..host.local_plant import ChildDied
 from ..operator.client.connection import OperatorError
 from . import latency, simulate, sync, tick
+from .curves import fit
 from .figures import Figures, machine
 from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth
 from .load import OBSTACLES, among
@@ -20,7 +21,7 @@ Bench = Callable[[Cell, bool], Figures]
 BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
     "tick": (
         lambda cell, quick: tick.bench(cell, tick.QUICK_TICKS if quick else tick.TICKS),
-        ("pa10", "ur5e", "pa10_hand_torque"),
+        ("pa10", "ur5e", "pa10_hand_torque", "snake"),
     ),
     "load": (
         lambda cell, quick: tick.bench(
@@ -32,6 +33,7 @@ BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
         lambda cell, quick: arms(cell, *((QUICK_TICKS, 1) if quick else (TICKS, ROUNDS))),
         ("pa10",),
     ),
+    "fit": (fit.bench, ("snake",)),
     "simulate": (
         lambda cell, quick: simulate.bench(cell, 1 if quick else simulate.RUNS),
         ("pa10", "ur5e"),
