@@ -1,1 +1,1 @@
-"""What a user edits: cells, robots, devices, scripts, and the schema that holds them."""
+"""Files that a user edits: cells, robots, devices, scripts, and the schema that holds them."""

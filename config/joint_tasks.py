@@ -9,7 +9,7 @@ from .schema.joint_task import JointTask
 from .schema.rig.beam import RigBeam
 
 SHARED: Final = ("T_world_crf", "sources", "schedules")
-"""What a joint task has of the whole file where it says nothing of its own."""
+"""Keys that a joint task has of the whole file where it says nothing of its own."""
 
 
 def is_joint(table: dict[str, Any]) -> bool:

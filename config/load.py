@@ -49,8 +49,8 @@ class Cell:
 
     path: Path
     config: CellConfig
-    """What the file says, with the drives in the order of the chain's joints; of a cell of several
-    mechanisms what it says of the first."""
+    """Contents of the file, with the drives in the order of the chain's joints; of a cell of several
+    mechanisms those of the first."""
     robot: Robot
     others: tuple["Cell", ...] = ()
     """The other parts, in the order of the file."""

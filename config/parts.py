@@ -29,7 +29,7 @@ OF_A_MECHANISM: Final = (
 OF_ITS_RIG: Final = (
     "drive", "force_torque", "tool_radius", "payload_mass", "payload_com", "gripper", "peg",
 )  # fmt: skip
-"""What comes along of its virtual hardware."""
+"""Keys of its virtual hardware that come along."""
 
 OF_A_TASK: Final = ("T_world_crf", "cameras", "reflection", "schedules", "sources")
 """Sections that a task may have of its own."""
@@ -50,7 +50,7 @@ Whole = Callable[[object, Path, str], Document]
 
 @dataclass(frozen=True)
 class Part:
-    """What a file says of one mechanism."""
+    """Keys that a file has for one mechanism."""
 
     document: Document
     """As a file with `[mechanism]` would say it."""

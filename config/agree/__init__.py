@@ -1,1 +1,1 @@
-"""What must agree between sections of a cell."""
+"""Agreement between sections of a cell."""

@@ -1,4 +1,4 @@
-"""What must agree between a cell's sections, and between the cell and its robot."""
+"""Agreement between a cell's sections, and between the cell and its robot."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What must agree between a cell's CAN buses and the devices on them."""
+"""Agreement between a cell's CAN buses and the devices on them."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final

@@ -1,4 +1,4 @@
-"""What must agree between a cell's cameras, the vision source, and the tags of the rig."""
+"""Agreement between a cell's cameras, the vision source, and the tags of the rig."""
 
 from collections.abc import Iterator
 

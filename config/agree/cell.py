@@ -1,4 +1,4 @@
-"""What must agree between the parts of a cell: its mechanisms, and the buses that they share."""
+"""Agreement between the parts of a cell: its mechanisms, and the buses that they share."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ class PartOf(NamedTuple):
 
     place: str
     prefix: str
-    """What names of its links and devices begin with."""
+    """Prefix of the names of its links and devices."""
     config: CellConfig
     robot: Robot
 

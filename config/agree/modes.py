@@ -1,4 +1,4 @@
-"""What the drives' operation mode needs of the cell's other sections."""
+"""Needs of the drives' operation mode in the cell's other sections."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What must agree between a cell's obstacles, its cameras and what may touch what."""
+"""Agreement between a cell's obstacles, its cameras and what may touch what."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""What virtual spheres need of the robot and of the null space."""
+"""Needs of virtual spheres in the robot and in the null space."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What the sources need of the cell's other sections."""
+"""Needs of the sources in the cell's other sections."""
 
 from collections.abc import Iterator
 

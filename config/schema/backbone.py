@@ -1,4 +1,4 @@
-"""What a cell file may say of a hyper-redundant arm: its curve, and the tunnels it goes through."""
+"""Schema of a hyper-redundant arm: its curve, and the tunnels it goes through."""
 
 import math
 from typing import Annotated, Literal, Self

@@ -1,4 +1,4 @@
-"""What a cell file may say of a CAN bus."""
+"""Schema of a CAN bus."""
 
 from pydantic import Field
 

@@ -1,4 +1,4 @@
-"""What a cell file may say of cameras, and of tags in the virtual world."""
+"""Schema of cameras, and of tags in the virtual world."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""What a cell file may say: every field with its unit, bound, default and meaning.
+"""Schema of a cell file: every field with its unit, bound, default and meaning.
 
 One TOML file describes one cell. Unknown keys are errors, numbers are finite, SI throughout
 (metres, radians, seconds, newtons). `load.py` reads a file into these models and adds the robot

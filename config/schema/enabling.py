@@ -1,4 +1,4 @@
-"""What a cell file may say of an enabling switch (IEC 60204-1, 10.9)."""
+"""Schema of an enabling switch (IEC 60204-1, 10.9)."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""What a cell file may say of a task that several mechanisms hold together."""
+"""Schema of a task that several mechanisms hold together."""
 
 from typing import Annotated
 

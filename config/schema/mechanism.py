@@ -1,4 +1,4 @@
-"""What a cell file may say of the arm: its chain, drives, sensor, payloads and gripper."""
+"""Schema of the arm: its chain, drives, sensor, payloads and gripper."""
 
 from typing import Annotated, Final, Literal, Self
 

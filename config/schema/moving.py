@@ -1,4 +1,4 @@
-"""What a cell file may say of frames that move: Base, the Carrier of the CRF, their news."""
+"""Schema of frames that move: Base, the Carrier of the CRF, their news."""
 
 from typing import Annotated, Literal
 
@@ -83,7 +83,7 @@ class RigMotion(Section):
 
 
 class RigFrames(Section):
-    """What moves in the virtual world, and the news that its sensors give of it."""
+    """Motion in the virtual world, and the news that its sensors give of it."""
 
     platform_mass: float = Field(
         2000.0, gt=0, le=1e6, description="of a platform that carries the arm [kg]"

@@ -1,4 +1,4 @@
-"""What a cell file may say of obstacles, of the promised clearance, and of the arm's shape."""
+"""Schema of obstacles, of the promised clearance, and of the arm's shape."""
 
 import math
 from typing import Annotated, Literal
@@ -21,7 +21,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "box": ("xyz", "half_size"),
     "sight_line": ("to",),
 }
-"""What each shape is made of, beside what has a default."""
+"""Fields that each shape needs, beside those with a default."""
 
 
 class Obstacle(Section):

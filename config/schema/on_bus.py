@@ -1,4 +1,4 @@
-"""What every device on a CAN bus has in its table: its bus, its identifiers, its cyclic frames."""
+"""Fields of every device on a CAN bus: its bus, its identifiers, its cyclic frames."""
 
 from dataclasses import dataclass
 from typing import Annotated, Final

@@ -1,4 +1,4 @@
-"""What a cell file says about force reflection: how much goes back, to which handle and hand."""
+"""Schema of force reflection: how much goes back, to which handle and hand."""
 
 from typing import Annotated
 

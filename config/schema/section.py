@@ -1,4 +1,4 @@
-"""What every table of a cell file is made of: the base class, poses and vectors."""
+"""Parts of every table of a cell file: the base class, poses and vectors."""
 
 from typing import Annotated
 

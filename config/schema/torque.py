@@ -1,4 +1,4 @@
-"""What a cell file may say of the law that turns commanded motion into torques (CST)."""
+"""Schema of the law that turns commanded motion into torques (CST)."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""What a cell file may say of collision detection by the drives' torques."""
+"""Schema of collision detection by the drives' torques."""
 
 from typing import Annotated
 

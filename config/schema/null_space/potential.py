@@ -1,4 +1,4 @@
-"""What a cell file may say of the potential field that spare freedoms slide downhill in."""
+"""Schema of the potential field that spare freedoms slide downhill in."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""What a cell file may say of virtual spheres, and of how far avoiding precedes following."""
+"""Schema of virtual spheres, and of how far avoiding precedes following."""
 
 from pydantic import Field, model_validator
 

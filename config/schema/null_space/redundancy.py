@@ -1,4 +1,4 @@
-"""What a cell file may say of the redundancy objectives."""
+"""Schema of the redundancy objectives."""
 
 from typing import Annotated
 
@@ -47,7 +47,7 @@ ObjectiveName = Annotated[str, AfterValidator(_known)]
 
 
 class Redundancy(Objectives):
-    """What the null space is used for; each gain 0 switches its objective off."""
+    """Use of the null space; each gain 0 switches its objective off."""
 
     posture_name: Name = Field("ready", description="posture that the joints are pulled to")
     max_rate: float = Field(

@@ -1,4 +1,4 @@
-"""What a cell file may say of the payload that arms hold together, in the virtual world."""
+"""Schema of the payload that arms hold together, in the virtual world."""
 
 from pydantic import Field
 

@@ -1,4 +1,4 @@
-"""What a cell file may say of a peg as the tool and of holes that it fits, in the virtual world."""
+"""Schema of a peg as the tool and of holes that it fits, in the virtual world."""
 
 from pydantic import Field, model_validator
 

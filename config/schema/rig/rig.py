@@ -1,4 +1,4 @@
-"""What a cell file may say of the virtual hardware, and of what stands about the arm."""
+"""Schema of the virtual hardware, and of what stands about the arm."""
 
 from pydantic import Field
 
@@ -52,7 +52,7 @@ class RigForceTorque(Section):
 
 
 class RigGripper(Section):
-    """What the simulated gripper takes hold of when it closes."""
+    """Object that the simulated gripper takes hold of when it closes."""
 
     mass: float = Field(0.0, ge=0, le=500, description="its mass [kg]")
     com: Vector3 = Field(

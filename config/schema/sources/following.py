@@ -1,4 +1,4 @@
-"""What a cell file may say of the source that follows a hand."""
+"""Schema of the source that follows a hand."""
 
 from collections.abc import Iterator, Set
 from typing import Annotated, ClassVar, Literal

@@ -1,4 +1,4 @@
-"""What a cell file may say of force control."""
+"""Schema of force control."""
 
 from typing import ClassVar, Literal
 

@@ -1,4 +1,4 @@
-"""What a cell file may say of the operator's stick."""
+"""Schema of the operator's stick."""
 
 from pydantic import Field
 

@@ -1,4 +1,4 @@
-"""What a cell file may say of position control."""
+"""Schema of position control."""
 
 from typing import ClassVar
 

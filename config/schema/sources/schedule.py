@@ -1,4 +1,4 @@
-"""What a cell file may say of gains that change with something measured."""
+"""Schema of gains that change with something measured."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""What the sections of all sources have in common."""
+"""Fields that the sections of all sources have in common."""
 
 from collections.abc import Iterator, Set
 from typing import ClassVar, Literal

@@ -15,7 +15,7 @@ from .vision import Vision
 
 
 class Sources(Section):
-    """What may ask the tool for a rate. All on at once; the rates add."""
+    """Sources, which ask the tool for rates. All on at once; the rates add."""
 
     joystick: Joystick = Field(default_factory=Joystick, description="the operator's stick")
     position: Position = Field(default_factory=Position, description="target poses")

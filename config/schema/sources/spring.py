@@ -1,4 +1,4 @@
-"""What a cell file may say of a virtual fixture."""
+"""Schema of a virtual fixture."""
 
 from collections.abc import Iterator, Set
 from typing import Annotated, ClassVar, Literal

@@ -1,4 +1,4 @@
-"""What a cell file may say of the source that keeps a camera's view."""
+"""Schema of the source that keeps a camera's view."""
 
 from typing import Annotated, ClassVar, Literal
 
