@@ -49,7 +49,7 @@ class Cell:
 
     path: Path
     config: CellConfig
-    """Contents of the file, with the drives in the order of the chain's joints; of a cell of several
+    """Contents of the file, drives in the order of the chain's joints; of a cell of several
     mechanisms those of the first."""
     robot: Robot
     others: tuple["Cell", ...] = ()
