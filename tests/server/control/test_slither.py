@@ -1,0 +1,126 @@
+"""An arm that follows a curve keeps off the walls along every stop, wherever it is stopped."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.server.control.mechanism.backbone.insertion import STILL, Driven
+from telerobot.server.control.spatial import Pose
+from telerobot.server.control.state import Inputs, Intent, Settings
+from telerobot.server.control.stop.trajectory import Stop
+from telerobot.server.control.tick import Control
+
+SETTINGS = Settings(
+    gains={},
+    T_wrist_mrf=Pose.identity(),
+    T_world_crf=Pose.identity(),
+    wrench_bias=np.zeros(6),
+)
+
+
+@dataclass
+class Snake:
+    """A snake on drives that follow at once."""
+
+    name: str
+    s1: float | None = None
+
+    def __post_init__(self):
+        self.control = Control.of(load_cell(self.name))
+        self.backbone = self.control.arms[0].stages.slither.backbone
+        lengths = self.backbone.lengths
+        near = self.backbone.section.start if self.s1 is None else self.s1
+        q = self.backbone.fits[int(np.abs(lengths - near).argmin())]
+        (self.memory,) = self.control.seed(q)
+        self.q, self.tick = q, 0
+
+    def step(self, intent=Intent.MOVE, drive=STILL, behind=None, **more):
+        measured = self.q if behind is None else self.q - behind
+        given = Inputs(
+            time_s=0.01 * self.tick,
+            intent=intent,
+            q_measured=measured,
+            settings=SETTINGS,
+            drive=drive,
+            **more,
+        )
+        (self.memory,), (output,) = self.control.tick((self.memory,), (given,))
+        self.q, self.tick = output.q, self.tick + 1
+        assert output.refusal is None
+        return output
+
+    def off(self):
+        s1 = 1.5 if self.memory.insertion is None else self.memory.insertion.s1
+        return self.backbone.off_centre(self.q[None], s1)
+
+
+@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_gap"])
+def test_it_keeps_its_room_however_it_is_driven_and_stopped(name):
+    snake, draw = Snake(name, 1.0), np.random.default_rng(7)
+    for _ in range(14):
+        drive = Driven(float(draw.uniform(-0.08, 0.08)))
+        for _ in range(int(draw.integers(10, 60))):
+            snake.step(drive=drive)
+            assert snake.off() < snake.backbone.room
+        stopped = 0
+        while not snake.step(Intent.STOP).at_rest:
+            assert snake.off() < snake.backbone.room
+            stopped += 1
+            assert stopped < 100
+        for _ in range(3):
+            assert not snake.step(Intent.HOLD).dq.any()
+
+
+def test_its_joints_stop_in_proportion():
+    snake = Snake("snake", 1.0)
+    for _ in range(60):
+        before = snake.step(drive=Driven(0.08)).dq
+    shares = []
+    while not (output := snake.step(Intent.STOP)).at_rest:
+        if np.linalg.norm(output.dq) > 0.05:
+            shares.append(output.dq / np.linalg.norm(output.dq))
+    assert len(shares) > 5
+    assert np.abs(np.array(shares) - before / np.linalg.norm(before)).max() < 0.1
+
+
+def test_what_a_joint_lags_is_taken_off_the_room():
+    snake = Snake("snake", 1.0)
+    slither = snake.control.arms[0].stages.slither
+    snake.step()
+    insertion, lag, aside = snake.memory.insertion, np.zeros(30), snake.q.copy()
+    aside[25] += 0.02  # the tip is 5 mm aside
+    stop = Stop.at_rest(aside)
+    assert snake.off() + 0.001 < snake.backbone.off_centre(aside[None], insertion.s1)
+    assert slither.shortfall(insertion, snake.q, lag, stop) == 0.0
+    lag[20] = 0.02  # half a metre of arm beyond it: 10 mm
+    assert slither.shortfall(insertion, snake.q, lag, stop) > 0.0005
+
+
+def test_at_the_ends_of_its_way_it_slows_down_and_says_so():
+    snake = Snake("snake", 0.66)
+    told = [snake.step(drive=Driven(0.08)).limits for _ in range(200)]
+    assert snake.memory.insertion.s1 == pytest.approx(0.63, abs=2e-3)
+    assert "insertion_speed" in told[100]
+
+
+def test_a_posture_that_is_not_the_curve_s_does_not_move():
+    snake = Snake("snake")
+    (snake.memory,) = snake.control.seed(np.zeros(30))
+    snake.q = np.zeros(30)
+    output = snake.step(drive=Driven(0.05))
+    assert output.limits == ("off_backbone",)
+    assert not output.dq.any()
+
+
+def test_where_it_is_is_found_again_at_any_depth():
+    snake, draw = Snake("snake_tail"), np.random.default_rng(2)
+    backbone = snake.backbone
+    for s1 in draw.uniform(backbone.section.least, backbone.most, 12):
+        i = int(np.abs(backbone.lengths - s1).argmin())
+        q = backbone.chain.settled(
+            backbone.fits[i], *backbone.curve.at(s1, backbone.chain.stations)
+        ).q
+        tail = backbone.beyond(s1)
+        q[tail:] += draw.normal(0.0, 0.3, 30 - tail)  # free joints may be anywhere
+        assert backbone.located(q).s1 == pytest.approx(s1, abs=1e-5)
