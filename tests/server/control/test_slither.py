@@ -89,7 +89,7 @@ def test_what_a_joint_lags_is_taken_off_the_room():
     slither = snake.control.arms[0].stages.slither
     snake.step()
     insertion, lag, aside = snake.memory.insertion, np.zeros(30), snake.q.copy()
-    aside[25] += 0.02  # the tip is 5 mm aside
+    aside[25] -= 0.02  # the tip is 5 mm aside
     stop = Stop.at_rest(aside)
     assert snake.off() + 0.001 < snake.backbone.off_centre(aside[None], insertion.s1)
     assert slither.shortfall(insertion, snake.q, lag, stop) == 0.0
