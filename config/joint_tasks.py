@@ -6,10 +6,14 @@ from typing import Any, Final
 
 from .errors import ConfigError, nearest
 from .schema.joint_task import JointTask
-from .schema.rig.beam import RigBeam
+from .schema.rig.rig import Rig
 
 SHARED: Final = ("T_world_crf", "sources", "schedules")
 """Keys that a joint task has of the whole file where it says nothing of its own."""
+
+
+MOST_SWING: Final = 1.2
+"""A payload on its pads is simulated well up to this (ω² dt² + c dt / I) [1]."""
 
 
 def is_joint(table: dict[str, Any]) -> bool:
@@ -41,14 +45,29 @@ def agree(
             holder[name] = task.name
 
 
-def agree_with_beam(path: Path, tasks: Sequence[JointTask], beam: RigBeam | None) -> None:
+def agree_with_beam(path: Path, tasks: Sequence[JointTask], rig: Rig | None) -> None:
     """Raise `ConfigError` where the rig's payload does not fit the task that is to hold it."""
-    if beam is None:
+    if rig is None or rig.beam is None:
         return
+    beam = rig.beam
     if not tasks:
         raise ConfigError(f"{path}: rig.beam: no task of [[tasks]] is by several mechanisms")
     if len(beam.misfit) not in (0, len(tasks[0].by)):
         raise ConfigError(
             f"{path}: rig.beam.misfit: {len(beam.misfit)} places for {len(tasks[0].by)} mechanisms"
             f" of task '{tasks[0].name}': one each"
+        )
+    x, y, z = beam.half_size
+    least = beam.mass / 3.0 * min(y * y + z * z, x * x + z * z, x * x + y * y)
+    pads, step = len(tasks[0].by), rig.physics_step_s
+    swing = max(
+        pads * (stiffness * step + damping) * step / inertia
+        for stiffness, damping, inertia in zip(
+            beam.grasp_stiffness, beam.grasp_damping, (beam.mass, least), strict=True
+        )
+    )
+    if swing > MOST_SWING:
+        raise ConfigError(
+            f"{path}: rig.beam.mass: value {beam.mass:g}: on pads as stiff and damped as these it "
+            f"needs {beam.mass * swing / MOST_SWING:.2g} kg, or smaller physics steps"
         )

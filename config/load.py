@@ -161,8 +161,7 @@ def load_cell(name_or_path: str | Path) -> Cell:
 
 def _agreed(cell: Cell) -> Cell:
     """Return a cell whose parts agree with each other. Raises `ConfigError`."""
-    beam = None if cell.config.rig is None else cell.config.rig.beam
-    agree_with_beam(cell.path, cell.joint_tasks, beam)
+    agree_with_beam(cell.path, cell.joint_tasks, cell.config.rig)
     parts = [PartOf(part.place, part.prefix, part.config, part.robot) for part in cell.parts]
     check_cell(cell.path, parts, cell.devices)
     return cell

@@ -95,6 +95,10 @@ REFUSED = [
         + '[[mechanisms]]\nname = "third"\nlike = "ranger"\nbus = "third"\n',
         "tasks[0].by[1]: value 'third': has no force_torque sensor to hold a payload by",
     ),
+    (
+        BEAM + "[rig.beam]\nmass = 1\nhalf_size = [0.05, 0.6, 0.05]",
+        "rig.beam.mass: value 1: on pads as stiff and damped as these it needs 2 kg",
+    ),
     (BEAM + "most_internal = -1.0", "tasks[0].most_internal: value -1.0: should be greater than 0"),
 ]
 

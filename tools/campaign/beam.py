@@ -28,8 +28,8 @@ END_S = 4.5
 """Length of a run [s]."""
 SEGMENT_S = (0.5, 1.2)
 """Length of one motion [s]."""
-MASS = (1.0, 9.0)
-"""[kg]."""
+MASS = (2.5, 9.0)
+"""[kg]; pads of this stiffness need that much to swing slower than the physics steps."""
 MISFIT = 1.4e-3
 """Grasps are from fitting the payload by at most [m]."""
 PERIOD_S = 0.01
