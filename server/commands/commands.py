@@ -21,13 +21,13 @@ from ..control.task.paths.goals import Goal, PathGoal, Pursuit
 from ..reflection.force_reflection import Reflector
 from ..refusals import Refused, Why
 from .clutch import Master
-from .frame_set import FrameSet
+from .frames.frame_set import FrameSet
+from .frames.placement import path_goal, placed
 from .goals import Goals
 from .haptic_handle import HapticHandle, reflector_of
 from .in_force import InForce
 from .insertion import InsertionCommands
 from .joint_commands import JointCommands
-from .placement import path_goal, placed
 from .settings import CellSettings, OperatorSettings
 from .streams import Stream
 from .wrench_goal import WrenchGoal

@@ -18,7 +18,7 @@ from ..control.spatial import Array, Pose
 from ..control.state import Settings
 from ..refusals import Refused, Why
 from ..stability.payloads import PayloadBounds
-from .frame_set import FrameSet
+from .frames.frame_set import FrameSet
 
 WRENCH_SOURCES = ("following", "force")
 """The sources that move the tool for what the sensor reads."""

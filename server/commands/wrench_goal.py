@@ -5,7 +5,7 @@ import numpy as np
 from ...protocols.messages.messages import Frame
 from ..control.frame_tree import FrameTree
 from ..control.spatial import Array, Pose, rotate_twist
-from .redefinition import wrench_kept
+from .frames.redefinition import wrench_kept
 
 
 class WrenchGoal:

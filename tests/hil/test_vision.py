@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages.moving import RigMotion
-from telerobot.tools.simulation.view_judge import ViewJudge
+from telerobot.tools.simulation.judges.view import ViewJudge
 
 pytestmark = [pytest.mark.hil, pytest.mark.usefixtures("rendering")]
 

@@ -11,7 +11,7 @@ from telerobot.config.schema.bus import Bus
 from telerobot.tools.checks.findings import Status
 from telerobot.tools.commands.check import judge
 from telerobot.tools.scripts.script import Script, load_script
-from telerobot.tools.simulation.observer import Observer
+from telerobot.tools.simulation.judges.observer import Observer
 from telerobot.tools.simulation.simulation import Simulation, simulate
 
 from .conftest import STICK, Run

@@ -3,8 +3,8 @@
 import msgpack
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.server.operators.memory_link import MemoryLink
 from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.memory_link import MemoryLink
 from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import STICK

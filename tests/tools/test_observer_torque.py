@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.simulation.observer import Observer
+from telerobot.tools.simulation.judges.observer import Observer
 
 BASE = load_cell("pa10_hand")
 CELL = replace(

@@ -22,14 +22,17 @@ from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ...server.daemon import build
-from ...server.operators.memory_link import MemoryLink
 from ...server.runtime.clock import VirtualClock
 from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
 from ..scripts.script import Script, load_script
-from .beam import beam_figures
 from .frame_sensors import SimulatedFrameSensors
-from .observer import Observer
+from .judges.observer import Observer
+from .judges.payload import beam_figures
+from .judges.tool import ToolJudge
+from .judges.tunnel import TunnelJudge
+from .judges.view import ViewJudge
+from .memory_link import MemoryLink
 from .result import (
     Result,
     contact_force,
@@ -40,9 +43,6 @@ from .result import (
     tick_times,
 )
 from .seeded_keys import seeded_keys
-from .tool_judge import ToolJudge
-from .tunnel_judge import TunnelJudge
-from .view_judge import ViewJudge
 from .virtual_buses import VirtualBuses
 
 ENABLE_WITHIN_S = 10.0

@@ -16,8 +16,8 @@ from ....protocols.codec import encode
 from ....protocols.messages.sightings import PoseVector, Sighting
 from ....protocols.topics import SIGHTING
 from ....server.control.spatial import Pose, rotation_exp
+from ...simulation.judges.view import ViewJudge
 from ...simulation.simulation import Simulation
-from ...simulation.view_judge import ViewJudge
 
 NOISE = (5e-4, 3e-3)
 """Standard deviation of a seen pose [m], [rad]."""

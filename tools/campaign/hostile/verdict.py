@@ -12,8 +12,8 @@ from ....config.schema.section import Pose
 from ....protocols.messages.rig import RigTruth
 from ...oracle.arm import Arm
 from ...oracle.poses import Array, difference, matrix
+from ...simulation.judges.tool import JUDGED_S
 from ...simulation.simulation import Simulation
-from ...simulation.tool_judge import JUDGED_S
 from .generator import Goal, Plan, generate
 from .sights import ComputedSights
 

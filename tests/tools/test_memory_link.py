@@ -1,6 +1,6 @@
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.server.operators.memory_link import MemoryLink
+from telerobot.tools.simulation.memory_link import MemoryLink
 
 
 def rest(link, topic):

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from ...protocols.messages.rig import RigTruth
+from ....protocols.messages.rig import RigTruth
 
 LAST_S = 1.0
 """The mean internal force is that of so long before the end [s]."""

@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-from ...config.load import Cell
-from ...config.schema.cameras import Camera, RigTag
-from ...protocols.messages.rig import RigTruth
-from ...protocols.messages.telemetry import Event
-from ...server.control.spatial import Pose, rotation_log
+from ....config.load import Cell
+from ....config.schema.cameras import Camera, RigTag
+from ....protocols.messages.rig import RigTruth
+from ....protocols.messages.telemetry import Event
+from ....server.control.spatial import Pose, rotation_log
 
 
 @dataclass(frozen=True)

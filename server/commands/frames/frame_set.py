@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-from ...config.schema.mechanism import Mechanism
-from ...config.schema.moving import Frames
-from ...config.schema.section import Pose as Place
-from ...protocols.messages.moving import FrameRequest
-from ..control.frame_tree import Body, FrameTree, Mount, Moved, UnknownFrame
-from ..control.spatial import Pose
+from ....config.schema.mechanism import Mechanism
+from ....config.schema.moving import Frames
+from ....config.schema.section import Pose as Place
+from ....protocols.messages.moving import FrameRequest
+from ...control.frame_tree import Body, FrameTree, Mount, Moved, UnknownFrame
+from ...control.spatial import Pose
 from .redefinition import placed_frame
 
 

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...protocols.messages.messages import Attitude, Frame, Place
-from ...protocols.messages.motion import PathMotion
-from ..control.spatial import Pose, rotate_twist, rotation_rpy
-from ..control.task.paths.goals import PathGoal, Route, Segment, TwistRoute
+from ....protocols.messages.messages import Attitude, Frame, Place
+from ....protocols.messages.motion import PathMotion
+from ...control.spatial import Pose, rotate_twist, rotation_rpy
+from ...control.task.paths.goals import PathGoal, Route, Segment, TwistRoute
 
 PoseOf = Callable[[Frame], Pose]
 """Where a frame is in World, now."""

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 
 from ...protocols.topics import Flow, Topic
-from .link import RawMessage, Receive, room
+from ...server.operators.link import RawMessage, Receive, room
 
 
 class MemoryLink:

@@ -1,9 +1,9 @@
 """Redefinition of MRF and CRF: their new pose, and a wrench that stays the same load."""
 
-from ...protocols.messages.moving import FrameRequest
-from ..control.frame_tree import FrameTree
-from ..control.rigid_body import wrench_to
-from ..control.spatial import Array, Pose, rotate_twist, rotation_rpy
+from ....protocols.messages.moving import FrameRequest
+from ...control.frame_tree import FrameTree
+from ...control.rigid_body import wrench_to
+from ...control.spatial import Array, Pose, rotate_twist, rotation_rpy
 
 
 def placed_frame(request: FrameRequest, tree: FrameTree, parent: str) -> Pose:

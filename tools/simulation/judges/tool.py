@@ -4,9 +4,9 @@ from collections import deque
 
 import numpy as np
 
-from ...config.load import Cell
-from ...protocols.messages.rig import RigTruth
-from ...server.control.spatial import Pose, rotation_log
+from ....config.load import Cell
+from ....protocols.messages.rig import RigTruth
+from ....server.control.spatial import Pose, rotation_log
 
 JUDGED_S = 0.5
 """The tool's error is the largest over this long before the end [s]."""

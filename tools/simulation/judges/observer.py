@@ -16,9 +16,9 @@ import itertools
 import struct
 from dataclasses import dataclass, field
 
-from ...config.load import Cell
-from ...config.schema.mechanism import Drive
-from ...config.schema.on_bus import Entry
+from ....config.load import Cell
+from ....config.schema.mechanism import Drive
+from ....config.schema.on_bus import Entry
 
 STEPS = (1.0, 2.0, 4.0)
 """Encoder steps of tolerance on first, second and third differences [1]."""

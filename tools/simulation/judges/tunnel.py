@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from ...config.load import Cell
-from ...protocols.messages.rig import RigTruth
-from ..oracle.arm import Arm
-from ..oracle.tunnel import Tunnel
+from ....config.load import Cell
+from ....protocols.messages.rig import RigTruth
+from ...oracle.arm import Arm
+from ...oracle.tunnel import Tunnel
 
 
 class TunnelJudge:

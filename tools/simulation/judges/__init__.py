@@ -1,0 +1,1 @@
+"""Judges of a simulated run: setpoints on the bus, tool, view, payload, tunnel."""
