@@ -5,12 +5,15 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from .mechanism import Payload
-from .section import Name, Pose, Positive, Section
+from .section import Name, Pose, Section
 from .sources.schedule import Schedule
 from .sources.sources import Sources
 
+Weight = Annotated[float, Field(ge=1e-3, le=1e3)]
+"""Beyond, one arm carries all: what is left of the others' shares is rounding."""
+
 Weights = Annotated[
-    tuple[Positive, Positive, Positive, Positive, Positive, Positive],
+    tuple[Weight, Weight, Weight, Weight, Weight, Weight],
     Field(description="forces x, y, z, then moments x, y, z"),
 ]
 

@@ -76,7 +76,7 @@ REFUSED = [
     (BEAM + "shares = [[1, 1, 1, 1, 1], [1, 1, 1, 1, 1, 1]]", "tasks[0].shares[0][5]: missing"),
     (
         BEAM + "shares = [[1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 1, 1]]",
-        "tasks[0].shares[0][5]: value 0: should be greater than 0",
+        "tasks[0].shares[0][5]: value 0: should be greater than or equal to 0.001",
     ),
     (BEAM + BEAM.replace('"beam"', '"rod"'), "tasks[1].by[0]: value 'left': holds 'beam' at start"),
     (BEAM + BEAM, "tasks[1].name: value 'beam': is there already"),
