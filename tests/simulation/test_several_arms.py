@@ -1,5 +1,7 @@
 """Two arms with a task each in one daemon: what each is told, what concerns both, and faults."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
@@ -160,13 +162,25 @@ def test_after_the_fault_of_one_both_are_reset_and_driven_again(play, pair):
     assert np.abs(run.states[-1].dq_command).max() > 0.01, "both sticks are still held"
 
 
-def test_a_stale_sensor_of_one_arm_holds_both(play, pair):
+@pytest.mark.parametrize("essential", [True, False])
+def test_a_stale_sensor_of_one_arm_holds_both_where_that_arm_needs_it(play, pair, essential):
+    mechanism = pair.config.mechanism
+    sensor = mechanism.force_torque.model_copy(update={"essential": essential})
+    mechanism = mechanism.model_copy(update={"force_torque": sensor})
+    config = pair.config.model_copy(update={"mechanism": mechanism})
     silent = {"kind": "silence", "target": "left.force_torque"}
-    run = play(*TOGETHER, {"at_s": 0.8, "rig/fault": silent}, seconds=2.0, cell=pair)
-    stale = run.events("sensor_stale")
-    assert [e.values["mechanism"] for e in stale] == ["left"]
-    essential = pair.parts[0].config.mechanism.force_torque.essential
+    run = play(
+        *TOGETHER,
+        {"at_s": 0.8, "rig/fault": silent},
+        seconds=2.0,
+        cell=dataclasses.replace(pair, config=config),
+    )
+    assert run.summary["failure"] is None
+    assert [e.values["mechanism"] for e in run.events("sensor_stale")] == ["left"]
     assert run.states[-1].mode == ("hold" if essential else "enabled")
+    for joints in (LEFT, RIGHT):
+        stands = np.abs(run.speeds(1.7, 2.0)[:, joints]).max() < 1e-3
+        assert stands == essential
 
 
 def test_the_description_names_every_task_and_its_joints(pair):
