@@ -111,7 +111,9 @@ class FrameTracker:
         for name, w in self._tracked.items():
             if w.track is not None and tick - w.track.tick > w.timeout:
                 w.track = None
-                self._tell("frame_lost", name, w.doubt)
+                # News that only repeats what was believed is no reason why newer is missing.
+                stale = w.doubt is not None and w.doubt.doubt is NewsRejection.OUT_OF_ORDER
+                self._tell("frame_lost", name, None if stale else w.doubt)
             w.followed = w.follower.step(w.followed, w.track, tick, self._lead_s, not moving)
         if self._tracked:
             self.moved = self._moved()

@@ -74,6 +74,16 @@ def test_news_is_told_of_when_it_is_doubted_lost_and_found_again(watch, events):
     assert np.abs(pose_error(after.T, before)).max() < 1e-3
 
 
+def test_news_told_twice_before_a_silence_is_not_why_the_frame_was_lost(watch, events):
+    home = Pose(np.eye(3), np.array([0.6, -0.3, 0.45]))
+    for tick in (1, 2, 2):
+        watch.take(news("carrier", tick, home), 3)
+    assert names(events) == [("frame_found", None), ("frame_rejected", "out_of_order")]
+    for tick in range(3, 40):
+        watch.step(tick, moving=True)
+    assert names(events) == [("frame_lost", "no_news")]
+
+
 def test_news_of_the_future_and_of_what_does_not_move_is_refused_by_name(watch, cell, events):
     with pytest.raises(Refused) as caught:
         watch.take(news("base", 11, Pose.identity()), 10)
