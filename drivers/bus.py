@@ -134,7 +134,7 @@ class LoopbackBus(UdpMulticastBus):
 
 
 class Hub:
-    """What the members of one in-process bus share: who they are, and the virtual time.
+    """State that the members of one in-process bus share: who they are, and the virtual time.
 
     `time_s` is set by whoever owns the time, and stamps every frame. `pump` is called when a
     member waits for a frame that is not there yet: it lets the others run.

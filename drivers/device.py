@@ -45,7 +45,7 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True)
 class Trouble:
-    """What is wrong with which device, in words and in values."""
+    """Fault of a device, in words and in values."""
 
     cause: Cause
     device: str

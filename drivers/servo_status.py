@@ -1,4 +1,4 @@
-"""What a servo drive says, what it was sent, and which statuswords are wrong."""
+"""Status of a servo drive, its last setpoint, and which statuswords are wrong."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,7 +11,7 @@ from .device import Cause, Trouble
 
 @dataclass(frozen=True, slots=True)
 class ServoReading:
-    """What the drive last said. Until its first TPDO it said nothing: `ready` is false."""
+    """Last status of the drive. Until its first TPDO there is none: `ready` is false."""
 
     ready: bool
     fresh: bool
@@ -40,7 +40,7 @@ class ServoReading:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """What `write` really sent; nothing (None) while the drive's position is not known."""
+    """Setpoint that `write` really sent; None while the drive's position is not known."""
 
     controlword: int
     raw: int | None

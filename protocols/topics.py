@@ -24,7 +24,7 @@ PREFIX = "telerobot"
 
 
 class Role(StrEnum):
-    """What somebody on the network is; access control follows from it (`roles.py`)."""
+    """Role of a party on the network; access control follows from it (`roles.py`)."""
 
     DAEMON = "daemon"
     OPERATOR = "operator"
@@ -87,7 +87,7 @@ class Topic:
     flow: Flow
     life: Life = Life.ONCE
     rate_hz: float | None = None
-    """What a well-behaved sender keeps to; None: when needed."""
+    """Rate that a well-behaved sender keeps to; None: when needed."""
     reliable: bool = False
     """Delivered reliably, blocking its sender; else real-time priority, dropped when congested."""
     largest: int | None = None

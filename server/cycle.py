@@ -57,7 +57,7 @@ class Cycle:
             name, timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
         )
         self.units = units = Units.from_cell(cell, control, events)
-        """What is commanded, perceived and computed for each arm."""
+        """The units: commands, perception and results of each arm."""
         services = Services(admission, events, Grants(name, admission, new_key))
         self._services = services
         inbox = Inbox(link, admission, clock.now, timing.period_s)

@@ -36,7 +36,7 @@ class UnitReading:
     enabled: bool
     """Every drive of the cell is in Operation enabled, and was told nothing else since."""
     wrench: Array | None
-    """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
+    """Wrench that the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float | None
     """None where there is no sensor, or it is not opened."""
     wrench_lag_s: float
@@ -72,7 +72,7 @@ class PlantReading:
     interlock: str | None = None
     """Why a device lets the arms not move; None: all let them."""
     values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
-    """What devices tell, by their names."""
+    """Readings of the devices, by their names."""
 
     @property
     def off(self) -> bool:

@@ -19,7 +19,7 @@ REPEAT: Final = 10
 
 @dataclass(frozen=True, slots=True)
 class GripperReading:
-    """What the module last said. It does not tell its outputs: nothing here says *closed*."""
+    """Last status of the module. It does not tell its outputs: nothing here says *closed*."""
 
     ready: bool
     state: NmtState | None

@@ -28,7 +28,7 @@ MOST_MISSED_SYNCS: Final = 3
 RESET_SYNCS: Final = 25
 """A fault reset that has not worked after this many SYNCs is given up."""
 OBEYED_SYNCS: Final = 3
-"""What a drive is told takes effect at the next SYNC; the one after samples it, and that answer may
+"""A drive's setpoint takes effect at the next SYNC; the one after samples it, and that answer may
 be counted as one to the SYNC after it: only from here on a statusword is about it."""
 SWITCH_OFF_S: Final = 1.0
 """A drive that is still on, or in its quick stop, so long after it was told to switch off does not

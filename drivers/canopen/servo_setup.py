@@ -1,4 +1,4 @@
-"""What a servo drive is told over SDO before it may move: a table, and how it is written.
+"""Set-up of a servo drive over SDO before it may move: a table, and how it is written.
 
 Each step that fails raises `DeviceError` naming joint, node, object and the drive's answer.
 """

@@ -1,4 +1,4 @@
-"""What RPDO1 carries in each cyclic synchronous mode: joint units to raw values, and back."""
+"""Setpoints in RPDO1 in each cyclic synchronous mode: joint units to raw values, and back."""
 
 from dataclasses import dataclass
 from typing import Final

@@ -33,7 +33,7 @@ class Certificate:
 
     @property
     def rights(self) -> Rights:
-        """What the holder may do."""
+        """Rights of the holder."""
         return rights(self.grants)
 
     @property

@@ -22,7 +22,7 @@ _SUFFICE: Final = {Role.OPERATOR: {Role.OPERATOR, Role.OBSERVER, Role.JUDGE}}
 
 @dataclass(frozen=True)
 class Identity:
-    """What a process shows of itself: a certificate of its folder's authority, and its key."""
+    """Identity of a process: a certificate of its folder's authority, and its key."""
 
     folder: Path
     certificate: Certificate

@@ -1,4 +1,4 @@
-"""What a `RigFault` message does to the rig. Every fault is taken back with `on = false`.
+"""Effects of a `RigFault` message on the rig. Every fault is taken back with `on = false`.
 
 | kind | target | value |
 |---|---|---|

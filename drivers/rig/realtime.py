@@ -38,7 +38,7 @@ class Judge(Protocol):
 
 @dataclass
 class Pace:
-    """What `run_realtime` did: steps made, steps of wall time skipped, faults refused."""
+    """Result of `run_realtime`: steps made, steps of wall time skipped, faults refused."""
 
     steps: int = 0
     skipped: int = 0

@@ -28,7 +28,7 @@ PERIMETER_PX = 32.0
 
 
 FARTHEST_M = 50.0
-"""What is farther away is no tag but an error [m]."""
+"""A tag that is farther away is an error [m]."""
 
 SAME_RAD = 0.02
 """Two poses this close together are one [rad]."""
@@ -48,7 +48,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Sight:
-    """What a picture showed."""
+    """Tag found in a picture."""
 
     candidates: tuple[Candidate, ...]
     """The better one first; none where the tag is not to be seen."""

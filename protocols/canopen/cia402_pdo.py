@@ -33,7 +33,7 @@ COMMAND_MAPPING: Final = {
     OperationMode.CSV: CSV_MAPPING,
     OperationMode.CST: CST_MAPPING,
 }
-"""What RPDO1 holds in each operation mode."""
+"""Contents of RPDO1 in each operation mode."""
 FEEDBACK_MAPPING: Final = (
     mapping_entry(Object.STATUSWORD, 0, 16),
     mapping_entry(Object.POSITION_ACTUAL, 0, 32),

@@ -1,4 +1,4 @@
-"""What crosses Zenoh to drive a mechanism as a whole: a hyper-redundant arm into its tunnels.
+"""Messages that drive a mechanism as a whole: a hyper-redundant arm into its tunnels.
 
 The envelope, units and conventions are those of `messages.py`.
 """

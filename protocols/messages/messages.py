@@ -1,4 +1,4 @@
-"""What crosses Zenoh, field by field, with frame, shape and unit: what the lease holder sends.
+"""Messages of the lease holder, field by field, with frame, shape and unit.
 
 Every message travels as a MessagePack map of its fields plus `v`, the protocol version
 (`codec.py`); `topics.py` says on which key. Quantities are SI; twists are `[v; ω]` and wrenches

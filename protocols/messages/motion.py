@@ -1,4 +1,4 @@
-"""What crosses Zenoh to lead a motion: paths, the master's pose, clutch and scale, the null space.
+"""Messages that lead a motion: paths, the master's pose, clutch and scale, the null space.
 
 The envelope, units and conventions are those of `messages.py`.
 """

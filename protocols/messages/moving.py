@@ -1,4 +1,4 @@
-"""What crosses Zenoh about frames that move, and about frames that are redefined.
+"""Messages about frames that move, and about frames that are redefined.
 
 The envelope, units and conventions are those of `messages.py`.
 """

@@ -1,4 +1,4 @@
-"""What tells the daemon of obstacles, and switches their avoidance."""
+"""Messages that tell the daemon of obstacles, and switch their avoidance."""
 
 from typing import Annotated, Literal
 
@@ -17,7 +17,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "box": ("xyz", "half_size"),
     "sight_line": ("xyz", "to"),
 }
-"""What a new obstacle of each shape is made of, beside what has a default."""
+"""Fields that a new obstacle of each shape needs, beside those with a default."""
 
 
 class ObstacleNews(Message):

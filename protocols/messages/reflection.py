@@ -1,4 +1,4 @@
-"""What crosses Zenoh for force reflection: the force for the operator's handle, and energies.
+"""Messages of force reflection: the force for the operator's handle, and energies.
 
 The envelope, units and conventions are those of `messages.py`.
 """
@@ -7,7 +7,7 @@ from .messages import Count, Identifier, Message, TaskCommand, Vector6
 
 
 class Reflection(Message):
-    """What the operator's handle shall push on the hand with, every tick (Williams 1997, eq. 6).
+    """Force of the operator's handle on the hand, every tick (Williams 1997, eq. 6).
 
     `wrench` [N, N·m] is −K_FR times the MRF's wrench, in the axes that the newest stick or
     master's pose is expressed in: a device makes it with the joint torques `J_HCᵀ wrench`. It is

@@ -1,4 +1,4 @@
-"""What an operator asks for over Zenoh: queries that always answer.
+"""Requests of an operator over Zenoh: queries that always answer.
 
 The envelope, units and conventions are those of `messages.py`.
 """

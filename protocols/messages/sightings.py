@@ -1,4 +1,4 @@
-"""What a camera's process tells the daemon, and what an operator may ask about views."""
+"""Messages of a camera's process, and an operator's requests about views."""
 
 from typing import Annotated
 
@@ -12,7 +12,7 @@ Pixels = Annotated[float, Field(ge=0, le=1e4)]
 
 
 class Sighting(Message):
-    """What one picture showed of a camera's tag; a sensor's reading, not an order.
+    """A camera's view of a tag in one picture; a sensor's reading, not an order.
 
     `tick` is the telemetry tick in which the picture was exposed. `poses` are the one or two poses
     `[x, y, z, roll, pitch, yaw]` [m, rad] of the tag in the Lens that explain its corners, the

@@ -1,4 +1,4 @@
-"""What the daemon tells over Zenoh: the state of every tick, events, and what a cell is.
+"""Telemetry of the daemon: the state of every tick, events, and the description of a cell.
 
 The envelope, units and conventions are those of `messages.py`.
 """
@@ -11,7 +11,7 @@ from .messages import Count, JointVector, Message, Value, Vector3, Vector6
 
 
 class TaskState(Message):
-    """What the daemon knows of one task and its arm, and did, every tick.
+    """State of one task and its arm, every tick.
 
     Poses are `[x, y, z, roll, pitch, yaw]` of the MRF in World; `target_mrf` is the pose that the
     position source leads to. `sources` holds each source's twist as it entered the sum, at the MRF
@@ -80,7 +80,7 @@ class TaskState(Message):
 
 
 class State(TaskState):
-    """What the daemon knows and did, every tick: the cell's joints, mode and lease, and its tasks.
+    """State of a cell, every tick: its joints, mode and lease, and its tasks.
 
     What stands here of a task is of the cell's first, or only one; `tasks` has the others by name.
     Joint vectors are of all joints, in the order of the description. `command_age_ticks` is how old
@@ -98,7 +98,7 @@ class State(TaskState):
     tau: JointVector
     following_error: JointVector
     devices: dict[str, dict[str, Value]] = Field(default_factory=dict)
-    """What other devices on the bus say, by their names."""
+    """Readings of other devices on the bus, by their names."""
     avoiding: bool = False
     gaps: tuple[tuple[str, str, float, bool], ...] = ()
     speed_factor: float
@@ -134,7 +134,7 @@ class Event(Message):
 
 
 class TaskDescription(Message):
-    """What an operator needs to know of a task and its arm before driving it."""
+    """Description of a task and its arm, for an operator who is to drive it."""
 
     task: str
     mechanism: str
@@ -151,7 +151,7 @@ class TaskDescription(Message):
 
 
 class Description(TaskDescription):
-    """What an operator needs to know of a cell before driving it.
+    """Description of a cell, for an operator who is to drive it.
 
     What stands here of a task is of the cell's first, or only one; `tasks` has the others.
     """

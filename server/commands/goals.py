@@ -15,7 +15,7 @@ class Goals:
         self.goal: Goal | None = None
         """Path or pursuit; poses in it are in World, or on `ground`."""
         self.ground = "world"
-        """What the goal is measured against."""
+        """The frame that the goal is measured against."""
         self.T_wrist_goal = T_wrist_mrf
         """The point of the tool that is led to the goal: the MRF that it was commanded for."""
         self.paused = False

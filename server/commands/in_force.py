@@ -27,7 +27,7 @@ class InForce(NamedTuple):
     R_world_wrench: Array | None
     """Axes (3, 3) of the desired wrench in World, None for the MRF's."""
     ground: str
-    """What motion is relative to."""
+    """The frame that motion is relative to."""
     T_wrist_goal: Pose
     """The point of the tool that is led to the goal."""
     drive: Driven

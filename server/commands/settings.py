@@ -62,7 +62,7 @@ class OperatorSettings:
         self.T_wrist_sensor = None
         """None without a sensor."""
         self.payload = None
-        """What hangs on the sensor; None without a sensor."""
+        """Payload on the sensor; None without a sensor."""
         if sensor is not None:
             place = sensor.T_wrist_sensor
             self.T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)

@@ -1,4 +1,4 @@
-"""What the tick needs to know of a cell, as arrays."""
+"""Parameters of the tick: a cell as arrays."""
 
 from dataclasses import dataclass
 
@@ -48,12 +48,12 @@ class Parameters:
     schedules: tuple[Schedule, ...]
     sources: Sources
     shaping: Shaping
-    """What bounds the sources' rates."""
+    """Bounds of the sources' rates."""
     T_wrist_tool: Pose
     """The MRF at start: singularities are judged there, whatever the MRF is later."""
     T_wrist_sensor: Pose | None
     payload: Payload
-    """What hangs on the sensor, unless an operator says otherwise."""
+    """Payload on the sensor, unless an operator says otherwise."""
     rated_payload: float
     """No load is heavier [kg]; infinite where the cell says none."""
     wrench_calibration: Array
@@ -67,10 +67,10 @@ class Parameters:
     priority: Priority | None
     """Virtual spheres; None where the cell has none."""
     operation_mode: str
-    """What the drives are sent: "csp", "csv" or "cst"."""
+    """Mode of the drives: "csp", "csv" or "cst"."""
     torque: Torque
     rotor_inertia: Array
-    """What the drives' rotors add at the joints [kg·m²]."""
+    """Inertia of the drives' rotors at the joints [kg·m²]."""
     friction: Array
     """Coulomb friction at the joints [N·m]."""
     max_torque: Array

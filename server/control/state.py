@@ -1,4 +1,4 @@
-"""What goes into a tick, what it remembers, and what comes out.
+"""Inputs, memory and outputs of a tick.
 
 Time is an input. All values are immutable by agreement: a tick builds new ones.
 """
@@ -33,7 +33,7 @@ from .task.task import TaskMemory
 
 
 class Intent(Enum):
-    """What the daemon's mode lets the tick do."""
+    """Permission of the daemon's mode to the tick."""
 
     SEED = auto()
     """Drives are not enabled: the command is where the joints are."""
@@ -47,7 +47,7 @@ class Intent(Enum):
 
 @dataclass(frozen=True)
 class Settings:
-    """What an operator may change while running; the tick ramps every change."""
+    """Settings that an operator may change while running; the tick ramps every change."""
 
     gains: dict[str, Array]
     """Effective gain (6,) of each source by name; zeros where it is switched off. One that is left
@@ -80,7 +80,7 @@ class Inputs:
     energised: Array | None = None
     """Which drives (n,) are already on while the arm is being enabled: they keep their command."""
     wrench_sensor: Array | None = None
-    """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
+    """Wrench that the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     wrench_age_s: float = 0.0
     """How much older the wrench's sample is than the joints' [s]."""
     wrench_mean: tuple[Array, float] | None = None
@@ -105,7 +105,7 @@ class Inputs:
     moved: Moved | None = None
     """Base and Carrier in a cell where they may move; None: Base stands."""
     ground: str = "world"
-    """What sources move the MRF relative to; a goal is placed on it."""
+    """Frame that sources move the MRF relative to; a goal is placed on it."""
     T_wrist_goal: Pose | None = None
     """The point of the tool that is led to the goal: the MRF of when it was ordered; None: the MRF
     of now."""
@@ -117,7 +117,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Memory:
-    """What one tick hands to the next."""
+    """Memory that one tick hands to the next."""
 
     motion: Motion
     """Commanded joints: what the drives were last told to reach."""
@@ -128,9 +128,9 @@ class Memory:
     objectives: ObjectiveGains
     """The redundancy objectives' gains in effect."""
     task: TaskMemory
-    """What the sources remember."""
+    """Memory of the sources."""
     wrist: WristMemory = field(default_factory=WristMemory)
-    """What the force/torque sensor told."""
+    """Readings of the force/torque sensor."""
     quickness: float = 0.0
     """Greatest acceleration that the tool was lately told [m/s²]."""
     moving_since_s: float | None = None
@@ -138,14 +138,14 @@ class Memory:
     levels: Levels = field(default_factory=dict)
     """Best gap so far of pairs of links and obstacles that are below their bounds."""
     near: Near | None = None
-    """What is near the virtual spheres; None in a cell without any."""
+    """Obstacles near the virtual spheres; None in a cell without any."""
     torque: TorqueState | None = None
-    """What the torque law remembers, with drives in CST."""
+    """Memory of the torque law, with drives in CST."""
     retreat: RetreatState | None = None
     """The way that led here, and how far the arm gave way on it; None in a cell that feels nothing.
     """
     resistance: Resistance | None = None
-    """What holds the arm up; None before the first tick."""
+    """The resistance that holds the arm up; None before the first tick."""
     held: Held | None = None
     """The payload that it holds with others; None for an arm with a task alone."""
     insertion: Insertion | None = None
@@ -153,13 +153,13 @@ class Memory:
 
 
 class Output(NamedTuple):
-    """What one tick decided, and why."""
+    """Decisions of one tick, and their reasons."""
 
     q: Array
     """Joint command (n,) [rad]."""
     dq: Array
     command: Array
-    """What the drives are sent for it (n,): rad, rad/s or N·m."""
+    """Setpoints of the drives (n,): rad, rad/s or N·m."""
     refusal: str | None
     """Why the gate refused the command; the drives must quick-stop then."""
     at_rest: bool
@@ -183,7 +183,7 @@ class Output(NamedTuple):
     objectives: ObjectiveGains
     """The redundancy objectives' gains in effect."""
     self_motion: SelfMotion
-    """What the null space was asked to do."""
+    """Joint rates that were asked of the null space."""
     at_goal: bool
     """True when a position or posture goal is reached."""
     bleeding: bool = False
@@ -198,7 +198,7 @@ class Output(NamedTuple):
     shown: Shown | None = None
     """The pairs of links and obstacles that are near; None where clearances are not kept."""
     near: Near | None = None
-    """What is near the virtual spheres; None in a cell without any."""
+    """Obstacles near the virtual spheres; None in a cell without any."""
     insertion: Insertion | None = None
     """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
     stop_worsened: bool = False

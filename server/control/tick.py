@@ -51,7 +51,7 @@ class Control:
         self.allow = Allow(every, T, p.resolve.characteristic_length, guard)
         self.limiter = self._limiter_of(())
         self.joint: JointTasks | None = None
-        """What several arms may hold together; None in a cell without joint tasks."""
+        """Payloads that several arms may hold together; None in a cell without joint tasks."""
         if cell is not None and cell.joint_tasks:
             self.joint = JointTasks(cell, self.arms, self._limiter_of)
         # Scratch: how all joints were told to go in the last tick, and those of each arm.

@@ -20,17 +20,17 @@ OVER_S = 0.2
 """A touch is over once nothing has pushed for so long [s]."""
 
 COMING_TO_REST_S = 0.5
-"""What is felt so long after the arm came to rest, it ran into [s]."""
+"""A contact that is felt so long after the arm came to rest is one that it ran into [s]."""
 
 STEADY_S = 0.2
-"""What pushes the tool is averaged over this time [s]."""
+"""The wrench on the tool is averaged over this time [s]."""
 
 SETTLED_S = 0.3
 """An arm that asked for no retreat for so long has given way as far as it will [s]."""
 
 
 class _Told(Enum):
-    """What operators were told of giving way."""
+    """Stages of giving way that operators were told of."""
 
     NOTHING = auto()
     GIVING = auto()
@@ -61,9 +61,9 @@ class ContactRelease:
         self._past: deque[_Push] = deque(maxlen=round(LOOKBACK_S / p.period_s))
         self._free: _Push | None = None
         self._tool_free: Array | None = None
-        """What pushed the tool (6,) on average, the newest before it was touched."""
+        """Mean wrench on the tool (6,), the newest before it was touched."""
         self._seen: deque[Array] = deque(maxlen=max(1, round(STEADY_S / p.period_s)))
-        """What pushed the tool lately (6,) each."""
+        """The latest wrenches on the tool (6,) each."""
         self._rested_s = np.inf
         self._free_s = self._settled_s = self._tool_free_s = 0.0
         self._tool = self._tool_lasting = False

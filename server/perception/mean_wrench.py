@@ -9,7 +9,7 @@ from ..control.spatial import Array, Pose, sizes
 from ..control.state import Output
 
 AVERAGE_S = 0.2
-"""What is measured is averaged over this time [s]."""
+"""The measured wrench is averaged over this time [s]."""
 NEWEST = 5
 """And over so many ticks where it is to be known how it changes [1]."""
 

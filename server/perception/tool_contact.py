@@ -25,7 +25,7 @@ SETTLED_S = 0.3
 MEAN_OF = 4
 """The tool's acceleration is measured as a mean of so many ticks [1]."""
 SEEN_WITHIN = 8
-"""What is commanded is measured within so many ticks [1]."""
+"""A command is measured within so many ticks [1]."""
 TURNED = 0.2
 """A tool that has turned by more is compared with what is measured there [rad]."""
 

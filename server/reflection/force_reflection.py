@@ -59,7 +59,7 @@ class Reflector:
         self.protected = True
         self.port = Port()
         self.wrench = np.zeros(6)
-        """What the arm exerts, scaled, at the MRF in World axes (6,) [N, N·m]."""
+        """Wrench that the arm exerts, scaled, at the MRF in World axes (6,) [N, N·m]."""
         self.slope = 0.0
         """Steady scaled force for each rate of the stick [N·s/m]."""
         self.ledger = 0.0

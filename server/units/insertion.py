@@ -1,4 +1,4 @@
-"""What is told of an arm in its tunnels."""
+"""Telemetry of an arm in its tunnels."""
 
 from ...config.load import Cell
 from ..control.arm.arm import Arm

@@ -23,11 +23,11 @@ from .unit import Unit
 AT_THE_ARM = (
     motion.RedundancyRequest, requests.GripperRequest, requests.AcknowledgeLoad, m.CancelGoals,
 )  # fmt: skip
-"""What may concern one arm alone while it holds a payload with others."""
+"""Requests that may concern one arm alone while it holds a payload with others."""
 
 
 class JointUnit:
-    """What the daemon keeps for one joint task; its arms are units with all that is theirs."""
+    """Commands and memory of one joint task; its arms are units with all that is theirs."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class JointUnit:
         self.on = section.at_start
         """The arms hold the payload."""
         self.output: Output | None = None
-        """What the last tick decided of the task; None while it is off."""
+        """Output of the task in the last tick; None while it is off."""
         self._told = [0] * len(units)
 
     @property

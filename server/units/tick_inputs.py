@@ -21,7 +21,7 @@ INTENTS = {
     Mode.HOLD: Intent.HOLD,
     Mode.FAULT: Intent.SEED,
 }
-"""What each mode lets the tick do."""
+"""The tick's permission in each mode."""
 
 
 def tick_inputs(

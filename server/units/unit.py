@@ -21,7 +21,7 @@ LED = 1e-3
 
 
 class Unit:
-    """What the daemon keeps for one arm; `joints` is where its joints are among the cell's."""
+    """Commands, perception and memory of one arm; `joints`: where its own are among the cell's."""
 
     def __init__(
         self, cell: Cell, arm: Arm, joints: slice, settings: CellSettings, events: Events
@@ -39,7 +39,7 @@ class Unit:
         self.q: Array | None = None
         """Where the joints (n,) were measured last [rad]."""
         self.output: Output | None = None
-        """What the last tick decided; None before the first."""
+        """Output of the last tick; None before the first."""
 
     @property
     def T_world_mrf(self) -> Pose | None:

@@ -20,7 +20,7 @@ SPARE = 0.012
 BEND = 0.9
 """Part of the joints' range that the curve may take [1]."""
 APART = 0.12
-"""What is so far apart along the arm is not to meet [m]."""
+"""Points that are so far apart along the arm are not to meet [m]."""
 
 
 def passable(

@@ -10,7 +10,7 @@ from .poses import Array, matrix, skew
 STEP = 0.004
 """Points of the centre line are at most so far apart [m]."""
 INSIDE = 2.0
-"""What is farther from the centre line than this many half widths is not in the tunnel [1]."""
+"""Points farther from the centre line than this many half widths are not in the tunnel [1]."""
 
 
 class Tunnel:

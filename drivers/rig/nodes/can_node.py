@@ -22,7 +22,7 @@ _SELF_STARTED = {
 
 
 class CanNode:
-    """What every CANopen slave does; a device derives from it and fills in the `on_…` methods.
+    """Base of every CANopen slave; a device derives from it and fills in the `on_…` methods.
 
     `clock` is the physics' time [s]. Frames are handled when they come; a synchronous RPDO takes
     effect at the next SYNC, after the TPDOs of that SYNC have been sampled and sent.

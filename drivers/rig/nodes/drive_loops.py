@@ -44,7 +44,7 @@ class DriveLoops:
         self.error = np.zeros(n)
         """Following error: reference minus position [rad]."""
         self.torque = np.zeros(n)
-        """What the motors give [N·m]."""
+        """Torques of the motors [N·m]."""
         self.reported = np.zeros(n)
         """The same as the drives report it, low-passed [N·m]."""
         self._reporting = np.concatenate(

@@ -25,7 +25,7 @@ class Sender(Protocol):
 
 
 class NodeLink:
-    """What one node sends and hears passes through here, faults included.
+    """A node's link to its bus: all it sends and hears passes through here, faults included.
 
     `silent`: neither sends nor hears. `drop`, `corrupt`: probability per frame, each direction;
     a corrupted frame has one bit turned. `delay_s`: frames are late by so much physics time.

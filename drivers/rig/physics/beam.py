@@ -85,7 +85,7 @@ class Beam:
         self._p, self._R = np.zeros((k, 3)), np.zeros((k, 3, 3))
         self._closed = [True] * k
         self.wrenches = np.zeros((k, 6))
-        """What each arm exerts on the payload, at its pad (k, 6) [N, N·m]."""
+        """Wrench that each arm exerts on the payload, at its pad (k, 6) [N, N·m]."""
         self._apart = np.zeros((k, 3))
         self._lifted = np.zeros(3)
         self._pegs = [int(model.body(f"{BEAM}_peg_{i}").id) for i in range(len(rig.beam.pegs))]

@@ -1,4 +1,4 @@
-"""What the rig's geoms have in common: who touches whom and how hard, and how poses are written."""
+"""Common to the rig's geoms: who touches whom and how hard, and how poses are written."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""What moves in the virtual world: the platform under the arm, and the Carrier."""
+"""Movers of the virtual world: the platform under the arm, and the Carrier."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from ....protocols.messages.moving import RigMotion
 Vector = NDArray[np.float64]
 
 MOST_ACCELERATION = 50.0
-"""What a sway may ask for at its turning points [m/s², rad/s²]."""
+"""Greatest acceleration of a sway, at its turning points [m/s², rad/s²]."""
 _TAKE_UP = 4.0
 """Natural frequency with which a sway is taken up and laid down [rad/s]."""
 

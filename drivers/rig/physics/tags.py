@@ -12,7 +12,7 @@ KINDS = ("cover", "move")
 
 
 class Tags:
-    """What faults have done to a rig's tags."""
+    """Effects of faults on a rig's tags."""
 
     def __init__(self, tags: Sequence[RigTag]) -> None:
         self._home: dict[str, Vector6 | None] = {}

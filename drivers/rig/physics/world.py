@@ -74,7 +74,7 @@ class World:
         for joint in range(self.n):
             self.set_brake(joint, closed=True)
         self.beam: Beam | None = None
-        """What the arms of a joint task hold; None where they hold nothing."""
+        """The payload that the arms of a joint task hold; None where they hold nothing."""
         if cell.config.rig.beam is not None:
             self.beam = Beam(self.model, self.data, cell)
             self.beam.grasp()

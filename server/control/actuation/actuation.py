@@ -1,4 +1,4 @@
-"""What the drives are sent for a commanded motion: positions, speeds or torques.
+"""Setpoints of the drives for a commanded motion: positions, speeds or torques.
 
 The last stage before the bus. It changes no motion: it says the same motion in the unit of the
 drives' operation mode, and refuses a torque or a speed that is not to be sent, as the gate refuses
@@ -19,7 +19,7 @@ from .torque import TorqueLaw, Torques, TorqueState
 
 
 class Now(NamedTuple):
-    """What an actuation may look at."""
+    """Inputs of an actuation."""
 
     q: Array
     """Joints as measured (n,) [rad]."""
@@ -32,7 +32,7 @@ class Now(NamedTuple):
     commanded: Kinematics
     """Where the command was before this tick."""
     wrench_on_arm: Array | None
-    """What pushes the arm, at and in the MRF (6,); None when stale."""
+    """Wrench that pushes the arm, at and in the MRF (6,); None when stale."""
     T_wrist_mrf: Pose
     time_s: float
     settled: bool

@@ -22,13 +22,13 @@ STANDS = 1e-3
 FORCE, MOMENT, ANGLE = 5.0, 0.5, math.radians(6.0)
 """A sensor may be off by so much, and its mounting [N, N·m, rad]."""
 LEVER, NEAREST = 0.5, 0.01
-"""What hangs on the sensor is at most, and at least, so far from it [m]."""
+"""Least and greatest distance from the sensor of a load that hangs on it [m]."""
 LEVEL = 0.1
 """A tool that is nearer to upright does not tell where on it a weight is: sin² of its angle [1]."""
 
 
 class Believed(NamedTuple):
-    """What of the reading is left out, and what that was judged by."""
+    """The part of the reading that is left out, and the figures that it was judged by."""
 
     left_out: Array
     """(6,) at and in the Wrist [N, N·m]."""

@@ -18,7 +18,7 @@ SWEEPS = 30
 """At most so many times Jacobi's rotations go over a matrix; six of them are usual."""
 
 ROUNDING = 1e-30
-"""What is left beside a diagonal is rounding: sum of squares against the diagonal's [1]."""
+"""Off-diagonal entries below this are rounding: sum of squares against the diagonal's [1]."""
 
 
 @compiled(MATRIX, VECTOR)

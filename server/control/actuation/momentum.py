@@ -16,7 +16,7 @@ from ..spatial import Array
 
 
 class MomentumState(NamedTuple):
-    """What the observer remembers."""
+    """Memory of the observer."""
 
     expected: Array
     """Momentum (n,) that what is known, and the residual, would have made [N·m·s]."""
@@ -38,9 +38,9 @@ class Foreseen(NamedTuple):
     residual: Array
     """The observer's torque (n,), of now [N·m]."""
     answer: Array
-    """What answers that, and the force that is felt (n,) [N·m]."""
+    """Torque that answers that and the measured force (n,) [N·m]."""
     rubbing: Array
-    """What overcomes friction (n,) [N·m]."""
+    """Torque that overcomes friction (n,) [N·m]."""
     beyond: NDArray[np.bool_]
     """Joints (n,) of which more was found than is answered."""
 

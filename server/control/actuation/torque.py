@@ -1,4 +1,4 @@
-"""What drives in CST are sent: the computed torque, and what is measured and found beside it.
+"""Torque setpoints of drives in CST: the computed torque, with measured and observed forces.
 
     τ = M q̈* + h − Jᵀ F − r
 
@@ -43,7 +43,7 @@ _NONE = np.zeros(6)
 
 
 class TorqueState(NamedTuple):
-    """What the law remembers of the last tick."""
+    """Memory of the law from the last tick."""
 
     q: Array
     """Joints as measured (n,) [rad]."""
@@ -56,9 +56,9 @@ class TorqueState(NamedTuple):
     momentum: MomentumState
     time_s: float
     lasting: Array | None = None
-    """What lasts of the wrench (6,) on the arm, at and in the Wrist [N, N·m]; None at first."""
+    """Lasting part of the wrench (6,) on the arm, at and in the Wrist [N, N·m]; None at first."""
     believed: Believed = NOTHING_LEFT_OUT
-    """What of the measured wrench is left out."""
+    """The part of the measured wrench that is left out."""
 
 
 class Torques(NamedTuple):

@@ -1,4 +1,4 @@
-"""What one arm is asked for in a tick: the sum of its task's sources, as joint rates."""
+"""Request to one arm in a tick: the sum of its task's sources, as joint rates."""
 
 import math
 from typing import NamedTuple
@@ -57,7 +57,7 @@ class Seen(NamedTuple):
     error: Array
     """How far the command was ahead of the joints (n,) [rad]."""
     wrench: Array | None
-    """What the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
+    """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
     hand: Array | None
     """The same of the mean readings."""
 

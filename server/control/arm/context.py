@@ -1,4 +1,4 @@
-"""What the sources of a task see of one tick, and what a task tells of its goal."""
+"""Inputs of a task's sources in one tick, and telemetry of its goal."""
 
 import math
 from functools import partial

@@ -24,7 +24,7 @@ from .slither import Slither
 
 
 class Stages:
-    """What one arm goes through in a tick. Holds constants and scratch memory only."""
+    """Stages of one arm in a tick. Holds constants and scratch memory only."""
 
     def __init__(
         self, p: Parameters, mechanism: Mechanism, backbone: Backbone | None = None

@@ -1,4 +1,4 @@
-"""What of the asked joint rates every barrier allows.
+"""Barriers: the part of the asked joint rates that all of them allow.
 
 Scaled to the joint speed bounds first, and beside things to the tool's; then the nearest rates that
 keep every barrier: self-motion is spent first, then speed along the path, and only then the path,
@@ -28,7 +28,7 @@ from .velocity_damper import Rows
 
 
 class BarrierInputs(NamedTuple):
-    """What barriers have to know of one mechanism in one tick."""
+    """Inputs of the barriers from one mechanism in one tick."""
 
     dq: Array
     """Joint rates that are asked for (n,) [rad/s]."""
@@ -41,7 +41,7 @@ class BarrierInputs(NamedTuple):
     way: Array
     """Way of the command (n,) [rad] in the tick whose effect is measured now."""
     resistance: Resistance | None
-    """What holds the arm up; None before the first tick."""
+    """The resistance that holds the arm up; None before the first tick."""
     may_move: bool
     T_wrist_mrf: Pose
     together: bool = False
@@ -53,7 +53,7 @@ class BarrierInputs(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """What all mechanisms of a cell have in common in one tick."""
+    """Inputs of the barriers that all mechanisms of a cell have in common in one tick."""
 
     levels: Levels
     """Best gap so far of pairs that are below their bounds."""
@@ -92,20 +92,20 @@ class Allowed(NamedTuple):
     """Share of its own speed at which a path may go on, 0 to 1: it leads a tool that slides, and
     waits for one that the leash holds."""
     resistance: Resistance
-    """What the next tick has to know of what holds the arm up."""
+    """The resistance that holds the arm up, for the next tick."""
 
 
 class Clear(NamedTuple):
-    """What keeps a cell clear in one tick; nothing where clearances are not kept."""
+    """Collision barriers of one tick; empty where clearances are not kept."""
 
     watch: Watch | None = None
-    """What is around the mechanisms."""
+    """The surroundings of the mechanisms."""
     shown: Shown | None = None
     """The pairs that are near."""
 
     @property
     def levels(self) -> Levels:
-        """What the next tick has to know of gaps that are below their bounds."""
+        """Gaps below their bounds, for the next tick."""
         return {} if self.watch is None else self.watch.levels
 
 

@@ -39,7 +39,7 @@ class Tool(NamedTuple):
 
 
 class Situation(NamedTuple):
-    """What one tick has to know of the n joints of a cell."""
+    """Inputs of one tick for the n joints of a cell."""
 
     q: Array
     dq: Array

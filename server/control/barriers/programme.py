@@ -63,7 +63,7 @@ _SLOWED = 0.999
 """Rates that keep this share were not slowed but for rounding [1]."""
 
 Fallback = Literal["", "barriers_softened", "barriers_slow", "barriers_stand"]
-"""What was done where the solver failed: nothing; barriers were soft to it, and then kept by the
+"""Ways out where the solver failed: none needed; barriers were soft to it, and then kept by the
 nearest rates that do; those were slowed towards standing; the arm stands, or just leads back."""
 
 
@@ -78,7 +78,7 @@ class Nearest(NamedTuple):
     """Share of its asked speed at which each path itself may go on (t,): that of the motion whose
     projection this is, `SLIDE` at least."""
     fallback: Fallback = ""
-    """What was done where the solver failed."""
+    """The way out that was taken where the solver failed."""
 
 
 class BarrierError(Exception):

@@ -32,16 +32,16 @@ _STANDS = 1e-7
 
 
 class Resistance(NamedTuple):
-    """What an arm remembers of what holds it up."""
+    """Memory of a resistance that holds an arm up."""
 
     error: Array
-    """What the command was ahead of the joints in the last tick (n,) [rad]."""
+    """Lead of the command over the joints in the last tick (n,) [rad]."""
     pressed: Array
     """The way of a tick (n,) [rad] on which a joint fell behind last; zero: none did."""
 
 
 class Resisted(NamedTuple):
-    """What is left of joint rates."""
+    """The part of joint rates that a resistance leaves."""
 
     share: float
     """0 to 1."""

@@ -62,7 +62,7 @@ class Walled(NamedTuple):
 
 
 class Braking:
-    """What n joints can brake, at full or reduced acceleration."""
+    """Braking ability of n joints, at full or reduced acceleration."""
 
     def __init__(self, acceleration: Array, jerk: Array, period_s: float) -> None:
         self.acceleration = acceleration

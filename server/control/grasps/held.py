@@ -10,7 +10,7 @@ from ..task.task import TaskMemory
 
 @dataclass(frozen=True)
 class Held:
-    """What one arm remembers of the payload that it holds with others.
+    """Memory of one arm of the payload that it holds with others.
 
     The payload's frame is where the shared MRF was at start.
     """
@@ -24,7 +24,7 @@ class Held:
     force: ForceState = field(default_factory=ForceState)
     """Internal force being bled off in HOLD."""
     shared: TaskMemory | None = None
-    """What the sources of the joint task remember; of its first arm only."""
+    """Memory of the joint task's sources; of its first arm only."""
     redefined: int = 0
     """How often views had drifted so far apart that it was told."""
     light_s: float = 0.0
@@ -32,12 +32,12 @@ class Held:
 
 
 class Holding(NamedTuple):
-    """What one arm tells of the payload that it holds with others."""
+    """Telemetry of one arm about the payload that it holds with others."""
 
     task: str
     """Name of the joint task."""
     wrench: Array | None
-    """What it exerts on the payload at its grasp, axes of the MRF (6,); None when stale."""
+    """Wrench that it exerts on the payload at its grasp, axes of the MRF (6,); None when stale."""
     desired: Array
     """Its share of what all are to exert (6,)."""
     internal_force: float | None

@@ -1,4 +1,4 @@
-"""What pushes an arm that holds: unseen at its joints, or seen by a sensor."""
+"""Forces that push an arm in HOLD: estimated at its joints, or seen by a sensor."""
 
 import math
 from typing import NamedTuple
@@ -20,9 +20,9 @@ class Pushed(NamedTuple):
     external: Array
     """Torques that nothing explains."""
     excused: Array
-    """What of that friction and inertia may be."""
+    """The part of that which may be friction and inertia."""
     bound: Array
-    """What means contact beyond that."""
+    """Bound beyond that which means contact."""
     touched: bool = False
     """The arm was stopped for it, and is to give way."""
     lasting: bool = False
@@ -30,7 +30,7 @@ class Pushed(NamedTuple):
     free: Array | None = None
     """`external` before it was touched; None where that is not known."""
     wrench: Array | None = None
-    """What the force/torque sensor sees push the tool (6,), at the MRF in World axes [N, N·m]."""
+    """Wrench on the tool by the force/torque sensor (6,), at the MRF in World axes [N, N·m]."""
     steady: Array | None = None
     """The mean of that over the last ticks: the arm's own jerks are not in it."""
     free_wrench: Array | None = None

@@ -38,7 +38,7 @@ class Grasping(NamedTuple):
     desired: Array
     """Each arm's share of the weight, and of the wrench that an operator asks for."""
     exerted: tuple[Array | None, ...]
-    """What each exerts (6,), None when stale."""
+    """Wrench that each exerts (6,), None when stale."""
     internal_force: float | None
     """Greatest force that moves nothing, beyond what the shares mean [N]; None without all."""
 

@@ -1,4 +1,4 @@
-"""What a joint task makes of one tick: for each of its arms, and for all."""
+"""Results of a joint task in one tick: for each of its arms, and for all."""
 
 from typing import NamedTuple
 

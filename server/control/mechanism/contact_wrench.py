@@ -46,7 +46,7 @@ _NOWHERE: Final = np.empty((0, 3, 4))
 
 
 class WrenchState(NamedTuple):
-    """What the next sample is seen with; empty before the first one and after a stale one."""
+    """State of the filter for the next sample; empty before the first one and after a stale one."""
 
     wrench: Array | None = None
     """Filtered contact wrench (6,) at and in the Sensor frame."""

@@ -40,17 +40,17 @@ class Wish(NamedTuple):
 
 
 class Around(NamedTuple):
-    """What is around a mechanism."""
+    """Surroundings of a mechanism."""
 
     scene: Scene | None
     near: Near | None
-    """What is near its control points; None in a cell without any."""
+    """Obstacles near its control points; None in a cell without any."""
     T_world_base: Pose | None
     """Where a Base that moves is; None: Base stands."""
     placed: Placed | None
     """Its capsules at the commanded posture, where they are known already."""
     wrench: Array | None = None
-    """What it exerts, at and in the MRF (6,) [N, N·m]; None where that is not known."""
+    """Wrench that it exerts, at and in the MRF (6,) [N, N·m]; None where that is not known."""
 
 
 class JointRates(NamedTuple):

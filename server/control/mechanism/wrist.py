@@ -1,4 +1,4 @@
-"""What one wrist's sensor tells: the contact wrench, with the load in effect taken off."""
+"""Contact wrench of one wrist's sensor, with the load in effect taken off."""
 
 import math
 from typing import NamedTuple
@@ -18,7 +18,7 @@ LOAD_TIME_S = 0.15
 
 
 class WristMemory(NamedTuple):
-    """What a wrist remembers from tick to tick."""
+    """Memory of a wrist from tick to tick."""
 
     wrench: WrenchState = WrenchState()
     load: Array | None = None
@@ -29,7 +29,7 @@ class Sample(NamedTuple):
     """One tick's reading of the sensor."""
 
     wrench: Array | None
-    """What the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
+    """Wrench that the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
     age_s: float
     """How much older it is than the joints' sample [s]."""
     mean: tuple[Array, float] | None

@@ -60,7 +60,7 @@ class Gate:
 
 
 _FINE, _NO_NUMBER, _OUTSIDE = -1, -2, -3
-"""What is wrong, besides the order of a difference that is too large: 0, 1 or 2."""
+"""Faults beside the order of a difference that is too large: 0, 1 or 2."""
 
 
 @compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX)

@@ -1,4 +1,4 @@
-"""What operators and devices ask of one task in one tick."""
+"""Requests of operators and devices to one task in one tick."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,7 +20,7 @@ class ViewGoal:
     """Where something that moves with the Wrist is to be, so that the view is the desired one."""
 
     T_wrist_point: Pose
-    """What is to be moved, in the Wrist: a carried Lens, or a carried target."""
+    """Pose in the Wrist of the thing that is to be moved: a carried Lens, or a carried target."""
     T_world_goal: Pose
     """Where that is to be, in World."""
     R_world_lens: Array | None = None
@@ -35,7 +35,7 @@ class Asked(NamedTuple):
     redefined: int
     """How often MRF or CRF were redefined."""
     ground: str
-    """What motion is relative to."""
+    """The frame that motion is relative to."""
     speed_factor: float
     stick: StickCommand | None
     goal: Goal | None

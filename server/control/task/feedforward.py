@@ -25,7 +25,7 @@ from .source import NO_TWIST
 
 
 class FeedforwardState(NamedTuple):
-    """What is still owed."""
+    """The motion that is still owed."""
 
     leading: bool = False
     """Sources led the arm in the last tick."""

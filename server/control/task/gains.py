@@ -19,7 +19,7 @@ GAIN_TIME_S = 0.15
 
 
 class Quantities(NamedTuple):
-    """What schedules may depend on; None where it is not known."""
+    """Values that schedules may depend on; None where one is not known."""
 
     contact_force: float | None
     """Size of the contact force at the MRF [N]; None when the sensor is stale."""

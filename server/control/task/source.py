@@ -1,4 +1,4 @@
-"""What every source is: a state, and a twist of the MRF for what one tick shows it.
+"""Protocol of sources: a state, and a twist of the MRF for what one tick shows it.
 
 A source is one file in `sources/`, one row in `table.py` and one section of the cell file. It knows
 no joints, no other source, and no more of the cell than its own section.
@@ -15,15 +15,15 @@ from ..spatial import Array, Pose
 from .asked import Asked
 
 NO_TWIST: Final[Array] = np.zeros(6)
-"""What a source asks for that asks for nothing (6,); one array, which a sum leaves out."""
+"""Rate of a source that asks for nothing (6,); one array, which a sum leaves out."""
 NO_TWIST.flags.writeable = False
 
 State = TypeVar("State")
-"""What a source remembers from tick to tick; immutable."""
+"""Memory of a source from tick to tick; immutable."""
 
 
 class Shaping(NamedTuple):
-    """What bounds the rates of all sources of a task."""
+    """Bounds of the rates of all sources of a task."""
 
     acceleration: Array
     """(6,) [m/s², rad/s²]."""
@@ -35,7 +35,7 @@ class Shaping(NamedTuple):
 
 
 class Context(NamedTuple):
-    """What one tick shows the sources. Poses are in World, twists in World axes."""
+    """Inputs of the sources in one tick. Poses are in World, twists in World axes."""
 
     asked: Asked
     moving: bool
@@ -54,11 +54,11 @@ class Context(NamedTuple):
     moved: Moved | None
     """Base and Carrier in a cell where they may move."""
     ground: Body | None
-    """What motion is relative to, where that may move; None: World."""
+    """The body that motion is relative to, where that may move; None: World."""
     carried: Array | None
     """The ground's twist (6,) seen from Base, at the MRF; None in a cell where nothing moves."""
     wrench: Array | None
-    """What the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
+    """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
     hand: Array | None
     """The same of the mean readings."""
     wrench_at: Callable[[Pose], Array | None]
@@ -89,7 +89,7 @@ class About(NamedTuple):
     redefined: int
     """How often MRF or CRF had been redefined."""
     twists: Mapping[str, Array]
-    """What each source asked for (6,)."""
+    """The twist that each source asked for (6,)."""
 
 
 class Redefined(NamedTuple):

@@ -30,7 +30,7 @@ ORDERED: Final = 1e-3
 
 
 class TaskMemory(NamedTuple):
-    """What one task remembers from tick to tick."""
+    """Memory of one task from tick to tick."""
 
     states: Mapping[str, Any]
     """Each source's state by name."""
@@ -38,7 +38,7 @@ class TaskMemory(NamedTuple):
     """The sources' gains (6,) in effect."""
     feedforward: FeedforwardState = NOT_LED
     about: About | None = None
-    """What the sources' rates of the last tick were about."""
+    """The frame and point that the sources' rates of the last tick belonged to."""
     off_path: Array | None = None
     """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
 

@@ -80,13 +80,13 @@ class DetectorState:
     tau: Array | None = None
     """The drives' torques (n,) one tick ago [N·m]."""
     load: SensorLoad | None = None
-    """What the sensor read one tick ago."""
+    """The sensor's reading of one tick ago."""
     external: Array | None = None
     """Low-passed torques (n,) of unseen contact, one tick ago [N·m]; None before it is known."""
     excused: Array | None = None
-    """What of that friction and inertia may explain (n,) [N·m]."""
+    """The part of that which friction and inertia may explain (n,) [N·m]."""
     chatter: Array | None = None
-    """What contact that chatters may explain beside (n,), dying away [N·m]."""
+    """The part beside which chattering contact may explain (n,), dying away [N·m]."""
     lasting_s: float = 0.0
     """How long some joint's has been beyond its bound [s]."""
     time_s: float = 0.0
@@ -103,7 +103,7 @@ class JointContact:
     torque: float
     """Estimated external torque [N·m]."""
     bound: float
-    """What means contact [N·m]."""
+    """Bound that means contact [N·m]."""
 
 
 class CollisionDetector:

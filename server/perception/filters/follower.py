@@ -31,7 +31,7 @@ class FollowerState(NamedTuple):
 
     now: Body
     track: Track | None
-    """What is believed; None while nothing is known, or no longer."""
+    """The believed track; None while nothing is known, or no longer."""
     rest: Pose
     """Where it stands by belief while nothing is known."""
     offset: Motion

@@ -70,7 +70,7 @@ class Plan(NamedTuple):
     rates: tuple[float, ...] | None
     """Joint rates that lead to the plate [rad/s]; None: a stick or force control does."""
     twist: tuple[float, ...] | None = None
-    """What the stick asks for instead (6,), in Base [m/s, rad/s]."""
+    """Rate that the stick asks for instead (6,), in Base [m/s, rad/s]."""
     begun_s: float = 0.3
     """When that begins, from the script's start [s]."""
     said: str = ""

@@ -11,7 +11,7 @@ from ....protocols.messages.telemetry import State, TaskState
 
 
 class Motions(ABC):
-    """What leads the motions of one task; how it sends is its heirs'."""
+    """Base of a client that leads the motions of one task; subclasses say how it sends."""
 
     @abstractmethod
     def command(self, topic: t.Topic, **fields: Any) -> None:

@@ -152,7 +152,7 @@ class KeyboardTeleop:
 
     @property
     def _task(self) -> dict[str, str]:
-        """What names the task that the keys lead, where the cell has several."""
+        """Name of the task that the keys lead, where the cell has several."""
         return led(self._operator.state, self._tasks, self.hand)
 
     @property

@@ -23,7 +23,7 @@ class Curve(NamedTuple):
 
     exterior: Exterior
     arcs: Arcs
-    """What is beyond the entrance: tunnels, and gaps between them."""
+    """The curve beyond the entrance: tunnels, and gaps between them."""
 
     def at(self, s1: float, stations: Array) -> Sampled:
         """Return the curve of free length s1 [m] at increasing arc lengths (m,) from its base [m].

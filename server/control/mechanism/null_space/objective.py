@@ -1,4 +1,4 @@
-"""What every redundancy objective is: joint rates at a gain of 1, for what one tick shows it.
+"""Protocol of redundancy objectives: joint rates at a gain of 1, for what one tick shows them.
 
 An objective is one file in `objectives/`, one row in `table.py` and one field of the cell file's
 `[redundancy]`. It knows its mechanism, and neither sources nor barriers nor other objectives.
@@ -14,7 +14,7 @@ from ..kinematics import Mechanism
 
 
 class View(NamedTuple):
-    """What one tick shows the objectives."""
+    """Inputs of the objectives in one tick."""
 
     q: Array
     """Commanded posture (n,) [rad]."""

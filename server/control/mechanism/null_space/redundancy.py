@@ -1,4 +1,4 @@
-"""What the spare degrees of freedom do: the objectives' rates, summed, projected and bounded.
+"""Motion of the spare degrees of freedom: the objectives' rates, summed, projected and bounded.
 
 Williams 1997, eq. 7: dq = J⁺ẋ + (I − J⁺J) z. Every objective has a gain, which is ramped like the
 sources' gains; one whose gain is zero is not computed.
@@ -20,7 +20,7 @@ from .objective import View
 from .table import KINDS
 
 NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
-"""What objectives ask for that look at obstacles, where none does."""
+"""Rates of the objectives that look at obstacles, where none does."""
 
 _NONE: Final = 1e-12
 """Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
@@ -35,7 +35,7 @@ class ObjectiveGains(NamedTuple):
 
 
 class SelfMotion(NamedTuple):
-    """What the null space is asked to do."""
+    """Request to the null space."""
 
     dq: Array
     """Joint rates (n,) in the null space [rad/s]."""

@@ -1,4 +1,4 @@
-"""What the position source may be given to follow. `serial` tells one goal from the next.
+"""Goals of the position source. `serial` tells one goal from the next.
 
 `attempt` counts how often the same goal was taken up again from where the arm is.
 """

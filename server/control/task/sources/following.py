@@ -32,7 +32,7 @@ catch up afterwards with all that it missed."""
 
 @dataclass(frozen=True)
 class Impedance:
-    """What the tool feels like, per axis (6,)."""
+    """Mass and damping that the tool shows, per axis (6,)."""
 
     mass: Array
     """M_e [kg, kg·m²]."""
@@ -55,7 +55,7 @@ class FollowingState(NamedTuple):
     """Its velocity in World axes (6,)."""
     T_world_reference: Pose | None = None
     step: Array = NO_TWIST
-    """What it moves by in this tick (6,) [m, rad]."""
+    """Motion in this tick (6,) [m, rad]."""
     asked: Array = NO_TWIST
     """The rate that was asked for in this tick (6,)."""
     felt: Array | None = None
