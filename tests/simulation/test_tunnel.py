@@ -21,12 +21,18 @@ def test_it_goes_through_the_maze_and_comes_out_again():
     assert run.summary["wall_force_n"] == 0.0
 
 
-def test_in_space_it_climbs_through_its_tunnel(play):
+def test_in_space_it_climbs_through_its_tunnel_and_comes_back_and_stops(play):
     run = play(
-        {"at_s": 0.3, "cmd/drive": {"rates": [0.08]}}, seconds=5.0, cell=load_cell("snake_space")
+        {"at_s": 0.3, "cmd/drive": {"rates": [0.08]}},
+        {"at_s": 5.0, "cmd/drive": {"rates": [-0.08]}},
+        {"at_s": 6.5, "operator/mode": {"action": "hold"}},
+        seconds=7.2,
+        cell=load_cell("snake_space"),
     )
     assert run.result.ok
-    assert run.states[-1].insertion["depth"] > 0.5
+    depth = {t: run.at(t).insertion["depth"] for t in (5.0, 7.1)}
+    assert depth[5.0] > 0.5
+    assert depth[7.1] < depth[5.0] - 0.08
     assert run.summary["min_clearance_m"] >= 0.005
     assert run.summary["centre_error_m"] <= 0.006
     assert run.summary["wall_force_n"] == 0.0
