@@ -151,7 +151,7 @@ def test_what_ten_joints_leave_on_the_way_is_the_least_sum_s_own():
     off = np.linalg.norm(planar_points(nearest[None])[0][0] - goal, axis=1).max()
     assert off == pytest.approx(0.0097, abs=1e-4)
 
-    # Where the farthest point counts alone (Lawson's weights), joints come nearer, and links do not.
+    # Where the farthest point counts alone (Lawson's weights), joints come nearer, links do not.
     q, weights = best.q[None], np.full(n, 1.0 / n)
     for _ in range(150):
         q, _ = descended(q, goal, weights, 6)
