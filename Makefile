@@ -20,13 +20,17 @@ help: ## Show these targets
 
 venv: $(STAMP) ## Build the environment in .venv, if it is not up to date
 
-$(STAMP): pyproject.toml constraints.txt
+LOCK := tools/operator/web/package-lock.json
+
+$(STAMP): pyproject.toml constraints.txt $(LOCK)
 	@test -n "$(PYTHON)" || { echo "make: no python3.11 or python3 found; set PYTHON=" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "make: $(PYTHON) is $$("$(PYTHON)" -V 2>&1); Python 3.11 or newer is needed, set PYTHON=" >&2; exit 1; }
 	@test -x $(BIN)/python || { echo "creating $(VENV) with $(PYTHON)"; "$(PYTHON)" -m venv $(VENV); }
 	@echo "installing telerobot into $(VENV)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@echo "fetching what the console's page is served with"
+	@$(BIN)/python -m telerobot.tools.operator.web.vendor || true
 	@echo "compiling its kernels"
 	@$(BIN)/python -c 'import telerobot.server.daemon'
 	@touch $@

@@ -5,13 +5,14 @@ import zipfile
 from pathlib import Path
 
 FOLDERS = ("config", "drivers", "protocols", "server", "tools")
-DATA = (".toml", ".urdf", ".eds")
+DATA = (".toml", ".urdf", ".eds", ".js", ".css", ".html", ".svg")
+UNSHIPPED = "node_modules"
 
 root = Path(__file__).resolve().parents[1]
 wanted = {"telerobot/__init__.py", "telerobot/py.typed"}
 for folder in FOLDERS:
     for path in (root / folder).rglob("*"):
-        if path.suffix in (".py", *DATA):
+        if path.suffix in (".py", *DATA) and UNSHIPPED not in path.parts:
             wanted.add(f"telerobot/{path.relative_to(root).as_posix()}")
 names = set(zipfile.ZipFile(sys.argv[1]).namelist())
 missing = sorted(wanted - names)

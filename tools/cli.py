@@ -43,6 +43,8 @@ COMMANDS: Final = (
             ("telerobot plot run.mcap", "telerobot plot off.mcap on.mcap --out both.png")),
     Command("drive", "commands.drive", "a remote operator in the terminal",
             ("telerobot drive pa10", "telerobot drive pa10 pose_move")),
+    Command("console", "operator.web.cli", "the operator's page in the browser",
+            ("telerobot console pa10", "telerobot console pa10 --listen=127.0.0.1:8090 --open")),
     Command("check", "commands.check",
             "judge a cell: timeouts, bus load, drives, stability, postures",
             ("telerobot check pa10", "telerobot check my/cell.toml --json")),

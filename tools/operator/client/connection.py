@@ -71,7 +71,6 @@ class Connection:
         """Called with every force for the handle that is read; none come of most cells."""
         self.reflection = loaded.config.reflection
         """Section `[reflection]` of the cell."""
-        self._lease_seen = False
 
     @property
     def state(self) -> State | None:
@@ -144,18 +143,9 @@ class Connection:
         self.client.on_state(state)
         self.state_since_s = now_s
         if self.holds_lease:
-            self._watch_lease(state)
+            self.client.watch_lease(state)
             self.round_trip.echoed(state.last_seq, now_s)
         self.on_state(state)
-
-    def _watch_lease(self, state: State) -> None:
-        """Let go of a lease that telemetry shows to be lost; states from before it don't count."""
-        client = self.client
-        if state.lease_epoch == client.epoch and state.lease_holder == client.name:
-            self._lease_seen = True
-        elif self._lease_seen or state.lease_epoch >= client.epoch:
-            self._lease_seen = False
-            client.drop_lease()
 
     def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
         self.round_trip.sent(topic.key, self.client.seq, time.monotonic())

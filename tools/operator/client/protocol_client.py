@@ -62,6 +62,7 @@ class ProtocolClient:
     """True cuts the client off: nothing is sent any more."""
     seq: int = 0
     """Number of the newest message that was sent."""
+    _lease_seen: bool = False
     _keepalive_due_s: float = 0.0
     _stream_due_s: float = 0.0
     _streams: dict[tuple[t.Topic, str], Mapping[str, Any] | Fields] = field(default_factory=dict)
@@ -74,6 +75,15 @@ class ProtocolClient:
     def on_state(self, state: State) -> None:
         """Take in a state."""
         self.state = state
+
+    def watch_lease(self, state: State) -> None:
+        """Let go of a lease that a state shows to be lost; states from before it don't count."""
+        if self.secret is None:
+            return
+        if state.lease_epoch == self.epoch and state.lease_holder == self.name:
+            self._lease_seen = True
+        elif self._lease_seen or state.lease_epoch >= self.epoch:
+            self.drop_lease()
 
     def on_event(self, event: Event) -> None:
         """Take in an event."""
@@ -94,11 +104,15 @@ class ProtocolClient:
             self._keepalive_due_s = now_s + KEEPALIVE_S - 1e-6
             self.command(t.KEEPALIVE)
         if now_s >= self._stream_due_s:
-            self._stream_due_s = now_s + STREAM_S - 1e-6
-            for (topic, _), made in self._streams.items():
-                fields = made(now_s) if callable(made) else made
-                if fields is not None:
-                    self.command(topic, **fields)
+            self.send_streams(now_s)
+
+    def send_streams(self, now_s: float) -> None:
+        """Send all streams now, ahead of time; the next time they are due is counted from here."""
+        self._stream_due_s = now_s + STREAM_S - 1e-6
+        for (topic, _), made in self._streams.items():
+            fields = made(now_s) if callable(made) else made
+            if fields is not None:
+                self.command(topic, **fields)
 
     def stream(self, topic: t.Topic, **fields: Any) -> None:
         """Keep sending a command at 100 Hz, these fields until the next call for the same task.
@@ -202,6 +216,7 @@ class ProtocolClient:
     def drop_lease(self) -> None:
         """Forget the lease, and fall silent."""
         self.secret = None
+        self._lease_seen = False
         self._streams.clear()
 
     def _need_lease(self) -> bytes:

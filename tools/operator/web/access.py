@@ -1,0 +1,131 @@
+"""Who may see the page, and who may drive through it: secrets, cookies, certificates, origins.
+
+Two secrets are drawn at start: whoever knows the operators' may drive, whoever knows the
+observers' may watch (and stop the arm). One stands in the address of the first visit; from then on
+a cookie made from it does. Beyond this machine there is HTTPS, and a browser that shows a
+certificate of `[zenoh.security]` has the role that the certificate grants.
+"""
+
+import hashlib
+import hmac
+import ipaddress
+import secrets
+import ssl
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from ....config.errors import ConfigError
+from ....drivers.network.certificates import AUTHORITY
+from ....drivers.network.identity import Identity
+from ....protocols.roles import Grant
+from ....protocols.topics import Role
+
+_RANK: Final = (Role.OPERATOR, Role.OBSERVER)
+"""Roles of a page, the one that may do more first."""
+
+
+@dataclass(frozen=True)
+class Listen:
+    """Where the console listens: `HOST:PORT`; port 0 takes any that is free."""
+
+    host: str
+    port: int
+
+    @classmethod
+    def parse(cls, text: str) -> "Listen":
+        """Read `HOST:PORT`. Raises `ConfigError`."""
+        host, colon, port = text.rpartition(":")
+        host = host.removeprefix("[").removesuffix("]")
+        if not colon or not host or not port.isdecimal() or int(port) > 65535:
+            raise ConfigError(f"--listen: value {text}: write HOST:PORT, such as 127.0.0.1:8080")
+        return cls(host, int(port))
+
+    @property
+    def beyond(self) -> bool:
+        """True where other machines may reach it."""
+        if self.host == "localhost":
+            return False
+        try:
+            return not ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return True
+
+    def names(self, port: int) -> frozenset[str]:
+        """Return what a browser writes into `Host`; nothing where that may be any.
+
+        A page of somewhere else whose name was made to lead here is turned away by it.
+        """
+        if self.beyond:
+            return frozenset()
+        shown = f"[{self.host}]" if ":" in self.host else self.host
+        return frozenset(f"{host}:{port}" for host in (shown, "localhost", "127.0.0.1", "[::1]"))
+
+
+@dataclass(frozen=True)
+class Access:
+    """Secrets of one console, and what they open."""
+
+    cell: str
+    keys: Mapping[Role, str] = field(
+        default_factory=lambda: {role: secrets.token_urlsafe(24) for role in _RANK}
+    )
+
+    def role_of_key(self, key: str) -> Role | None:
+        """Return the role that a secret gives; None for no secret of this console."""
+        shown = key.encode()
+        found = [r for r in _RANK if hmac.compare_digest(self.keys[r].encode(), shown)]
+        return found[0] if found else None
+
+    def role_of_cookie(self, cookie: str) -> Role | None:
+        """Return the role that a cookie gives; None for none of this console's."""
+        shown = cookie.encode()
+        found = [r for r in _RANK if hmac.compare_digest(self.cookie(r).encode(), shown)]
+        return found[0] if found else None
+
+    def cookie(self, role: Role) -> str:
+        """Return the cookie of a role: the same for as long as its secret is."""
+        return hmac.new(self.keys[role].encode(), role.encode(), hashlib.sha256).hexdigest()
+
+    def role_of_certificate(self, shown: Mapping[str, Any] | None) -> Role | None:
+        """Return the role of a certificate that a browser showed, as `getpeercert` tells it."""
+        names = () if not shown else shown.get("subjectAltName", ())
+        grants = [Grant.parse(value) for kind, value in names if kind == "URI"]
+        roles = {grant.role for grant in grants if grant is not None and grant.cell == self.cell}
+        return next((role for role in _RANK if role in roles), None)
+
+
+def same_origin(origin: str | None, scheme: str, host: str) -> bool:
+    """Return whether a request comes from the page that this console served to `host`."""
+    if origin is None:
+        return False
+    parts = urlsplit(origin)
+    return (parts.scheme, parts.netloc) == (scheme, host)
+
+
+def tls_context(
+    identity: Identity | None, certificate: Path | None, key: Path | None
+) -> ssl.SSLContext:
+    """Return HTTPS with a certificate and its key, which holders of the cell's may log in to.
+
+    Raises `ConfigError` where there is none, or one that cannot be used.
+    """
+    if certificate is None:
+        if identity is None:
+            raise ConfigError(
+                "--listen: beyond this machine the console speaks HTTPS: give --certificate and "
+                "--key, or make certificates (telerobot certify)"
+            )
+        certificate, key = identity.certificate_file, identity.key_file
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        context.load_cert_chain(certificate, key)
+        if identity is not None:
+            context.load_verify_locations(identity.folder / f"{AUTHORITY}.crt")
+            context.verify_mode = ssl.CERT_OPTIONAL
+    except (OSError, ssl.SSLError) as error:
+        raise ConfigError(f"{certificate}: cannot be used for HTTPS: {error}") from None
+    return context

@@ -1,0 +1,106 @@
+"""`telerobot console CELL`: the operator's page in the browser."""
+
+import argparse
+import asyncio
+import gc
+import os
+import signal
+import webbrowser
+from pathlib import Path
+from typing import Final
+
+from aiohttp import web
+
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ....drivers.network.identity import identity_of
+from ....protocols.topics import Role
+from ...host.address import add_cell_arguments, cell_from
+from ..client.connection import Connection
+from .access import Access, Listen, tls_context
+from .hub import Hub
+from .server import Server
+from .vendor import missing
+
+KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
+"""Environment variable with the operators' and the observers' secret, for a console that is started
+again: whoever had come in stays in."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser, bus=False)
+    parser.add_argument(
+        "--listen",
+        metavar="HOST:PORT",
+        default="127.0.0.1:8080",
+        help="where browsers reach the console (default: %(default)s); port 0 takes a free one",
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in a browser")
+    parser.add_argument(
+        "--certificate", type=Path, metavar="FILE", help="certificate of HTTPS, in PEM"
+    )
+    parser.add_argument("--key", type=Path, metavar="FILE", help="private key of --certificate")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve a cell's page until told to end. Raises `ConfigError`."""
+    cell = cell_from(args)
+    listen = Listen.parse(args.listen)
+    lacking = missing()
+    if lacking:
+        raise ConfigError(
+            f"console: {lacking[0]} is not there: run `make venv`, or "
+            "python -m telerobot.tools.operator.web.vendor"
+        )
+    return asyncio.run(_serve(cell, listen, args))
+
+
+async def _serve(cell: Cell, listen: Listen, args: argparse.Namespace) -> int:
+    identity = identity_of(cell, Role.OPERATOR, "console")
+    shown = None if identity is None else identity.folder / identity.certificate.name
+    secure = listen.beyond or args.certificate is not None
+    tls = tls_context(identity, args.certificate, args.key) if secure else None
+    access = _access(cell.config.name)
+    hub = Hub(lambda: Connection(cell, name="console", identity=shown))
+    server = Server(cell, hub, access, listen, secure)
+    runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
+    await runner.setup()
+    await web.TCPSite(runner, listen.host, listen.port, ssl_context=tls).start()
+    server.port = runner.addresses[0][1]
+    address = _address(listen, server.port, secure)
+    print(f"telerobot: console of {cell.config.name}: {address}/?key={access.keys[Role.OPERATOR]}")
+    print(f"telerobot: to watch only: {address}/?key={access.keys[Role.OBSERVER]}", flush=True)
+    if args.open:
+        webbrowser.open(f"{address}/?key={access.keys[Role.OPERATOR]}")
+    ended = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, ended.set)
+    gc.collect()
+    gc.freeze()  # a collection may take as long as a lease lasts
+    passing = asyncio.create_task(hub.run())
+    waiting = asyncio.create_task(ended.wait())
+    try:
+        done, _ = await asyncio.wait({passing, waiting}, return_when=asyncio.FIRST_COMPLETED)
+        if passing in done:
+            passing.result()
+    finally:
+        passing.cancel()
+        waiting.cancel()
+        hub.close()
+        await runner.cleanup()
+    return 0
+
+
+def _access(cell: str) -> Access:
+    operators, comma, observers = os.environ.pop(KEYS, "").partition(",")
+    if not comma:
+        return Access(cell)
+    return Access(cell, {Role.OPERATOR: operators, Role.OBSERVER: observers})
+
+
+def _address(listen: Listen, port: int, secure: bool) -> str:
+    """Return the page's address; one that is listened on everywhere is told as this machine's."""
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(listen.host, listen.host)
+    shown = f"[{host}]" if ":" in host else host
+    return f"{'https' if secure else 'http'}://{shown}:{port}"

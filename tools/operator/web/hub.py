@@ -1,0 +1,178 @@
+"""One Zenoh session behind any number of pages: telemetry is read once and passed on to all.
+
+Each page is an operator of its own to the daemon, with its own lease, seals and name.
+"""
+
+import asyncio
+import json
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+from ....protocols import topics as t
+from ....protocols.codec import CodecError, decode_as, encode
+from ....protocols.messages import requests
+from ....protocols.messages.rig import RigTruth
+from ....protocols.messages.telemetry import Event, State
+from ....protocols.topics import Role
+from ..client.connection import Connection, OperatorError
+from ..client.session import Inbox
+from ..words.events import event_words
+from ..words.limits import limit_words
+from ..words.why import is_cause, why
+from .page import Page
+
+POLL_S: Final = 0.002
+STATE_S: Final = 1 / 60
+"""Pages are told the state this often [s]."""
+
+TRUTH_S: Final = 1 / 20
+SILENT_S: Final = 0.3
+"""Telemetry older than this is missing: the pages are told [s]."""
+
+RETRY_S: Final = 1.0
+KEPT_EVENTS: Final = 50
+"""Events that a page is told which comes later [1]."""
+
+
+class Hub:
+    """Passes on what the daemon tells, and what the pages send."""
+
+    def __init__(self, connect: Callable[[], Connection]) -> None:
+        self._connect = connect
+        self._connection: Connection | None = None
+        self._truths: Inbox | None = None
+        self._tried_s = self._stated_s = self._truth_s = float("-inf")
+        self._cause: Event | None = None
+        self._link: dict[str, Any] = {}
+        self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
+        self.pages: set[Page] = set()
+
+    async def run(self) -> None:
+        """Pass messages on, for ever."""
+        while True:
+            self.turn(time.monotonic())
+            await asyncio.sleep(POLL_S)
+
+    def close(self) -> None:
+        """End the session; leases are given back."""
+        for page in self.pages:
+            page.end()
+        if self._connection is not None:
+            self._connection.close()
+
+    def open_page(self, name: str, role: Role, cell: str) -> Page:
+        """Return the operator of a page that has come."""
+        page = Page(name, role, cell, self._put, self._ask)
+        self.pages.add(page)
+        for event in self._events:
+            page.tell_text(event)
+        self._tell_link(page)
+        return page
+
+    def close_page(self, page: Page) -> None:
+        """End what a page did that has gone."""
+        page.end()
+        self.pages.discard(page)
+        self._tell_links()
+
+    def turn(self, now_s: float) -> None:
+        """Read what came, and send what is due."""
+        if self._connection is None and now_s - self._tried_s > RETRY_S:
+            self._tried_s = now_s
+            self._open()
+        if self._connection is not None:
+            self._connection.turn()
+            for page in tuple(self.pages):
+                page.run(now_s)
+            self._tell_truth(now_s)
+        self._tell_links()
+
+    # --- the session -------------------------------------------------------------------------
+
+    def _open(self) -> None:
+        try:
+            self._connection = self._connect()
+        except OperatorError:
+            return  # nobody answers yet: the pages see it in the link, and it is tried again
+        self._connection.on_state = self._on_state
+        self._connection.on_event = self._on_event
+        self._truths = self._connection.session.subscribe(t.RIG_TRUTH, 1)
+
+    def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
+        if self._connection is not None:
+            self._connection.session.put(topic, payload, proof)
+
+    def _ask(
+        self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes
+    ) -> None:
+        if self._connection is None:
+            nobody = "nobody answers at the daemon's endpoint"
+            answer(encode(requests.Reply(ok=False, reason="no_answer", detail=nobody)))
+            return
+        self._connection.session.ask(topic, payload, answer, proof)
+
+    # --- what is told ------------------------------------------------------------------------
+
+    def _on_state(self, state: State) -> None:
+        for page in self.pages:
+            page.on_state(state)
+        now_s = time.monotonic()
+        if now_s - self._stated_s < STATE_S - POLL_S or not self.pages:
+            return
+        self._stated_s = now_s
+        words = {name: limit_words(name) for name in _limits(state)}
+        text = (
+            f'{{"type":"state","tick":{state.tick},"t":{state.time_s},'
+            f'"state":{state.model_dump_json()},"limits":{json.dumps(words)},'
+            f'"why":{json.dumps(why(state, self._cause))}}}'
+        )
+        for page in self.pages:
+            page.tell_state(text)
+
+    def _on_event(self, event: Event) -> None:
+        if is_cause(event):
+            self._cause = event
+        text = json.dumps({"type": "event", **event.model_dump(), **event_words(event)})
+        self._events.append(text)
+        for page in self.pages:
+            page.tell_text(text)
+
+    def _tell_truth(self, now_s: float) -> None:
+        if self._truths is None or now_s - self._truth_s < TRUTH_S:
+            return
+        self._truth_s = now_s
+        for payload in self._truths.take():
+            try:
+                truth = decode_as(RigTruth, payload, t.RIG_TRUTH.max_bytes)
+            except CodecError:
+                continue  # another version's rig: the page does without
+            text = f'{{"type":"truth","truth":{truth.model_dump_json()}}}'
+            for page in self.pages:
+                page.tell_text(text)
+
+    def _tell_links(self) -> None:
+        """Tell all pages how the daemon is reached, when that has changed."""
+        connection = self._connection
+        since = None if connection is None else connection.state_since_s
+        silent = since is None or time.monotonic() - since > SILENT_S
+        described = None if connection is None else connection.description
+        link = {
+            "daemon": "silent" if silent else "alive",
+            "pages": len(self.pages),
+            "holders": sorted(p.client.name for p in self.pages if p.client.secret is not None),
+            "description": None if described is None else described.model_dump(mode="json"),
+        }
+        if link != self._link:
+            self._link = link
+            for page in self.pages:
+                self._tell_link(page)
+
+    def _tell_link(self, page: Page) -> None:
+        page.tell({"type": "link", "you": page.client.name, "role": str(page.role), **self._link})
+
+
+def _limits(state: State) -> set[str]:
+    """Return the names of all limits that act in a cell's tasks."""
+    return {name for task in (state, *state.tasks.values()) for name in task.limits}

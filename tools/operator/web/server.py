@@ -1,0 +1,166 @@
+"""The console's HTTP: one page, its modules, one WebSocket for each; safe headers on everything."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Final
+
+from aiohttp import WSMsgType, web
+
+from ....config.load import Cell
+from ....protocols.topics import Role
+from . import scene
+from .access import Access, Listen, same_origin
+from .catalogue import catalogue
+from .hub import Hub
+from .login import LOGIN, welcome
+from .page import Page
+
+STATIC: Final = Path(__file__).resolve().parent / "static"
+LARGEST: Final = 65536
+"""Longest message that is read from a page [B]."""
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class Server:
+    """Serves one cell's page to those who may see it."""
+
+    def __init__(self, cell: Cell, hub: Hub, access: Access, listen: Listen, secure: bool) -> None:
+        self._cell, self._hub, self._access, self._listen = cell, hub, access, listen
+        self._scheme = "https" if secure else "http"
+        self.port = listen.port
+        """The port that is listened on, once it is."""
+        self._visitors = 0
+
+    def application(self) -> web.Application:
+        """Return the application."""
+
+        @web.middleware
+        async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+            return await self._guard(request, handler)
+
+        app = web.Application(middlewares=[guard], client_max_size=LARGEST)
+        app.router.add_get("/", self._index)
+        app.router.add_post("/login", self._login)
+        app.router.add_get("/ws", self._socket)
+        app.router.add_get("/scene.json", self._scene)
+        app.router.add_get("/catalogue.json", self._catalogue)
+        scene.add_routes(app, self._cell)
+        app.router.add_static("/", STATIC)
+        return app
+
+    # --- who comes in ------------------------------------------------------------------------
+
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Let in who may see the page; every answer has the headers of `_seal`."""
+        names = self._listen.names(self.port)
+        if names and request.host not in names:
+            return self._seal(request, web.Response(status=421, text="not this host\n"))
+        if request.path == "/login" or (request.path == "/" and "key" in request.query):
+            return self._seal(request, await handler(request))
+        role = self._role(request)
+        if role is None:
+            page = web.Response(status=401, text=LOGIN, content_type="text/html")
+            return self._seal(request, page)
+        request["role"] = role
+        try:
+            return self._seal(request, await handler(request))
+        except web.HTTPException as refused:
+            plain = web.Response(status=refused.status, text=f"{refused.reason}\n")
+            return self._seal(request, plain)
+
+    def _role(self, request: web.Request) -> Role | None:
+        certified = self._access.role_of_certificate(request.get_extra_info("peercert"))
+        cookie = request.cookies.get(self._cookie, "")
+        return certified or self._access.role_of_cookie(cookie)
+
+    @property
+    def _cookie(self) -> str:
+        return f"telerobot-{self.port}"  # cookies do not tell ports apart
+
+    def _seal(self, request: web.Request, response: web.StreamResponse) -> web.StreamResponse:
+        if response.prepared:
+            return response
+        socket = f"{'wss' if self._scheme == 'https' else 'ws'}://{request.host}"
+        response.headers.update(
+            {
+                "Content-Security-Policy": "default-src 'none'; script-src 'self'; "
+                "style-src 'self'; img-src 'self' data: blob:; font-src 'self'; "
+                f"connect-src 'self' {socket}; base-uri 'none'; form-action 'self'; "
+                "frame-ancestors 'none'",
+                "X-Content-Type-Options": "nosniff",
+                "Referrer-Policy": "no-referrer",
+                "Cross-Origin-Opener-Policy": "same-origin",
+                "Cross-Origin-Resource-Policy": "same-origin",
+                "Cache-Control": "no-cache",
+            }
+        )
+        return response
+
+    def _admit(self, key: str) -> web.Response:
+        """Return the page that sets the cookie of a secret and leads on, or asks again."""
+        role = self._access.role_of_key(key)
+        if role is None:
+            return web.Response(status=401, text=LOGIN, content_type="text/html")
+        response = web.Response(text=welcome(), content_type="text/html")
+        response.set_cookie(
+            self._cookie,
+            self._access.cookie(role),
+            httponly=True,
+            secure=self._scheme == "https",
+            samesite="Strict",
+        )
+        return response
+
+    # --- what is served ----------------------------------------------------------------------
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        if "key" in request.query:
+            return self._admit(request.query["key"])
+        return web.FileResponse(STATIC / "index.html")
+
+    async def _login(self, request: web.Request) -> web.StreamResponse:
+        if not same_origin(request.headers.get("Origin"), self._scheme, request.host):
+            return web.Response(status=403, text="another origin\n")
+        form = await request.post()
+        return self._admit(str(form.get("key", "")).strip())
+
+    async def _scene(self, _request: web.Request) -> web.StreamResponse:
+        return web.json_response(scene.describe(self._cell))
+
+    async def _catalogue(self, _request: web.Request) -> web.StreamResponse:
+        return web.json_response(catalogue(self._cell))
+
+    async def _socket(self, request: web.Request) -> web.StreamResponse:
+        if not same_origin(request.headers.get("Origin"), self._scheme, request.host):
+            return web.Response(status=403, text="another origin\n")
+        socket = web.WebSocketResponse(max_msg_size=LARGEST, heartbeat=5.0, compress=False)
+        await socket.prepare(request)
+        self._visitors += 1
+        name = request.query.get("name", "").strip()[:48] or f"page {self._visitors}"
+        role: Role = request["role"]
+        page = self._hub.open_page(name, role, self._cell.config.name)
+        writer = asyncio.create_task(_write(page, socket))
+        try:
+            async for message in socket:
+                if message.type is not WSMsgType.TEXT:
+                    break
+                page.take(message.data)
+        finally:
+            writer.cancel()
+            self._hub.close_page(page)
+        return socket
+
+
+async def _write(page: Page, socket: web.WebSocketResponse) -> None:
+    """Send a page what it is told: messages in order, and of states the newest only."""
+    while not page.overrun:
+        await page.wake.wait()
+        page.wake.clear()
+        while not page.outbox.empty():
+            await socket.send_str(page.outbox.get_nowait())
+        if page.newest is not None:
+            text, page.newest = page.newest, None
+            await socket.send_str(text)
+    await socket.close(message=b"reads too slowly")

@@ -1,0 +1,116 @@
+// The one WebSocket: states and events in, beats and requests out.
+//
+// A beat carries all that is held. Beats come from this thread's timer alone, so that a page that
+// hangs, or is hidden, falls silent; the console then ends its motion, and the lease runs out.
+
+const BEAT_HELD_MS = 10;
+const BEAT_IDLE_MS = 100;
+const AGAIN_MS = 700;
+const UNANSWERED_MS = 7000;
+
+export class Link extends EventTarget {
+  constructor(name) {
+    super();
+    this.name = name;
+    this.open = false;
+    this.latency = null;
+    this.echo = null;
+    this.lapsed = false;
+    this._held = {};
+    this._holding = false;
+    this._number = 0;
+    this._beats = new Map();
+    this._waiting = new Map();
+    this._beatAt = 0;
+    this._dial();
+    setInterval(() => this._beatIfDue(), BEAT_HELD_MS);
+  }
+
+  // Held: {topic: fields}. Sent at once where it changed, and with every beat.
+  hold(held) {
+    this._held = held;
+    this._holding = Object.keys(held).length > 0;
+    this._beat();
+  }
+
+  // Returns a promise of {ok, reason, detail, words}; it never rejects.
+  send(key, fields = {}) {
+    const id = ++this._number;
+    return new Promise((resolve) => {
+      const reply = (answer) => {
+        this._waiting.delete(id);
+        resolve(answer);
+        if (!answer.ok) this.dispatchEvent(new CustomEvent("refused", { detail: { key, ...answer } }));
+      };
+      if (!this._put({ type: "send", id, key, fields })) {
+        reply({ ok: false, reason: "no_console", words: "The console does not answer." });
+        return;
+      }
+      this._waiting.set(id, reply);
+      setTimeout(() => {
+        if (this._waiting.has(id)) {
+          reply({ ok: false, reason: "no_answer", words: "Nobody answered in time." });
+        }
+      }, UNANSWERED_MS);
+    });
+  }
+
+  rename(name) {
+    this.name = name;
+    this._socket.close();
+  }
+
+  _dial() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const query = new URLSearchParams({ name: this.name });
+    this._socket = new WebSocket(`${scheme}://${location.host}/ws?${query}`);
+    this._socket.onopen = () => this._opened(true);
+    this._socket.onmessage = (message) => this._take(JSON.parse(message.data));
+    this._socket.onclose = () => {
+      if (this.open) this._opened(false);
+      for (const reply of [...this._waiting.values()]) {
+        reply({ ok: false, reason: "no_console", words: "The link to the console was lost." });
+      }
+      setTimeout(() => this._dial(), AGAIN_MS);
+    };
+  }
+
+  _opened(open) {
+    this.open = open;
+    this.latency = this.echo = null;
+    this._beats.clear();
+    this.dispatchEvent(new CustomEvent("open", { detail: open }));
+  }
+
+  _put(message) {
+    if (!this.open) return false;
+    this._socket.send(JSON.stringify(message));
+    return true;
+  }
+
+  _beatIfDue() {
+    const due = this._holding ? BEAT_HELD_MS : BEAT_IDLE_MS;
+    if (performance.now() - this._beatAt >= due - 2) this._beat();
+  }
+
+  _beat() {
+    const n = ++this._number;
+    this._beatAt = performance.now();
+    if (this._beats.size < 1000) this._beats.set(n, this._beatAt);
+    this._put({ type: "beat", n, held: this._held });
+  }
+
+  _take(message) {
+    if (message.type === "beat") {
+      const sent = this._beats.get(message.n);
+      this._beats.delete(message.n);
+      if (sent !== undefined) this.latency = performance.now() - sent;
+      this.echo = message.echo_ms;
+      if (message.lapsed && this._holding) this.dispatchEvent(new CustomEvent("lapsed"));
+    } else if (message.type === "reply") {
+      this._waiting.get(message.id)?.(message);
+    } else {
+      this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
+    }
+  }
+}

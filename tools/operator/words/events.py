@@ -1,0 +1,116 @@
+"""Events as sentences: their cause, and what to do next. Pure."""
+
+from typing import TypedDict
+
+from ....protocols.messages.telemetry import Event
+from .faults import FAULTS, RESUME
+from .refusals import NEXT
+
+
+class EventWords(TypedDict):
+    """What happened, why, and what a person does next; empty where there is nothing to do."""
+
+    sentence: str
+    next: str
+
+
+_WORDS: dict[str, tuple[str, str]] = {
+    "lease_granted": ("{detail} has the lease and may command.", ""),
+    "lease_released": ("{detail} gave the lease back.", "Take the lease to drive."),
+    "lease_expired": (
+        "The lease of {detail} ran out: nothing was heard for too long. A moving arm stops.",
+        "Take the lease, then resume.",
+    ),
+    "protective_stop": ("Protective stop, {detail}.", "Clear it, then resume."),
+    "protective_stop_cleared": ("The protective stop is cleared.", "Resume to go on."),
+    "stream_expired": ("The stream {detail} fell silent and faded.", ""),
+    "insecure": ("Anybody who reaches the daemon may command: {detail}.", "Make certificates."),
+    "retiring": ("The daemon ends: it stops the arm and switches the drives off.", "Start it."),
+    "device_missing": ("A device is missing: {detail}.", "Is it powered and on the bus?"),
+    "sensor_stale": (
+        "The sensor {detail} tells nothing new: force control fades.",
+        "Check the sensor and its cable.",
+    ),
+    "sensor_fresh": ("The sensor {detail} tells again.", ""),
+    "touched": ("The arm touched something: {detail}.", f"Free the arm, then {RESUME}."),
+    "touch_found": ("Contact is felt again.", ""),
+    "giving_way": ("The arm gives way {detail}.", ""),
+    "gave_way": ("The arm gave way: {detail}.", f"Look at what it met, then {RESUME}."),
+    "still_pushed": ("The arm {detail}.", "Take away what pushes it."),
+    "load_unknown": ("The payload is unknown: force control waits.", "Tell the payload, or tare."),
+    "load_unexplained": (
+        "The sensor reads a load that nothing explains: {detail}.",
+        "Tare, tell the payload, or acknowledge the load.",
+    ),
+    "load_acknowledged": ("The unexplained load is acknowledged: force control acts on it.", ""),
+    "obstacle_stale": ("News of the obstacle {detail} is too old.", "Is its sensor running?"),
+    "obstacle_fresh": ("The obstacle {detail} is told of again.", ""),
+    "obstacle_jumped": ("The obstacle {detail} was faster than its bound.", ""),
+    "view_lost": ("The camera's view is lost: {detail}.", "Uncover the tag, or light the scene."),
+    "view_found": ("The camera sees the tag again.", ""),
+    "frame_lost": ("A frame is no longer told of: {detail}.", "Is its sensor running?"),
+    "frame_rejected": ("News of a frame is not believed: {detail}.", ""),
+    "outside_limit": (
+        "A joint stands outside its limits: {detail}.",
+        "Jog it back in: it can only be moved that way.",
+    ),
+    "gain_forced": ("A gain beyond the stable bound was forced: {detail}.", "Watch the tool."),
+    "posture_reached": ("The posture is reached.", ""),
+    "held_together": ("The arms hold their payload together.", ""),
+    "let_go": ("The arms let go of their payload.", ""),
+    "stop_worsened": ("What came nearer made the stop fall short: {detail}.", "Move away from it."),
+}
+
+
+def event_words(event: Event) -> EventWords:
+    """Return an event as a sentence with its cause, and what to do next."""
+    if event.name == "mode":
+        return _mode(event)
+    if event.name == "stopping":
+        return EventWords(sentence=f"The arm stops: {event.detail}.", next=_after(event.detail))
+    if event.name.endswith("_refused"):
+        reason = str(event.values.get("reason", ""))
+        return EventWords(sentence=f"Refused: {event.detail}.", next=NEXT.get(reason, ""))
+    if event.name in _WORDS:
+        sentence, after = _WORDS[event.name]
+        said = sentence.format(detail=event.detail).replace(" :", ":").replace(": .", ".")
+        return EventWords(sentence=said, next=after)
+    cause = str(event.values.get("cause", event.name))
+    plain = event.name.replace("_", " ").capitalize()
+    said = f"{plain}: {event.detail}." if event.detail else f"{plain}."
+    if event.severity == "error":
+        return EventWords(
+            sentence=f"{said} The drives were stopped.",
+            next=FAULTS.get(cause, "Find and mend the cause, reset, then enable."),
+        )
+    return EventWords(sentence=said, next="")
+
+
+_MODES = {
+    "boot": ("The daemon looks for its devices.", ""),
+    "ready": ("The drives are off.", "Take the lease, then enable."),
+    "enabled": ("The drives are on: the arm may move.", ""),
+    "stopping": ("The arm is coming to rest.", ""),
+    "hold": ("The arm stands, drives on.", "Resume to go on."),
+    "fault": ("Fault: the drives stopped the arm.", "Mend the cause, then reset."),
+}
+
+
+def mode_words(mode: str) -> tuple[str, str]:
+    """Return a mode as a sentence, and what to do next."""
+    return _MODES.get(mode, (mode.capitalize() + ".", ""))
+
+
+def _mode(event: Event) -> EventWords:
+    sentence, after = mode_words(str(event.values.get("mode", "")))
+    return EventWords(sentence=sentence, next=after)
+
+
+def _after(reason: str) -> str:
+    if "lease" in reason:
+        return "Take the lease, then resume."
+    if "protective" in reason:
+        return "Clear the protective stop, then resume."
+    if "asked" in reason:
+        return "Resume to go on." if "hold" in reason else "Enable to go on."
+    return "Mend the cause, then resume."

@@ -1,0 +1,31 @@
+"""Refusals in words: why, and what to do next."""
+
+from ....protocols.messages import requests
+
+NEXT = {
+    "no_lease": "Take the lease first.",
+    "wrong_proof": "Take the lease again.",
+    "old_epoch": "The lease has changed hands: take it again.",
+    "old_picture": "The network was too slow: try again.",
+    "future_picture": "The daemon has started anew: try again.",
+    "before_enable": "It was sent before the arm was enabled: send it again.",
+    "not_enabled": "Enable the arm first.",
+    "lease_taken": "Ask its holder to release it, or wait until it runs out.",
+    "protective_stop": "Clear the protective stop, then resume.",
+    "not_yours": "Who asked for the stop clears it, or the lease's holder.",
+    "sensor_stale": "Wait for fresh data of the sensor, then resume.",
+    "touched": "Look at what the arm touches; resume once it is free.",
+    "still_wrong": "Mend the cause that the message names, then reset.",
+    "unstable_gain": "Choose a smaller gain.",
+    "unstable_payload": "Tell a payload that the loop can carry, or slow it down.",
+    "no_answer": "The daemon did not answer: is it running?",
+    "not_certified": "The certificate or login that was used does not allow it.",
+}
+"""What to do next, by the reason's name."""
+
+
+def refusal_words(reply: requests.Reply) -> str:
+    """Return a refusal as sentences: its detail, and what to do next."""
+    said = reply.detail or reply.reason.replace("_", " ")
+    more = NEXT.get(reply.reason, "")
+    return f"{said[:1].upper()}{said[1:]}. {more}".replace("..", ".").strip()
