@@ -89,7 +89,7 @@ class WrenchSensor(Device):
         """Return the mean of the samples since the last call; None before the first sample."""
 
 
-class Output(Device):
+class SwitchedOutput(Device):
     """Something that is switched on and off."""
 
     @abstractmethod

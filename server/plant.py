@@ -7,7 +7,7 @@ import numpy as np
 
 from ..drivers.device import Cause, Device, DeviceError, Trouble, Value
 from ..drivers.fieldbuses import Fieldbuses
-from ..drivers.roles import JointDrive, MeanWrench, Output, WrenchSensor
+from ..drivers.roles import JointDrive, MeanWrench, SwitchedOutput, WrenchSensor
 from ..drivers.servo_status import ServoReading
 from ..protocols.canopen.cia402 import DriveState
 from .control.spatial import Array
@@ -127,7 +127,7 @@ class Plant:
         """In the order of the joints."""
         self.opened = False
         self._others = tuple(d for d in devices if not isinstance(d, JointDrive))
-        self._outputs = {d.name: d for d in devices if isinstance(d, Output)}
+        self._outputs = {d.name: d for d in devices if isinstance(d, SwitchedOutput)}
         self._units: list[_UnitDevices] = []
         first = 0
         for part in range(max((d.part or 0 for d in self.devices), default=0) + 1):

@@ -14,7 +14,7 @@ from .control.arm.arm import Arm
 from .control.mechanism.null_space.redundancy import ObjectiveGains
 from .control.state import Inputs, Intent, Memory
 from .control.task.asked import StickCommand, ViewGoal
-from .control.task.paths.goals import PathGoal, Pursuit, Segment, TwistRoute
+from .control.task.paths.goals import PathGoal, Pursuit, TwistRoute, TwistSegment
 from .control.tick import Control
 from .telemetry import describe
 
@@ -54,7 +54,7 @@ class _Dummy:
         """Return the inputs of a tick; `way` from 0 to 1 goes through the kinds of goals."""
         mrf = self._settings.T_wrist_mrf
         T = self._arm.pose_mrf(memory, mrf)
-        goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((Segment(np.zeros(6), 1.0),), 3))
+        goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((TwistSegment(np.zeros(6), 1.0),), 3))
         return Inputs(
             0.0,
             intent,

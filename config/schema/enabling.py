@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .on_bus import CanOpenNode, Frames
+from .on_bus import BusFrames, CanOpenNode
 
 
 class EnablingSwitch(CanOpenNode):
@@ -17,6 +17,6 @@ class EnablingSwitch(CanOpenNode):
         description="bits of 6000h:01, one for each contact: it is held while all of them are on",
     )
 
-    def frames(self, operation_mode: str) -> tuple[Frames, ...]:  # noqa: ARG002  it has none
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:  # noqa: ARG002  it has none
         """Return its answer to SYNC."""
-        return (Frames(1),)
+        return (BusFrames(1),)

@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from .backbone import Backbone
-from .on_bus import CanId, CanOpenNode, Frames, OnBus
+from .on_bus import BusFrames, CanId, CanOpenNode, OnBus
 from .section import Name, Pose, Section, Vector6
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
@@ -74,9 +74,9 @@ class Drive(CanOpenNode):
             )
         return self
 
-    def frames(self, operation_mode: str) -> tuple[Frames, ...]:
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:
         """Return its answer to SYNC and its setpoint."""
-        return (Frames(TPDO_BYTES), Frames(RPDO_BYTES[operation_mode]))
+        return (BusFrames(TPDO_BYTES), BusFrames(RPDO_BYTES[operation_mode]))
 
     def of_table(self, table: int, joint: str, node: int) -> Self:
         """Return the drive of one of the joints that the table of that index means."""
@@ -154,9 +154,9 @@ class ForceTorque(OnBus):
         first, second = self.reply_ids
         return (("command_id", self.command_id), ("reply_ids[0]", first), ("reply_ids[1]", second))
 
-    def frames(self, operation_mode: str) -> tuple[Frames, ...]:  # noqa: ARG002  it has none
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:  # noqa: ARG002  it has none
         """Return the two frames of its samples."""
-        return (Frames(8, self.rate_hz, count=2),)
+        return (BusFrames(8, self.rate_hz, count=2),)
 
 
 class Gripper(CanOpenNode):
@@ -169,7 +169,7 @@ class Gripper(CanOpenNode):
     )
     closed_payload: Name | None = Field(None, description="the same when it closes")
 
-    def frames(self, operation_mode: str) -> tuple[Frames, ...]:  # noqa: ARG002  it has none
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:  # noqa: ARG002  it has none
         """Return none: its output is sent when it changes."""
         return ()
 

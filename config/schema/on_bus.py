@@ -15,7 +15,7 @@ CANOPEN_BASES: Final = (0x080, 0x180, 0x200, 0x580, 0x600, 0x700)
 
 
 @dataclass(frozen=True)
-class Frames:
+class BusFrames:
     """Frames of one kind that a device exchanges with the daemon."""
 
     data_bytes: int
@@ -35,7 +35,7 @@ class OnBus(Section):
         """Return the CAN identifiers that it uses, each with the key that sets it."""
         raise NotImplementedError
 
-    def frames(self, operation_mode: str) -> tuple[Frames, ...]:
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:
         """Return its process data; `operation_mode` is that of the mechanism's drives."""
         raise NotImplementedError
 

@@ -10,7 +10,7 @@ from ...protocols.canopen import can301, cia401
 from ...protocols.canopen.can301 import NmtState
 from ..device import Trouble
 from ..fieldbus import Fieldbus
-from ..roles import Output
+from ..roles import SwitchedOutput
 from .watched_node import WatchedNode
 
 REPEAT: Final = 10
@@ -26,7 +26,7 @@ class GripperReading:
     trouble: Trouble | None
 
 
-class GripperOutput(Output):
+class GripperOutput(SwitchedOutput):
     """Switches the gripper's output; keeps the contract of `device.py`.
 
     Nothing is sent before the first `write`, and the module is not reset: a gripper that holds

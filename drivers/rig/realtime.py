@@ -24,7 +24,7 @@ MOST_PERIODS = 5
 """No more is made up for a SYNC; a frame that seems older has just come [SYNC periods]."""
 
 
-class Judge(Protocol):
+class FaultSource(Protocol):
     """Who injects faults and is told the truth; `RigSession` is one."""
 
     def faults(self) -> Iterable[RigFault | RigMotion]:
@@ -48,7 +48,7 @@ class Pace:
 def run_realtime(
     rig: Rig,
     stop: Callable[[], bool],
-    judge: Judge | None = None,
+    judge: FaultSource | None = None,
     *,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,

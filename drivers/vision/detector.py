@@ -47,7 +47,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Sight:
+class Detection:
     """Tag found in a picture."""
 
     candidates: tuple[Candidate, ...]
@@ -58,7 +58,7 @@ class Sight:
     """Corners in the picture (4, 2) [px], clockwise from the tag's upper left."""
 
 
-NOTHING = Sight((), 0.0, None)
+NOTHING = Detection((), 0.0, None)
 """No tag was seen."""
 
 
@@ -78,7 +78,7 @@ class Detector:
         parameters.minMarkerPerimeterRate = PERIMETER_PX / max(camera.size)
         self._aruco = cv2.aruco.ArucoDetector(dictionary(camera.family), parameters)
 
-    def look(self, picture: Picture) -> Sight:
+    def look(self, picture: Picture) -> Detection:
         """Return what a picture, grey (h, w) or RGB (h, w, 3), shows of the tag."""
         grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
         found, ids, _ = self._aruco.detectMarkers(grey)
@@ -91,7 +91,7 @@ class Detector:
             return NOTHING
         side = math.sqrt(abs(float(cv2.contourArea(corners.astype(np.float32)))))
         quality = min(1.0, side / FINE_PX) * math.exp(-candidates[0].error_px / ROUGH_PX)
-        return Sight(candidates, quality, corners)
+        return Detection(candidates, quality, corners)
 
     def _poses(self, corners: Array) -> tuple[Candidate, ...]:
         """Return the one or two poses that explain the corners, the better one first.

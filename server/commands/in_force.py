@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..control.mechanism.backbone.insertion import Driven
+from ..control.mechanism.backbone.insertion import DriveRequest
 from ..control.spatial import Array, Pose
 from ..control.state import Settings
 from ..control.task.asked import StickCommand
@@ -30,5 +30,5 @@ class InForce(NamedTuple):
     """The frame that motion is relative to."""
     T_wrist_goal: Pose
     """The point of the tool that is led to the goal."""
-    drive: Driven
+    drive: DriveRequest
     """How an arm in tunnels is driven."""

@@ -6,7 +6,7 @@ from ...config.load import Cell
 from ...config.schema.backbone import Backbone
 from ...protocols.messages.drive import Drive, Insert
 from ..control.mechanism.backbone.chain import Chain
-from ..control.mechanism.backbone.insertion import STILL, Driven
+from ..control.mechanism.backbone.insertion import STILL, DriveRequest
 from ..control.spatial import Pose
 from ..refusals import Refused, Why
 from .streams import Stream
@@ -19,7 +19,7 @@ class InsertionCommands:
         """Build it for an arm of a length from its first joint to its tip [m]."""
         self._backbone, self._length = backbone, length
         self._stream = Stream[Drive](timeout_s)
-        self._goal: Driven | None = None
+        self._goal: DriveRequest | None = None
 
     @classmethod
     def from_cell(cls, cell: Cell) -> Self:
@@ -56,14 +56,16 @@ class InsertionCommands:
         if message.depth > deepest + 1e-9:
             raise Refused(Why.OUT_OF_RANGE, f"depth: {message.depth:g} m: at most {deepest:.4f} m")
         self._stream.clear()
-        self._goal = Driven(min(message.speed or backbone.speed, backbone.speed), message.depth)
+        self._goal = DriveRequest(
+            min(message.speed or backbone.speed, backbone.speed), message.depth
+        )
 
-    def newest(self, now_s: float) -> Driven:
+    def newest(self, now_s: float) -> DriveRequest:
         """Return what is in force now."""
         if self._goal is not None:
             return self._goal
         message = self._stream.newest(now_s)
-        return STILL if message is None else Driven(message.rates[0])
+        return STILL if message is None else DriveRequest(message.rates[0])
 
     def expired(self, now_s: float) -> bool:
         """Return whether a drive fell silent that was to move, and forget it."""

@@ -16,7 +16,7 @@ from .frame_tree import Moved
 from .grasps.held import Held, Holding
 from .hold.pushed import Pushed
 from .hold.retreat import RetreatState
-from .mechanism.backbone.insertion import STILL, Driven, Insertion
+from .mechanism.backbone.insertion import STILL, DriveRequest, Insertion
 from .mechanism.null_space.potential_field import FieldReading
 from .mechanism.null_space.priority import Near
 from .mechanism.null_space.redundancy import ObjectiveGains, SelfMotion
@@ -111,7 +111,7 @@ class Inputs:
     of now."""
     pushed: Pushed | None = None
     """Unseen contact by the drives' torques; None where it is not known."""
-    drive: Driven = STILL
+    drive: DriveRequest = STILL
     """How the operator drives an arm with a backbone as a whole."""
 
 

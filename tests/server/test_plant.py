@@ -11,7 +11,7 @@ from telerobot.drivers.device import Cause, Device, DeviceError, Trouble
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.fieldbuses import Fieldbuses
 from telerobot.drivers.kinds import KINDS
-from telerobot.drivers.roles import JointDrive, Output
+from telerobot.drivers.roles import JointDrive, SwitchedOutput
 from telerobot.drivers.servo_status import ServoReading
 from telerobot.server.plant import Plant
 
@@ -47,7 +47,7 @@ class Known(Device):
         return self.told
 
 
-class Lamp(Known, Output):
+class Lamp(Known, SwitchedOutput):
     def write(self, command):
         log.append((self.name, command))
         return command

@@ -5,7 +5,7 @@ import random
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.server.mode import Mode
-from telerobot.tools.campaign.requests import APART, REQUESTS, STARTS, Asking, Pair
+from telerobot.tools.campaign.requests import APART, REQUESTS, STARTS, AskingOperator, Pair
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -14,7 +14,7 @@ ON = "operation_enabled"
 
 @pytest.fixture(scope="module")
 def asking(pa10):
-    asking = Asking(pa10)
+    asking = AskingOperator(pa10)
     yield asking
     asking.close()
 

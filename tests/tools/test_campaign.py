@@ -11,8 +11,8 @@ from telerobot.tools.campaign.hostile.report import Report
 from telerobot.tools.campaign.hostile.verdict import verdict
 from telerobot.tools.campaign.parts import PARTS
 from telerobot.tools.cli import main
-from telerobot.tools.oracle.arm import Arm
-from telerobot.tools.oracle.feasible import Judge
+from telerobot.tools.oracle.arm import OracleArm
+from telerobot.tools.oracle.feasible import GoalJudge
 from telerobot.tools.oracle.poses import difference, rotation, rotation_vector
 
 SAMPLE = [("pa10", 0), ("ur5e", 0), ("pa10", 1), ("ur5e", 1), ("pa10_vision", 1), ("ur5e", 2)]
@@ -78,7 +78,7 @@ def displaced(judge, q, xyz, turn=(0.0, 0.0, 0.0)):
 
 @pytest.mark.parametrize("name", ["pa10", "ur5e"])
 def test_a_target_nearby_is_feasible_and_one_out_of_reach_is_not(name):
-    judge = Judge.of(load_cell(name))
+    judge = GoalJudge.of(load_cell(name))
     q = np.array(load_cell(name).config.mechanism.postures["ready"])
     assert judge.target(q, displaced(judge, q, [-0.05, 0.05, 0.05], [0.0, 0.1, 0.1])) == ""
     assert judge.target(q, displaced(judge, q, [0.0, 0.0, 3.0])) != ""
@@ -86,7 +86,7 @@ def test_a_target_nearby_is_feasible_and_one_out_of_reach_is_not(name):
 
 def test_a_target_in_the_table_or_behind_the_wall_is_a_collision():
     cell = load_cell("pa10")
-    judge = Judge.of(cell)
+    judge = GoalJudge.of(cell)
     q = np.array(cell.config.mechanism.postures["ready"])
     assert judge.target(q, displaced(judge, q, [0.12, 0.0, 0.0])) == "collision"
     assert judge.target(q, displaced(judge, q, [0.0, 0.0, -0.22])) == "collision"
@@ -94,7 +94,7 @@ def test_a_target_in_the_table_or_behind_the_wall_is_a_collision():
 
 def test_a_posture_near_its_limit_is_not_feasible():
     cell = load_cell("pa10")
-    judge = Judge.of(cell)
+    judge = GoalJudge.of(cell)
     q = np.array(cell.config.mechanism.postures["ready"])
     assert judge.posture(q) == ""
     q[5] = cell.robot.joints[5].upper - cell.config.mechanism.drives[5].position_margin - 0.01
@@ -103,7 +103,7 @@ def test_a_posture_near_its_limit_is_not_feasible():
 
 def test_the_judges_jacobian_is_that_of_a_planar_arm(small):
     # Two links of 0.4 m and 0.3 m in a vertical plane, on a turning column of 0.4 + 0.4 m.
-    judge = Judge.of(load_cell(small.cell))
+    judge = GoalJudge.of(load_cell(small.cell))
     a, b = 0.5, 0.8
     tool = judge.arm.tool(np.array([0.0, a, b]))
     assert tool[:3, 3] == pytest.approx(
@@ -128,14 +128,14 @@ def test_a_rotation_vector_survives_the_way_there_and_back(angle):
 def test_clearance_is_that_of_the_tool_from_the_wall():
     cell = load_cell("pa10")
     q = np.array(cell.config.mechanism.postures["ready"])
-    things, own = Arm.of(cell).clearance(q)
+    things, own = OracleArm.of(cell).clearance(q)
     # The tool's ball of 12 mm, 0.10 m short of the wall's face.
     assert things == pytest.approx(0.10 - 0.012, abs=1e-3)
     assert own > 0.05
 
 
 def test_difference_leads_from_one_pose_to_the_other():
-    arm = Arm.of(load_cell("ur5e"))
+    arm = OracleArm.of(load_cell("ur5e"))
     first, second = arm.tool(np.full(6, 0.3)), arm.tool(np.full(6, 0.5))
     twist = difference(second, first)
     assert first[:3, 3] + twist[:3] == pytest.approx(second[:3, 3])

@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.tools.campaign.scenes.clutter import KINDS, PROMISE, make_clutter
 from telerobot.tools.campaign.scenes.movers import Chase
-from telerobot.tools.campaign.scenes.runs import Findings, play
+from telerobot.tools.campaign.scenes.runs import SceneSummary, play
 from telerobot.tools.simulation.simulation import Simulation
 
 
@@ -20,7 +20,7 @@ def test_a_sample_of_scenes_keeps_every_promise(scenes):
     assert {s.kind for s in scenes} == set(KINDS)
     assert [s.reasons for s in scenes] == [[]] * len(scenes)
     assert any(s.limited_ticks > 100 for s in scenes)
-    assert Findings(scenes).kept
+    assert SceneSummary(scenes).kept
 
 
 def test_the_label_is_of_the_scene_alone():
@@ -78,14 +78,14 @@ def test_movers_keep_the_bounds_that_are_stated_of_them():
 def test_what_speaks_against_a_run_is_found(scenes, change, word):
     bad = dataclasses.replace(scenes[0], **change)
     assert any(word in reason for reason in bad.reasons)
-    assert not Findings([bad]).kept
-    assert any(word in line for line in Findings([bad]).lines())
+    assert not SceneSummary([bad]).kept
+    assert any(word in line for line in SceneSummary([bad]).lines())
 
 
 def test_an_arm_that_is_closed_in_need_not_leave_but_is_told(scenes):
     closed = dataclasses.replace(scenes[0], left=False, closed=True)
     assert closed.reasons == []
-    found = Findings([*scenes, closed])
+    found = SceneSummary([*scenes, closed])
     assert found.kept
     assert (found.figures()["did_not_leave"], found.figures()["closed_in"]) == (0, 1)
     assert any(f"{closed.seed}:" in line and "closed in" in line for line in found.lines())

@@ -18,7 +18,7 @@ from ...protocols import topics as t
 from ...protocols.canopen.can301 import rpdo1_id
 from ...protocols.messages.messages import Frame
 from .figures import Figures, percentiles
-from .plant import Driven, driven, without_self_motion
+from .plant import EnabledPlant, driven, without_self_motion
 
 STEPS = 200
 QUICK_STEPS = 50
@@ -66,7 +66,7 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
 class _Watch:
     """Knows the newest target of each drive on the bus."""
 
-    def __init__(self, plant: Driven) -> None:
+    def __init__(self, plant: EnabledPlant) -> None:
         self._plant = plant
         drives = plant.cell.config.mechanism.drives
         self._ids = {rpdo1_id(drive.node) for drive in drives}
@@ -103,7 +103,7 @@ class _Watch:
         return None if before in (None, target) else frame.timestamp
 
 
-def _stick(plant: Driven, speed: float) -> None:
+def _stick(plant: EnabledPlant, speed: float) -> None:
     plant.operator.command(
         t.JOYSTICK,
         twist=(0.0, speed, 0.0, 0.0, 0.0, 0.0),

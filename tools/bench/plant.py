@@ -39,7 +39,7 @@ class Listener:
 
 
 @dataclass(frozen=True)
-class Driven:
+class EnabledPlant:
     """A plant whose arm is enabled, and who watches it."""
 
     cell: Cell
@@ -60,7 +60,7 @@ def without_self_motion(cell: Cell, folder: Path) -> Cell:
 
 
 @contextmanager
-def driven(cell: Cell, statistics: Path | None = None) -> Iterator[Driven]:
+def driven(cell: Cell, statistics: Path | None = None) -> Iterator[EnabledPlant]:
     """Start rig and daemon, take the lease and enable the arm.
 
     Raises `ChildDied` or `OperatorError` where that fails.
@@ -73,7 +73,7 @@ def driven(cell: Cell, statistics: Path | None = None) -> Iterator[Driven]:
                 _until_ready(plant, operator)
                 operator.acquire()
                 operator.enable()
-                yield Driven(plant.cell, operator, listener)
+                yield EnabledPlant(plant.cell, operator, listener)
         finally:
             listener.close()
 

@@ -18,7 +18,7 @@ import numpy as np
 from ...config.load import Cell
 from ...protocols.canopen.can301 import SYNC_ID
 from .figures import PERCENTILES, Figures, percentiles
-from .plant import Driven, driven
+from .plant import EnabledPlant, driven
 
 SECONDS = 60.0
 QUICK_SECONDS = 10.0
@@ -65,7 +65,7 @@ def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
     }
 
 
-def _sway(plant: Driven, seconds: float) -> list[float]:
+def _sway(plant: EnabledPlant, seconds: float) -> list[float]:
     """Drive the arm to and fro; return the stamps of SYNC [s]."""
     amplitude, cycle_s = SWAY
     stamps: list[float] = []

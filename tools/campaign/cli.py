@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from .part import Findings, Played, Selection
+from .part import JobResult, Selection, Summary
 from .parts import PARTS
 
 Job = tuple[str, Any]
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     selection = Selection(tuple(name for name in args.cells.split(",") if name), args.seeds)
     chosen = [name for name in PARTS if not args.only or name in args.only]
     jobs = [(name, job) for name in chosen for job in PARTS[name].jobs(selection)]
-    results: dict[str, list[Played]] = {name: [] for name in chosen}
+    results: dict[str, list[JobResult]] = {name: [] for name in chosen}
     for done, ((name, _), played) in enumerate(
         zip(jobs, _played(jobs, max(1, args.jobs)), strict=True), start=1
     ):
@@ -75,7 +75,7 @@ def _seeds(text: str) -> range:
     return seeds
 
 
-def _played(jobs: list[Job], processes: int) -> Iterator[Played]:
+def _played(jobs: list[Job], processes: int) -> Iterator[JobResult]:
     if processes == 1:
         yield from map(_play, jobs)
         return
@@ -85,17 +85,17 @@ def _played(jobs: list[Job], processes: int) -> Iterator[Played]:
         yield from pool.imap(_play, jobs)
 
 
-def _play(job: Job) -> Played:
+def _play(job: Job) -> JobResult:
     name, what = job
     return PARTS[name].play(what)
 
 
-def _show(name: str, found: Findings) -> None:
+def _show(name: str, found: Summary) -> None:
     print(f"--- {name}")
     print("\n".join(found.lines()))
 
 
-def _progress(done: int, of: int, played: Played) -> None:
+def _progress(done: int, of: int, played: JobResult) -> None:
     lasting = bool(played.reasons) or not sys.stderr.isatty() or done == of
     if played.reasons or not lasting or done % 10 == 0 or done == of:
         words = "; ".join(played.reasons) or "well"

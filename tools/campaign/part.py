@@ -17,7 +17,7 @@ class Selection(NamedTuple):
     """Seeds, for parts that are drawn."""
 
 
-class Played(Protocol):
+class JobResult(Protocol):
     """The result of one job."""
 
     @property
@@ -29,7 +29,7 @@ class Played(Protocol):
         """Broken promises; empty if all went well."""
 
 
-class Findings(Protocol):
+class Summary(Protocol):
     """Summary of a part's results."""
 
     @property
@@ -48,5 +48,5 @@ class Part(NamedTuple):
 
     jobs: Callable[[Selection], list[Any]]
     """Lists the jobs; raises `ConfigError` where a cell is wrong."""
-    play: Callable[[Any], Played]
-    report: Callable[[Sequence[Any]], Findings]
+    play: Callable[[Any], JobResult]
+    report: Callable[[Sequence[Any]], Summary]

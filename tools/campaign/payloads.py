@@ -38,7 +38,7 @@ MODES: tuple["Mode", ...] = ("csp", "csv", "cst")
 Mode = Literal["csp", "csv", "cst"]
 
 
-class Job(NamedTuple):
+class PayloadJob(NamedTuple):
     """One point of the grid."""
 
     mode: Mode
@@ -100,7 +100,7 @@ def speed_at_the_end(simulation: Simulation) -> float:
 
 
 @dataclass(frozen=True)
-class Run:
+class PayloadRun:
     """Result of one run."""
 
     name: str
@@ -111,7 +111,7 @@ class Run:
     reasons: list[str] = field(default_factory=list)
 
 
-class Grid(Runs[Run]):
+class Grid(Runs[PayloadRun]):
     """Summary of all runs."""
 
     def figures(self) -> dict[str, object]:
@@ -132,13 +132,13 @@ class Grid(Runs[Run]):
         ]
 
 
-def play(job: Job) -> Run:
+def play(job: PayloadJob) -> PayloadRun:
     """Judge one point of the grid by `check`, and by a simulation where that finds no error."""
     mode, more, mass, damping, side = job
     cell = laden(more, mode, mass=mass, damping=damping)
     name = f"payload {more:g} kg, {mode}, M = {mass:g}, B = {damping:g}, side {side}"
     if any(finding.status is Status.ERROR for finding in following(cell)):
-        return Run(name, True, 0.0)
+        return PayloadRun(name, True, 0.0)
     simulation = Simulation(cell, pushed([PUSH_N * x for x in SIDES[side]]))
     result = simulation.run()
     speed, reasons = speed_at_the_end(simulation), []
@@ -148,13 +148,13 @@ def play(job: Job) -> Run:
         reasons.append(f"the arm is in {result.summary['mode']}")
     if result.summary["limit_violations"]:
         reasons.append(f"{result.summary['limit_violations']} limit violations")
-    return Run(name, False, speed, reasons)
+    return PayloadRun(name, False, speed, reasons)
 
 
-def jobs(selection: Selection) -> list[Job]:
+def jobs(selection: Selection) -> list[PayloadJob]:
     """Return the grid, pushed from one side for each seed from 0 to 3 that is selected."""
     sides = sorted({seed % len(SIDES) for seed in selection.seeds})
-    return [Job(*point) for point in product(MODES, KILOGRAMS, MASSES, DAMPINGS, sides)]
+    return [PayloadJob(*point) for point in product(MODES, KILOGRAMS, MASSES, DAMPINGS, sides)]
 
 
 PAYLOADS = Part(jobs, play, Grid)

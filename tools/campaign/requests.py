@@ -55,7 +55,7 @@ class Pair:
         return f"{self.start}: {self.first}, {self.second} after {self.apart} ticks"
 
 
-class Asking:
+class AskingOperator:
     """An arm whose operator asks for one thing after another."""
 
     def __init__(self, cell: Cell) -> None:
@@ -233,7 +233,7 @@ def _jobs(_selection: Selection) -> list[tuple[str, Mode, Request]]:
 
 def _play(job: tuple[str, Mode, Request]) -> Pairs:
     name, start, first = job
-    asking = Asking(load_cell(name))
+    asking = AskingOperator(load_cell(name))
     try:
         played = [
             asking.play(Pair(start, first, second, apart)) for second in REQUESTS for apart in APART

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from .part import Played
+from .part import JobResult
 
-R = TypeVar("R", bound=Played)
+R = TypeVar("R", bound=JobResult)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ BEGIN_S, LENGTH_S = 0.4, 2.4
 
 
 @dataclass(frozen=True)
-class Run:
+class TorqueRun:
     """Result of one run."""
 
     name: str
@@ -40,7 +40,7 @@ class Run:
     reasons: list[str] = field(default_factory=list)
 
 
-class Kept(Runs[Run]):
+class Kept(Runs[TorqueRun]):
     """Summary of all runs."""
 
     def figures(self) -> dict[str, object]:
@@ -127,7 +127,7 @@ def _between(draw: Draw, at_s: float) -> list[dict[str, Any]]:
             return []
 
 
-def play(seed: int) -> Run:
+def play(seed: int) -> TorqueRun:
     """Simulate one run and judge it."""
     simulation = Simulation(load_cell(CELL), script(seed))
     result = simulation.run()
@@ -138,7 +138,7 @@ def play(seed: int) -> Run:
     if result.summary["limit_violations"]:
         reasons.append(f"{result.summary['limit_violations']} limit violations")
     told = sum(any(limit.startswith("torque:") for limit in s.limits) for s in result.states)
-    return Run(f"torques {seed}", told, reasons)
+    return TorqueRun(f"torques {seed}", told, reasons)
 
 
 def jobs(selection: Selection) -> list[int]:

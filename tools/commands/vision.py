@@ -17,7 +17,7 @@ from typing import Protocol
 from ...config.load import Cell, ConfigError
 from ...config.schema.cameras import Camera
 from ...drivers.network.identity import Identity, identity_of
-from ...drivers.vision.detector import Detector, Picture, Sight
+from ...drivers.vision.detector import Detection, Detector, Picture
 from ...drivers.vision.device import VideoCamera
 from ...drivers.vision.opencv import save
 from ...protocols import topics as t
@@ -27,7 +27,7 @@ from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
-from ..operator.client.session import Inbox, Session
+from ..operator.client.session import Session, TopicBuffer
 from ..simulation.pictures import told
 
 Over = Callable[[], bool]
@@ -40,7 +40,7 @@ SAVE_EVERY_S = 1.0
 """Pictures are saved at most this often [s]."""
 
 
-class _Eye(Protocol):
+class _PictureSource(Protocol):
     """Source of pictures."""
 
     def picture(self) -> Picture | None:
@@ -82,7 +82,7 @@ class _World:
 class Looker:
     """Looks through one camera at its rate, and sends what it sees."""
 
-    def __init__(self, camera: Camera, eye: _Eye, period_s: float) -> None:
+    def __init__(self, camera: Camera, eye: _PictureSource, period_s: float) -> None:
         self.camera = camera
         self.due_s = 0.0
         self.pictures = self.seen = 0
@@ -92,7 +92,7 @@ class Looker:
         # the newest telemetry by what the cell says.
         self._late_ticks = 0 if camera.device is None else round(camera.latency_s / period_s)
 
-    def look(self, newest_tick: int, now_s: float) -> tuple[m.Message, Picture, Sight] | None:
+    def look(self, newest_tick: int, now_s: float) -> tuple[m.Message, Picture, Detection] | None:
         """Return the message of one picture, with what it is about; None without a picture."""
         self.due_s = max(self.due_s + 1.0 / self.camera.rate_hz, now_s)
         picture = self._eye.picture()
@@ -193,7 +193,7 @@ class _Work:
             save(self._folder / f"{name}.png", picture, sight.corners)
 
 
-def _eye(camera: Camera, world: _World | None) -> _Eye:
+def _eye(camera: Camera, world: _World | None) -> _PictureSource:
     return VideoCamera(camera) if world is None or camera.device else _Rendered(world, camera)
 
 
@@ -214,7 +214,7 @@ def _dial(cell: Cell, identity: Identity | None, over: Over) -> Session | None:
     return None
 
 
-def _newest(inbox: Inbox, kind: type[MessageT], max_bytes: int) -> MessageT | None:
+def _newest(inbox: TopicBuffer, kind: type[MessageT], max_bytes: int) -> MessageT | None:
     newest = None
     for payload in inbox.take():
         try:

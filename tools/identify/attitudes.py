@@ -20,14 +20,14 @@ FROM_LIMIT = 0.05
 
 
 @dataclass(frozen=True)
-class Stop:
+class AttitudeStop:
     """A posture (n,) [rad] on the way; only those that `measure` are averaged."""
 
     q: Array
     measure: bool
 
 
-def attitudes(cell: Cell, posture: str, count: int, room: float) -> list[Stop]:
+def attitudes(cell: Cell, posture: str, count: int, room: float) -> list[AttitudeStop]:
     """Return the way through `count` attitudes about a posture, the MRF never further than `room`.
 
     The directions of gravity are spread as far as that allows (D-optimal, greedily). Joints move
@@ -86,17 +86,17 @@ class _Space:
             for s in shares
         )
 
-    def way(self, postures: list[Array]) -> Iterator[Stop]:
+    def way(self, postures: list[Array]) -> Iterator[AttitudeStop]:
         """Yield the stops, always on to the nearest, by way of home where straight is too far."""
         at, left = self._home, list(postures)
         while left:
             nearest = min(range(len(left)), key=lambda i: float(np.abs(left[i] - at).max()))
             q = left.pop(nearest)
             if not self.inside(at, q):
-                yield Stop(self._home, False)
-            yield Stop(q, True)
+                yield AttitudeStop(self._home, False)
+            yield AttitudeStop(q, True)
             at = q
-        yield Stop(self._home, False)
+        yield AttitudeStop(self._home, False)
 
     def _tip(self, q: Array) -> Array:
         return (self._mechanism.pose_wrist(q) @ self._tool).p

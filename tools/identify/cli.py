@@ -8,9 +8,9 @@ from ...config.load import Cell
 from ..host.address import add_cell_arguments, cell_from
 from ..operator.client.connection import OperatorError
 from ..operator.client.operator import Operator
-from .attitudes import Stop, attitudes
+from .attitudes import AttitudeStop, attitudes
 from .estimate import NotIdentified
-from .guide import Sample
+from .guide import AttitudeMean
 from .report import as_dict, snippet, table
 from .run import identify, identify_simulated, judge
 from .subject import Subject, subject_of
@@ -65,11 +65,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _simulated(cell: Cell, stops: list[Stop], subject: Subject) -> list[Sample]:
+def _simulated(cell: Cell, stops: list[AttitudeStop], subject: Subject) -> list[AttitudeMean]:
     return identify_simulated(cell, stops, _say, subject)
 
 
-def _driven(cell: Cell, stops: list[Stop], subject: Subject) -> list[Sample]:
+def _driven(cell: Cell, stops: list[AttitudeStop], subject: Subject) -> list[AttitudeMean]:
     with Operator(cell, name="identify") as operator:
         operator.acquire()
         operator.enable()

@@ -15,7 +15,7 @@ from ...protocols.messages import requests
 from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.spatial import Array
 from ..operator.client.protocol_client import NoLease, ProtocolClient
-from .attitudes import Stop
+from .attitudes import AttitudeStop
 from .subject import Subject
 
 SETTLE_S = 0.4
@@ -27,7 +27,7 @@ ARRIVE_S = 30.0
 
 
 @dataclass
-class Sample:
+class AttitudeMean:
     """Means over one attitude."""
 
     q: Array
@@ -41,11 +41,11 @@ class Guide:
     """Goes from stop to stop. `say` is told, in a line, how far it is."""
 
     client: ProtocolClient
-    stops: list[Stop]
+    stops: list[AttitudeStop]
     say: Callable[[str], None] = lambda _line: None
     subject: Subject | None = None
     """The arm that it leads; None: the only one."""
-    samples: list[Sample] = field(default_factory=list)
+    samples: list[AttitudeMean] = field(default_factory=list)
     failure: str = ""
     """Reason of a failure."""
     over: bool = False
@@ -110,7 +110,7 @@ class Guide:
         self._heard.append((state.q[joints], wrench_sensor))
         if self._arrived_s is not None and state.time_s >= self._arrived_s + SETTLE_S + AVERAGE_S:
             q, wrench = (np.mean(part, axis=0) for part in zip(*self._heard, strict=True))
-            self.samples.append(Sample(q, wrench))
+            self.samples.append(AttitudeMean(q, wrench))
             wanted = sum(stop.measure for stop in self.stops)
             self.say(f"attitude {len(self.samples)} of {wanted}")
             self._next()

@@ -11,9 +11,9 @@ from ..operator.client.operator import Operator
 from ..scripts.player import Phase
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
-from .attitudes import Stop
+from .attitudes import AttitudeStop
 from .estimate import Estimate, NotIdentified, estimate
-from .guide import ARRIVE_S, Guide, Sample
+from .guide import ARRIVE_S, AttitudeMean, Guide
 from .subject import Subject
 
 LONGEST_S = 1800.0
@@ -22,10 +22,10 @@ LONGEST_S = 1800.0
 
 def identify(
     operator: Operator,
-    stops: list[Stop],
+    stops: list[AttitudeStop],
     say: Callable[[str], None],
     subject: Subject | None = None,
-) -> list[Sample]:
+) -> list[AttitudeMean]:
     """Lead a daemon's arm through the stops; needs the lease and an enabled arm.
 
     Raises `NotIdentified` where it could not go on.
@@ -41,10 +41,10 @@ def identify(
 
 def identify_simulated(
     cell: Cell,
-    stops: list[Stop],
+    stops: list[AttitudeStop],
     say: Callable[[str], None] = lambda _line: None,
     subject: Subject | None = None,
-) -> list[Sample]:
+) -> list[AttitudeMean]:
     """Identify a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
     simulation = Simulation(cell, Script(duration_s=LONGEST_S))
     guide = Guide(simulation.player.client, stops, say, subject)
@@ -63,7 +63,7 @@ def identify_simulated(
     return _samples(guide)
 
 
-def judge(cell: Cell, samples: list[Sample]) -> Estimate:
+def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:
     """Return what the samples tell. Raises `NotIdentified`."""
     sensor = cell.config.mechanism.force_torque
     if sensor is None:
@@ -75,7 +75,7 @@ def judge(cell: Cell, samples: list[Sample]) -> Estimate:
     return estimate(attitudes, readings, nominal.R)
 
 
-def _samples(guide: Guide) -> list[Sample]:
+def _samples(guide: Guide) -> list[AttitudeMean]:
     if guide.failure or not guide.over:
         raise NotIdentified(guide.failure or "it took too long")
     return guide.samples

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...config.load import Cell
 from .poses import Array, matrix, numbers, origin_of, skew
-from .shapes import Block, Shape, blocks_of, shape_of
+from .shapes import BallModel, Block, blocks_of, shape_of
 
 NEIGHBOURS = 2
 """Links this many joints apart overlap by design, and are not held against each other [1]."""
@@ -23,7 +23,7 @@ _EYE = np.eye(3)
 
 
 @dataclass
-class _Joint:
+class _TreeJoint:
     """One joint of the URDF's tree, parents first."""
 
     parent: int
@@ -42,14 +42,14 @@ class _Joint:
 
 
 @dataclass
-class Arm:
+class OracleArm:
     """Frames, shapes and surroundings of a cell's arm."""
 
-    joints: list[_Joint]
+    joints: list[_TreeJoint]
     tip: int
     T_base: Array
     T_tool: Array
-    shape: Shape
+    shape: BallModel
     blocks: list[Block] = field(default_factory=list)
 
     @classmethod
@@ -62,7 +62,7 @@ class Arm:
             name for link in root.findall("link") if (name := link.get("name", "")) not in children
         )
         index = {base: 0}
-        joints = [_Joint(-1, np.eye(4), np.zeros(3), -1, 0)]
+        joints = [_TreeJoint(-1, np.eye(4), np.zeros(3), -1, 0)]
         waiting = root.findall("joint")
         while waiting:
             element = next(j for j in waiting if _end(j, "parent") in index)
@@ -74,7 +74,7 @@ class Arm:
             depth = joints[parent].depth + (coordinate >= 0)
             index[_end(element, "child")] = len(joints)
             joints.append(
-                _Joint(
+                _TreeJoint(
                     parent,
                     origin_of(element),
                     direction / np.linalg.norm(direction),

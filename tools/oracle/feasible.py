@@ -23,7 +23,7 @@ import numpy as np
 
 from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
-from .arm import Arm
+from .arm import OracleArm
 from .poses import Array, difference, rotation
 
 LIMIT_ROOM = 0.05
@@ -40,10 +40,10 @@ ITERATIONS = 8
 
 
 @dataclass
-class Judge:
+class GoalJudge:
     """Judges goals of one cell; joint arrays are (n,)."""
 
-    arm: Arm
+    arm: OracleArm
     lower: Array
     upper: Array
     velocity: Array
@@ -59,7 +59,7 @@ class Judge:
         bounds = joint_bounds(cell.robot.joints, drives, LIMIT_ROOM)
         length = config.resolve.characteristic_length
         return cls(
-            Arm.of(cell),
+            OracleArm.of(cell),
             np.array(bounds.lower),
             np.array(bounds.upper),
             np.array([d.max_velocity for d in drives]),

@@ -24,7 +24,7 @@ Clear = Callable[[Array], bool]
 """True for a posture (n,) that is free."""
 
 
-class Tree:
+class PostureTree:
     """Postures (n,), each one step from one that was there before."""
 
     def __init__(self, root: Array) -> None:
@@ -56,7 +56,7 @@ def connected(
     """Return whether a free way between two postures is found, inside bounds (n,) [rad]."""
     if not (clear(start) and clear(goal)):
         return False
-    here, there = Tree(start), Tree(goal)
+    here, there = PostureTree(start), PostureTree(goal)
     if _towards(here, goal, clear, far=True):
         return True
     for _ in range(BRANCHES):
@@ -68,7 +68,7 @@ def connected(
     return False
 
 
-def _towards(tree: Tree, to: Array, clear: Clear, far: bool) -> bool:
+def _towards(tree: PostureTree, to: Array, clear: Clear, far: bool) -> bool:
     """Grow a tree straight to a posture, one branch or as `far` as it goes; True if it arrived."""
     q = tree.nearest(to)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ...config.load import Cell
-from .arm import Arm
+from .arm import OracleArm
 from .poses import Array
 
 
@@ -27,7 +27,7 @@ class Arms:
 
     names: tuple[str, ...]
     """Of the mechanisms."""
-    each: tuple[Arm, ...]
+    each: tuple[OracleArm, ...]
     slices: tuple[slice, ...]
     """Which joints are those of each arm."""
     lower: Array
@@ -47,7 +47,7 @@ class Arms:
         drives = [drive for part in parts for drive in part.config.mechanism.drives]
         return cls(
             tuple(part.config.mechanism.name for part in parts),
-            tuple(Arm.of(part) for part in parts),
+            tuple(OracleArm.of(part) for part in parts),
             tuple(slice(*ends_of) for ends_of in zip([0, *ends[:-1]], ends, strict=True)),
             np.array([joint.lower for joint in joints]),
             np.array([joint.upper for joint in joints]),

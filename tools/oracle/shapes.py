@@ -14,7 +14,7 @@ PLATE = 0.04
 """Thickness of the rig's wall [m]."""
 
 
-class Shape(NamedTuple):
+class BallModel(NamedTuple):
     """Balls fixed to the links: all arrays have one row per ball."""
 
     link: NDArray[np.int64]
@@ -31,7 +31,7 @@ class Block(NamedTuple):
     half: Array
 
 
-def shape_of(root: ET.Element, index: dict[str, int], cell: Cell) -> Shape:
+def shape_of(root: ET.Element, index: dict[str, int], cell: Cell) -> BallModel:
     """Return the balls of a URDF and of the rig's tool; `index` numbers the links' frames."""
     links: list[int] = []
     centres: list[Array] = []
@@ -60,7 +60,7 @@ def shape_of(root: ET.Element, index: dict[str, int], cell: Cell) -> Shape:
     if rig is not None and rig.tool_radius > 0.0:
         tip = index[cell.config.mechanism.tip_link]
         add(tip, matrix(cell.config.mechanism.T_wrist_mrf), 0.0, rig.tool_radius)
-    return Shape(np.array(links), np.array(centres), np.array(radii))
+    return BallModel(np.array(links), np.array(centres), np.array(radii))
 
 
 def blocks_of(cell: Cell) -> list[Block]:

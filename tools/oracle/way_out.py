@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...drivers.rig.physics.world import World
-from .arm import Arm
+from .arm import OracleArm
 from .poses import Array, difference
-from .random_tree import Tree
+from .random_tree import PostureTree
 
 Flags = NDArray[np.bool_]
 
@@ -73,7 +73,7 @@ class _Search:
 
     def __init__(self, cell: Cell, world: World, q: Array, promise: float, held: float) -> None:
         bounds = joint_bounds(cell.robot.joints, cell.config.mechanism.drives)
-        self._arm, self._world = Arm.of(cell), world
+        self._arm, self._world = OracleArm.of(cell), world
         self._low = np.minimum(q, bounds.lower)
         self._high = np.maximum(q, bounds.upper)
         gaps = self._gaps(q)
@@ -82,7 +82,7 @@ class _Search:
         self._floor = np.minimum(promised, gaps) - held
         self._wanted = float(gaps[:-1].min()) + WIDER
         self._start = self._arm.tool(q)
-        self._tree = Tree(q)
+        self._tree = PostureTree(q)
         self._draw = np.random.default_rng(0)
 
     def found(self) -> bool:

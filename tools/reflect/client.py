@@ -15,7 +15,7 @@ from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.telemetry import State
 from ...server.reflection.passivity import Port, damping
 from ..operator.client.round_trip import RoundTrip
-from .device import STEP_S, Device
+from .device import STEP_S, SimulatedHandle
 from .small_gain import HeldStick
 
 Mode = Literal["rate", "pose"]
@@ -43,7 +43,7 @@ class ReflectingClient:
 
     def __init__(self, config: Config, now_s: float) -> None:
         self._config = config
-        self.device = Device(config.handle, config.hand)
+        self.device = SimulatedHandle(config.handle, config.hand)
         self.trip = RoundTrip()
         self.mode: Mode = "rate"
         self.axes = m.Frame.CRF

@@ -41,7 +41,7 @@ class HandPath:
         return self._start + part * way, rate * way
 
 
-class Device:
+class SimulatedHandle:
     """One handle, held or let go; `spring`: whether it is drawn to its centre, as a stick is."""
 
     def __init__(self, handle: Handle, hand: Hand) -> None:

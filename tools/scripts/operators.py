@@ -12,7 +12,7 @@ from ..reflect.client import ReflectingClient
 from .generators.delay_line import Conditions, DelayLine
 from .generators.handles import Handles
 from .generators.master import MasterHandle
-from .generators.tables import Device, LinkConditions, MovingMaster, Network
+from .generators.tables import HandleMotion, LinkConditions, MovingMaster, Network
 
 
 class Operators:
@@ -79,7 +79,7 @@ class Operators:
         master.move(step.twist, step.expressed_in, self._now_s)
         self[name].stream_made(t.MASTER_POSE, master.fields)
 
-    def move_device(self, name: str, step: Device) -> None:
+    def move_device(self, name: str, step: HandleMotion) -> None:
         """Move an operator's reflecting handle. Raises `ValueError` in a cell without them."""
         self.handles.take(step, self[name], self._now_s)
 

@@ -17,14 +17,14 @@ from pydantic import Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from ...config.load import ConfigError, read_toml, script_path
-from .generators.tables import Network, Part
+from .generators.tables import Network, ScriptTable
 from .step import Step
 
 SAME_S = 1e-9
 """Steps that are no further apart happen at once [s]."""
 
 
-class Script(Part):
+class Script(ScriptTable):
     """A run: its length, its network, its steps."""
 
     description: str = ""

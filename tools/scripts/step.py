@@ -9,13 +9,13 @@ from ...config.errors import nearest
 from ...protocols import topics as t
 from ...protocols.messages import messages as m
 from .generators.tables import (
-    Device,
+    HandleMotion,
     LinkConditions,
     MovingMaster,
     MovingObstacle,
     MovingTarget,
-    Part,
     Raw,
+    ScriptTable,
 )
 from .message import SPOKEN, TopicMessage
 
@@ -42,7 +42,7 @@ def _stream(key: str) -> str:
 StreamKey = Annotated[str, AfterValidator(_stream)]
 
 
-class Step(Part):
+class Step(ScriptTable):
     """One moment of a script: beside its time, one topic with its fields, or one generator."""
 
     at_s: Annotated[float, Field(ge=0)]
@@ -54,7 +54,7 @@ class Step(Part):
     """Streams that fall silent: all of a topic, or as `cmd/joystick:NAME` that of one task."""
     link: LinkConditions | None = None
     master: MovingMaster | None = None
-    device: Device | None = None
+    device: HandleMotion | None = None
     target: MovingTarget | None = None
     obstacle: MovingObstacle | None = None
     raw: Raw | None = None

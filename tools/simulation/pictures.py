@@ -14,7 +14,7 @@ from ...config.load import Cell
 from ...config.schema.cameras import Camera
 from ...drivers.rig.physics.camera import RigCameras
 from ...drivers.rig.rig import Rig
-from ...drivers.vision.detector import Detector, Sight
+from ...drivers.vision.detector import Detection, Detector
 from ...protocols.codec import encode
 from ...protocols.messages.sightings import PoseVector, Sighting
 from ...protocols.topics import SIGHTING, Topic
@@ -23,7 +23,7 @@ from ...server.control.spatial import Pose
 Put = Callable[[Topic, bytes], None]
 
 
-def told(camera: Camera, tick: int, sight: Sight) -> Sighting:
+def told(camera: Camera, tick: int, sight: Detection) -> Sighting:
     """Return the message of what a picture showed."""
     poses: list[PoseVector] = [Pose(c.R, c.p).to_xyz_rpy() for c in sight.candidates]
     return Sighting(
@@ -36,7 +36,7 @@ def told(camera: Camera, tick: int, sight: Sight) -> Sighting:
 
 
 @dataclass
-class _Eye:
+class _RenderedCamera:
     """One camera at work."""
 
     camera: Camera
@@ -52,7 +52,7 @@ class SimulatedCameras:
     def __init__(self, cell: Cell, rig: Rig, put: Put) -> None:
         self._rig, self._put = rig, put
         self._pictures = RigCameras(cell)
-        self._eyes = [_Eye(c, Detector(c)) for c in cell.cameras if c.device is None]
+        self._eyes = [_RenderedCamera(c, Detector(c)) for c in cell.cameras if c.device is None]
 
     def run(self, now_s: float, tick: int) -> None:
         """Hand over what has arrived by `now_s`, and take the pictures due at SYNC `tick`."""

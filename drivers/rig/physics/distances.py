@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 
-class Nearest(NamedTuple):
+class TrueNearest(NamedTuple):
     """Where the arm is nearest to something."""
 
     distance: float
@@ -23,7 +23,7 @@ class Nearest(NamedTuple):
     """Name of the other body."""
 
 
-class Distances:
+class WorldDistances:
     """Finds distances of one world's geoms; `roots` are the arms' bases, `fixed` what stands."""
 
     def __init__(
@@ -61,14 +61,14 @@ class Distances:
         nearest = self.nearest()
         return None if nearest is None else nearest.distance
 
-    def nearest(self) -> Nearest | None:
+    def nearest(self) -> TrueNearest | None:
         """Return where arm or tool are nearest to wall, boxes and obstacles, if there are any."""
         if not len(self._pairs):
             return None
         mujoco.mj_kinematics(self._model, self._data)
         bound = self._bounds_of_fixed()
         fromto = np.zeros(6)
-        found = Nearest(1.0, np.zeros(3), np.zeros(3), "")
+        found = TrueNearest(1.0, np.zeros(3), np.zeros(3), "")
         # Lower bounds tell which pairs can be the nearest at all.
         for i in np.argsort(bound, kind="stable"):
             if bound[i] >= found.distance:
@@ -78,7 +78,7 @@ class Distances:
             distance = mujoco.mj_geomDistance(self._model, self._data, arm, fixed, least, fromto)
             if distance < least:
                 name = self._model.body(self._model.geom_bodyid[fixed]).name
-                found = Nearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
+                found = TrueNearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
         return found
 
     def gaps(self, within: float) -> Vector:

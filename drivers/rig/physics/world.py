@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ....config.load import Cell
 from ....config.schema.rig.rig import RigGripper
 from .beam import Beam
-from .distances import Distances
+from .distances import WorldDistances
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 from .solids import place
 
@@ -66,7 +66,7 @@ class World:
         self._swells: dict[int, tuple[float, float]] = {}
         """When the push on a tool began, and how long it takes [s], by the tip's body."""
         roots = [arm.root for arm in self._arms]
-        self.distances = Distances(self.model, self.data, self._fixed, roots)
+        self.distances = WorldDistances(self.model, self.data, self._fixed, roots)
         """Of arms from what stands around them, and from each other."""
         self.q: Vector = self.data.qpos[arm]
         self.dq: Vector = self.data.qvel[arm]

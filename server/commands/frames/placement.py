@@ -7,7 +7,7 @@ import numpy as np
 from ....protocols.messages.messages import Attitude, Frame, Place
 from ....protocols.messages.motion import PathMotion
 from ...control.spatial import Pose, rotate_twist, rotation_rpy
-from ...control.task.paths.goals import PathGoal, Route, Segment, TwistRoute
+from ...control.task.paths.goals import PathGoal, Route, TwistRoute, TwistSegment
 
 PoseOf = Callable[[Frame], Pose]
 """Where a frame is in World, now."""
@@ -39,7 +39,7 @@ def path_goal(message: PathMotion, serial: int, pose_of: PoseOf) -> Route | Twis
     moving = frame is Frame.MRF
     R = np.eye(3) if moving else pose_of(frame).R
     segments = (
-        Segment(rotate_twist(R, np.array(twist)), duration_s)
+        TwistSegment(rotate_twist(R, np.array(twist)), duration_s)
         for twist, duration_s in zip(message.twists, message.durations_s, strict=True)
     )
     return TwistRoute(tuple(segments), serial, moving)

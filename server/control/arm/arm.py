@@ -21,7 +21,7 @@ from ..state import Inputs, Intent, Memory, Output, Settings
 from ..stop.limiter import Judge, Limited
 from ..task.source import Granted
 from ..task.task import TaskMemory
-from .asking import Asking, Seen, Wanted
+from .asking import ArmReading, Asking, Wanted
 from .context import path_of_mrf
 from .stages import Stages
 
@@ -67,7 +67,7 @@ class Arm:
         return self.stages.wrist.weight(T_world_mrf, mrf, payload, bias)
 
     def before_barriers(
-        self, memory: Memory, inputs: Inputs, seen: Seen, asked: Wanted, beside: bool
+        self, memory: Memory, inputs: Inputs, seen: ArmReading, asked: Wanted, beside: bool
     ) -> BarrierInputs:
         """Return what the barriers have to know; `beside` tells whether clearances are kept."""
         return BarrierInputs(
@@ -85,7 +85,7 @@ class Arm:
             ordered=not beside or self.asking.ordered(asked.twists, inputs),
         )
 
-    def judge(self, memory: Memory, seen: Seen) -> Judge | None:
+    def judge(self, memory: Memory, seen: ArmReading) -> Judge | None:
         """Return what judges the stops of an arm that follows a curve; None for another."""
         if self.stages.slither is None:
             return None
@@ -95,7 +95,7 @@ class Arm:
         self,
         memory: Memory,
         inputs: Inputs,
-        seen: Seen,
+        seen: ArmReading,
         asked: Wanted,
         allowed: Allowed,
         clear: Clear,

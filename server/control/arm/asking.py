@@ -46,7 +46,7 @@ class Wanted(NamedTuple):
     """Where along its curve the arm is."""
 
 
-class Seen(NamedTuple):
+class ArmReading(NamedTuple):
     """Where the arm is, and what it exerts."""
 
     kinematics: Kinematics
@@ -91,7 +91,7 @@ class Asking:
             q = np.where(inputs.energised, memory.motion.q, q)
         return evolve(self.seed(q), torque=memory.torque, held=memory.held)
 
-    def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, Seen, Wanted]:
+    def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, ArmReading, Wanted]:
         """Return what the task asks of the joints, and what that was computed from."""
         moved = inputs.moved
         T_world_wrist_measured = self.mechanism.pose_wrist(
@@ -134,7 +134,7 @@ class Asking:
             insertion=asked.insertion,
         )
         error = memory.sent[1] - inputs.q_measured
-        return memory, Seen(k, placed, T_world_wrist_measured, error, wrench, hand), asked
+        return memory, ArmReading(k, placed, T_world_wrist_measured, error, wrench, hand), asked
 
     def measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
         """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""

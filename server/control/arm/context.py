@@ -5,7 +5,7 @@ from functools import partial
 
 from ..mechanism.kinematics import Kinematics
 from ..mechanism.null_space.priority import Near
-from ..mechanism.wrist import Sample, Wrist, WristMemory
+from ..mechanism.wrist import SensorReading, Wrist, WristMemory
 from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent
 from ..task.asked import Asked
@@ -13,9 +13,9 @@ from ..task.gains import Quantities
 from ..task.source import Context
 
 
-def sample_of(inputs: Inputs) -> Sample:
+def sample_of(inputs: Inputs) -> SensorReading:
     """Return the tick's reading of the force/torque sensor."""
-    return Sample(inputs.wrench_sensor, inputs.wrench_age_s, inputs.wrench_mean)
+    return SensorReading(inputs.wrench_sensor, inputs.wrench_age_s, inputs.wrench_mean)
 
 
 def context_of(

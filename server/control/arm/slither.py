@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..mechanism.backbone.insertion import Backbone, Driven, Insertion
+from ..mechanism.backbone.insertion import Backbone, DriveRequest, Insertion
 from ..mechanism.joint_rates import Around, JointRates, Resolver, Wish
 from ..mechanism.kinematics import Kinematics
 from ..mechanism.null_space.redundancy import Redundancy
@@ -57,7 +57,7 @@ class Slither:
         wish: Wish,
         around: Around,
         before: Insertion | None,
-        drive: Driven,
+        drive: DriveRequest,
         moving: bool,
     ) -> Slid:
         """Return joint rates at the commanded posture q (n,), whose kinematics are `k`.

@@ -23,7 +23,7 @@ from .collision import Guard, Situation, Tool, Watch
 from .joint_limits import JointRoom, Room
 from .programme import ATTITUDE, nearest
 from .resisted import Resistance
-from .together import Link, in_step, least_of, pulled_apart
+from .together import PayloadLink, in_step, least_of, pulled_apart
 from .velocity_damper import Rows
 
 
@@ -138,7 +138,7 @@ class Allow:
         self,
         arms: Sequence[BarrierInputs],
         around: Surroundings,
-        links: Sequence[Link] = (),
+        links: Sequence[PayloadLink] = (),
     ) -> tuple[tuple[Allowed, ...], Clear]:
         """Return the rates nearest to those of each mechanism that all bounds allow.
 
@@ -219,7 +219,7 @@ class Allow:
         paces: list[float],
         limits: list[tuple[str, ...]],
         rows: Rows | None,
-        links: Sequence[Link],
+        links: Sequence[PayloadLink],
     ) -> tuple[Allowed, ...]:
         """Return the rates of mechanisms that nothing holds up: else they slow as a whole."""
         left, memories = [], []

@@ -68,7 +68,7 @@ class Gap(NamedTuple):
     """True while its barrier bends or slows the motion."""
 
 
-class Sight(NamedTuple):
+class NearGaps(NamedTuple):
     """Clearances at one posture: near pairs, and the bounds of their gaps."""
 
     scene: Scene | None
@@ -94,7 +94,7 @@ class Sight(NamedTuple):
 class Shown(NamedTuple):
     """Nearest pairs of one tick, for telemetry: their names are looked up on request."""
 
-    sight: Sight
+    sight: NearGaps
     links: tuple[str, ...]
     """Names of the capsules' links (c,)."""
     active: Flags
@@ -128,7 +128,7 @@ class Clearance:
     def look(
         self, q: Array, fastest: Array, error: Array, scene: Scene | None, factor: float,
         levels: Levels, base: Base = None, placed: Placed | None = None,
-    ) -> Sight:  # fmt: skip
+    ) -> NearGaps:  # fmt: skip
         """Return near pairs and bounds at q (n,) [rad], for joint speeds `fastest` (n,) [rad/s].
 
         `error` (n,) [rad] is what the joints are behind the command; `factor` the reduced-speed
@@ -151,9 +151,11 @@ class Clearance:
             self._margin, self._between,
         )  # fmt: skip
         levels = self._floors(near, floor, which, scene, levels)
-        return Sight(scene, base, still, lever, around, near, room, tube, needed, floor, levels)
+        return NearGaps(scene, base, still, lever, around, near, room, tube, needed, floor, levels)
 
-    def shortfall(self, sight: Sight, duration_s: float, way: Array, postures: Postures) -> float:
+    def shortfall(
+        self, sight: NearGaps, duration_s: float, way: Array, postures: Postures
+    ) -> float:
         """Return by how much the worst gap falls short along a stop [m]; 0 where all are kept.
 
         `way` (n,) [rad] bounds how far joints go from where they are; `postures` gives them.
@@ -170,7 +172,7 @@ class Clearance:
             return 0.0
         return self._sampled(sight, pairs, closer, duration_s, postures)
 
-    def _farther(self, sight: Sight, way: Array) -> Sight:
+    def _farther(self, sight: NearGaps, way: Array) -> NearGaps:
         """Return a sight that reaches as far as a stop may lead: the first one did not."""
         around = way + BESIDE + self._margin
         near = self.search.find(sight.near.placed, sight.scene, around, HORIZON_S)
@@ -182,7 +184,7 @@ class Clearance:
         return sight._replace(around=way, near=near, tube=tube, needed=needed, floor=floor)
 
     def _sampled(
-        self, sight: Sight, pairs: Index, closer: Array, duration_s: float, postures: Postures
+        self, sight: NearGaps, pairs: Index, closer: Array, duration_s: float, postures: Postures
     ) -> float:
         """Return how short pairs (p,) fall of what they need [m], looked at along a stop.
 

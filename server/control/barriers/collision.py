@@ -13,7 +13,7 @@ from ..compiled import FLAGS, INDEX, MATRIX, ROW, VECTOR, compiled
 from ..proximity.capsules import Capsules, Placed
 from ..scene import Flags, Index, Scene
 from ..spatial import Array, Pose
-from .clearance import Base, Clearance, Levels, Postures, Shown, Sight
+from .clearance import Base, Clearance, Levels, NearGaps, Postures, Shown
 from .velocity_damper import Rows
 from .workspace import Walls
 
@@ -58,7 +58,7 @@ class Watch(NamedTuple):
     """Near pairs and barriers of one tick."""
 
     at: Situation
-    sight: Sight
+    sight: NearGaps
     rows: Rows
     """Barriers: first those of the gaps that are near, then those of the workspace."""
     speeds: tuple[float, ...]

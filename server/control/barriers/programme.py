@@ -31,7 +31,7 @@ from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
 from ..scene import Index
 from ..spatial import Array
 from .least_distance import KEPT, settled, shortfall
-from .together import Link, keep
+from .together import PayloadLink, keep
 
 LEAVE_PATH = 1000.0
 """Cost of tool motion off the path, per (m/s)²."""
@@ -67,7 +67,7 @@ Fallback = Literal["", "barriers_softened", "barriers_slow", "barriers_stand"]
 nearest rates that do; those were slowed towards standing; the arm stands, or just leads back."""
 
 
-class Nearest(NamedTuple):
+class NearestRates(NamedTuple):
     """Joint rates inside all bounds."""
 
     dq: Array
@@ -94,8 +94,8 @@ def nearest(
     characteristic_length: float,
     rows: tuple[Array, Array] | None = None,
     tool: Index | None = None,
-    links: Sequence[Link] = (),
-) -> Nearest:
+    links: Sequence[PayloadLink] = (),
+) -> NearestRates:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
     `tool` (n,) tells which of t tools each joint moves, all the same one if None; the columns of
@@ -133,7 +133,7 @@ def nearest(
                     fallback = "barriers_slow"
     for link in links:
         found[n + link.tools] = found[n + link.tools[0]]
-    return Nearest(*_granted(found, dq, J, tool, low, high, length), fallback)
+    return NearestRates(*_granted(found, dq, J, tool, low, high, length), fallback)
 
 
 def _check_finite(**arguments: Array) -> None:
@@ -233,7 +233,7 @@ def _weighed(J: Array, tool: Index, dq: Array, t: int, length: float) -> float:
 def _granted(
     solution: Array, dq: Array, J: Array, tool: Index, low: Array, high: Array, length: float
 ) -> tuple[Array, Array, Array]:
-    """Return what `Nearest` holds, by the unknowns that solve the programme."""
+    """Return what `NearestRates` holds, by the unknowns that solve the programme."""
     n, tools = len(dq), tool.max() + 1
     found, share, pace = np.empty(n), np.empty(tools), np.empty(tools)
     for j in range(n):

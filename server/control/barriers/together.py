@@ -21,7 +21,7 @@ AGREED = 1e-6
 """Tools whose relative motion is below this keep together [m/s]."""
 
 
-class Link(NamedTuple):
+class PayloadLink(NamedTuple):
     """Tools on one payload."""
 
     tools: Index
@@ -30,7 +30,7 @@ class Link(NamedTuple):
     """The twist (k, 6) of the MRF that force control asks each one for beside the common one."""
 
 
-def least_of(links: Sequence[Link], values: list[float]) -> list[float]:
+def least_of(links: Sequence[PayloadLink], values: list[float]) -> list[float]:
     """Return values, one for each tool, with the least of those on one payload for all of them."""
     if not links:
         return values
@@ -47,8 +47,8 @@ def in_step(
     counts: Sequence[int],
     done: Sequence[float],
     shares: list[float],
-    links: Sequence[Link],
-) -> tuple[Array, list[float], list[Link]]:
+    links: Sequence[PayloadLink],
+) -> tuple[Array, list[float], list[PayloadLink]]:
     """Return rates dq (n,) of which arms on one payload are slowed as the slowest of them.
 
     Each has so many joints as `counts` tells, was slowed to a share `done` of what was asked, and
@@ -60,7 +60,9 @@ def in_step(
     return np.repeat(slower, counts) * dq, least, found
 
 
-def pulled_apart(J: Array, tool: Index, dq: Array, length: float, links: Sequence[Link]) -> bool:
+def pulled_apart(
+    J: Array, tool: Index, dq: Array, length: float, links: Sequence[PayloadLink]
+) -> bool:
     """Return whether rates dq (n,) pull a payload apart, as where one arm is singular."""
     return any(apart(J, tool, link.tools, link.give_way, dq, length) > AGREED for link in links)
 

@@ -17,7 +17,7 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.joint_task import JointTask as Section
 from ..arm.arm import Arm
-from ..arm.asking import Seen
+from ..arm.asking import ArmReading
 from ..arm.context import path_of_mrf
 from ..evolve import evolve
 from ..grasps.held import Held, Holding
@@ -270,7 +270,7 @@ class JointTask:
             held=evolve(of.held, force=tuned.force),
         )
         wrist, mrf = arm.stages.wrist, given.settings.T_wrist_mrf
-        seen = Seen(
+        seen = ArmReading(
             of.kinematics,
             None,
             of.measured,

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..arm.asking import Seen, Wanted
+from ..arm.asking import ArmReading, Wanted
 from ..grasps.held import Holding
 from ..spatial import Array, Pose
 from ..state import Inputs, Memory
@@ -15,7 +15,7 @@ class Member(NamedTuple):
     memory: Memory
     inputs: Inputs
     """Its own, with the MRF where it sees it, and nothing that commands it alone."""
-    seen: Seen
+    seen: ArmReading
     wanted: Wanted
     give_way: Array
     """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ..arm.arm import Arm
-from ..barriers.together import Link
+from ..barriers.together import PayloadLink
 from ..spatial import Array
 from ..state import Inputs, Memory, Output
 from ..stop.limiter import Limiter
@@ -34,10 +34,10 @@ class On(NamedTuple):
         return self.together.strained or self.together.slipped
 
     @property
-    def link(self) -> Link:
+    def link(self) -> PayloadLink:
         """Its arms, for the barriers."""
         ways = [member.give_way for member in self.together.members]
-        return Link(np.array(self.task.members), np.array(ways))
+        return PayloadLink(np.array(self.task.members), np.array(ways))
 
     def shortfall(self, stop: Stop) -> float:
         """Return by how much a stop stretches the payload more than is promised [m]."""

@@ -25,7 +25,7 @@ class WristMemory(NamedTuple):
     """Payload and bias in effect (10,), see `contact_wrench.load_of`."""
 
 
-class Sample(NamedTuple):
+class SensorReading(NamedTuple):
     """One tick's reading of the sensor."""
 
     wrench: Array | None
@@ -57,7 +57,7 @@ class Wrist:
     def measure(
         self,
         memory: WristMemory,
-        sample: Sample,
+        sample: SensorReading,
         target: Array,
         T_world_wrist: Pose,
         time_s: float,

@@ -22,7 +22,7 @@ ALIKE: Final = 0.005
 point or obstacle becomes the nearest, the direction to go turns over; it does not jump."""
 
 
-class Distances(NamedTuple):
+class ControlPointDistances(NamedTuple):
     """Distances of the control points from obstacles at one posture."""
 
     each: Array
@@ -47,7 +47,9 @@ class ControlPoints:
         self._moves = self._forest.moves(self._body)
         self._centre = np.array([p for _, p in placed])
 
-    def look(self, q: Array, scene: Scene | None, T_world_base: Pose | None = None) -> Distances:
+    def look(
+        self, q: Array, scene: Scene | None, T_world_base: Pose | None = None
+    ) -> ControlPointDistances:
         """Return the distances at joint angles q (n,) [rad]."""
         if scene is not None:
             frames = self._forest.frames(q[None], T_world_base)
@@ -55,8 +57,8 @@ class ControlPoints:
             away = apart(centre, scene)
             if away.distance.size:
                 joints = frames, self._forest.axes(frames), self._forest.tree.prismatic
-                return Distances(*_mixed(joints, self._moves, centre, away[:]))
-        return Distances(np.full(len(self._centre), np.inf), np.zeros(len(q)))
+                return ControlPointDistances(*_mixed(joints, self._moves, centre, away[:]))
+        return ControlPointDistances(np.full(len(self._centre), np.inf), np.zeros(len(q)))
 
     def _place(self, cell: Cell, i: int, sphere: VirtualSphere) -> tuple[int, Array]:
         where = f"{cell.path}: priority.spheres[{i}].link: value '{sphere.link}'"

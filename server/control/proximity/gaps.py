@@ -10,7 +10,7 @@ from ..spatial import Array
 from .records import BODIES, MOTION, NEAREST, PAIRS, PLACED, Bodies, Motion, Near, Pairs, Placed
 
 
-class Nearest(NamedTuple):
+class NearestPoints(NamedTuple):
     """Where k pairs of things are nearest."""
 
     distance: Array

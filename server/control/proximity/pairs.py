@@ -24,7 +24,7 @@ from ..scene import Flags, Index, Scene, empty
 from ..spatial import Array
 from .capsules import Capsules, Placed
 from .distance import measured, shortfall
-from .gaps import Nearest, described
+from .gaps import NearestPoints, described
 from .records import OBSTACLES, Obstacles
 
 NEIGHBOURS = 2
@@ -39,7 +39,7 @@ class NearPairs(NamedTuple):
     first: Index
     second: Index
     placed: Placed
-    near: Nearest
+    near: NearestPoints
     radii: Array
     """Sum of both radii [m]."""
     gap: Array
@@ -89,7 +89,7 @@ class PairSearch:
             scene.segments, scene.rounds.radius, reach, wanted, scene.hard, first, second,
         )  # fmt: skip
         pairs = first[:count], second[:count]
-        near = Nearest(*measured(placed.ends, pairs, scene.segments))
+        near = NearestPoints(*measured(placed.ends, pairs, scene.segments))
         motion = scene.clearance, scene.velocity, scene.speed
         radii, gap, promise, rows, speed, obstacle, none = described(
             placed[:], self._bodies, pairs, near[:], self._own_clearance,

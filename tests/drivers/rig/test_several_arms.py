@@ -8,7 +8,7 @@ from telerobot.config.load import load_cell
 from telerobot.drivers.device import Cause
 from telerobot.drivers.kinds import make_drivers
 from telerobot.drivers.rig.rig import Rig
-from telerobot.drivers.roles import Output, WrenchSensor
+from telerobot.drivers.roles import SwitchedOutput, WrenchSensor
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.server.plant import Plant
 from telerobot.tools.simulation.virtual_buses import VirtualBuses
@@ -213,7 +213,7 @@ def test_the_gripper_of_one_arm_takes_hold_with_that_arm(run):
     run.enable()
     before = run.wrenches()
     gripper = run.driver("right.gripper")
-    assert isinstance(gripper, Output)
+    assert isinstance(gripper, SwitchedOutput)
     gripper.write(True)
     run.cycle(40)
     left, right = (

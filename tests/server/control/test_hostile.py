@@ -6,7 +6,13 @@ from telerobot.config.schema.null_space.redundancy import OBJECTIVES
 from telerobot.server.control.mechanism.null_space.redundancy import ObjectiveGains
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Intent
-from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
+from telerobot.server.control.task.paths.goals import (
+    PathGoal,
+    Pursuit,
+    Route,
+    TwistRoute,
+    TwistSegment,
+)
 
 SECONDS = 12.0
 
@@ -81,7 +87,9 @@ class Hostility:
             case 13:
                 self.serial += 1
                 segments = tuple(
-                    Segment(rng.choice([-1, 0, 1], 6) * rng.uniform(0, 1), rng.uniform(0.01, 0.5))
+                    TwistSegment(
+                        rng.choice([-1, 0, 1], 6) * rng.uniform(0, 1), rng.uniform(0.01, 0.5)
+                    )
                     for _ in range(5)
                 )
                 moving_axes = bool(rng.random() < 0.5)

@@ -5,7 +5,13 @@ import pytest
 from telerobot.server.control.frame_tree import Body, Moved
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
 from telerobot.server.control.task.asked import ViewGoal
-from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
+from telerobot.server.control.task.paths.goals import (
+    PathGoal,
+    Pursuit,
+    Route,
+    TwistRoute,
+    TwistSegment,
+)
 
 ONCE, OFTEN = [60], list(range(60, 140, 3))
 TICKS = 180
@@ -43,7 +49,7 @@ def asked(run, stick, which, tick):
         )
         given["goal"] = Route(legs, 1, 0.01)
     if "twists" in which:
-        given["goal"] = TwistRoute((Segment(np.array([0.03, 0, 0.02, 0.1, 0.2, 0]), 1.0),), 1)
+        given["goal"] = TwistRoute((TwistSegment(np.array([0.03, 0, 0.02, 0.1, 0.2, 0]), 1.0),), 1)
     if "vision" in which:
         lens = begin @ run.arm.settings.T_wrist_mrf.inverse() @ LENS
         given["view"] = ViewGoal(LENS, away(lens, (0.02, 0.03, 0.01), (0.05, -0.1, 0.1)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.backbone.insertion import STILL, Driven
+from telerobot.server.control.mechanism.backbone.insertion import STILL, DriveRequest
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Inputs, Intent, Settings
 from telerobot.server.control.stop.trajectory import Stop
@@ -59,7 +59,7 @@ class Snake:
 def test_it_keeps_its_room_however_it_is_driven_and_stopped(name):
     snake, draw = Snake(name, 1.0), np.random.default_rng(7)
     for _ in range(14):
-        drive = Driven(float(draw.uniform(-0.08, 0.08)))
+        drive = DriveRequest(float(draw.uniform(-0.08, 0.08)))
         for _ in range(int(draw.integers(10, 60))):
             snake.step(drive=drive)
             assert snake.off() < snake.backbone.room
@@ -75,7 +75,7 @@ def test_it_keeps_its_room_however_it_is_driven_and_stopped(name):
 def test_its_joints_stop_in_proportion():
     snake = Snake("snake", 1.0)
     for _ in range(60):
-        before = snake.step(drive=Driven(0.08)).dq
+        before = snake.step(drive=DriveRequest(0.08)).dq
     shares = []
     while not (output := snake.step(Intent.STOP)).at_rest:
         if np.linalg.norm(output.dq) > 0.05:
@@ -99,7 +99,7 @@ def test_what_a_joint_lags_is_taken_off_the_room():
 
 def test_at_the_ends_of_its_way_it_slows_down_and_says_so():
     snake = Snake("snake", 0.66)
-    told = [snake.step(drive=Driven(0.08)).limits for _ in range(200)]
+    told = [snake.step(drive=DriveRequest(0.08)).limits for _ in range(200)]
     assert snake.memory.insertion.s1 == pytest.approx(0.63, abs=2e-3)
     assert "insertion_speed" in told[100]
 
@@ -108,7 +108,7 @@ def test_a_posture_that_is_not_the_curve_s_does_not_move():
     snake = Snake("snake")
     (snake.memory,) = snake.control.seed(np.zeros(30))
     snake.q = np.zeros(30)
-    output = snake.step(drive=Driven(0.05))
+    output = snake.step(drive=DriveRequest(0.05))
     assert output.limits == ("off_backbone",)
     assert not output.dq.any()
 

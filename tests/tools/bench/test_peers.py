@@ -14,7 +14,7 @@ from telerobot.tools.bench.peers.geometry import Geometry
 from telerobot.tools.bench.peers.labels import labelled
 from telerobot.tools.bench.peers.reference import Reference
 from telerobot.tools.bench.peers.run import run
-from telerobot.tools.bench.peers.scenes import Scene, Target, Thing, read, write
+from telerobot.tools.bench.peers.scenes import PeerScene, Target, Thing, read, write
 
 UPRIGHT_TOP = 0.315 + 0.450 + 0.500 + 0.080 + 0.110
 """Height of the hand's upper end when the PA-10 stands upright [m]."""
@@ -37,7 +37,7 @@ def ball(xyz, radius=0.05, **more):
 def scene_of(cell, start, targets, things=()):
     geometry = Geometry(cell, ())
     poses = [geometry.tool(q).to_xyz_rpy() for q in targets]
-    return Scene(
+    return PeerScene(
         seed=1,
         cell="pa10",
         start=tuple(start.tolist()),

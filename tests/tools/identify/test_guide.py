@@ -7,7 +7,7 @@ from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.telemetry import State
 from telerobot.tools.cli import main
-from telerobot.tools.identify.attitudes import Stop
+from telerobot.tools.identify.attitudes import AttitudeStop
 from telerobot.tools.identify.guide import Guide
 from telerobot.tools.operator.client.protocol_client import ProtocolClient
 
@@ -21,7 +21,7 @@ class Arm:
         put = lambda topic, payload, proof: self.sent.append(topic)  # noqa: E731
         ask = lambda topic, payload, answer, proof: answer(encode(self.reply))  # noqa: E731
         self.client = ProtocolClient("ann", "cell", put, ask, secret=bytes(32), epoch=1)
-        self.guide = Guide(self.client, [Stop(np.zeros(2), measure) for measure in stops])
+        self.guide = Guide(self.client, [AttitudeStop(np.zeros(2), measure) for measure in stops])
         self.state = {"mode": "enabled", "wrench_sensor": (1.0,) * 6, "at_goal": True, **state}
         self.time_s = 0.0
 

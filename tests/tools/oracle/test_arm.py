@@ -8,7 +8,7 @@ from telerobot.config.load import Cell, load_cell
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.oracle.arm import Arm
+from telerobot.tools.oracle.arm import OracleArm
 from telerobot.tools.oracle.poses import difference
 
 CELLS = sorted(
@@ -29,7 +29,7 @@ def test_tool_and_jacobian_are_those_of_the_tick(name):
     cell = load_cell(name)
     T = cell.config.mechanism.T_wrist_mrf
     arm, mechanism, T_wrist_mrf = (
-        Arm.of(cell),
+        OracleArm.of(cell),
         Mechanism.from_cell(cell),
         Pose.from_xyz_rpy(T.xyz, T.rpy),
     )
@@ -43,7 +43,7 @@ def test_tool_and_jacobian_are_those_of_the_tick(name):
 @pytest.mark.parametrize("name", ["pa10", "ur5e", "ranger"])
 def test_the_frames_that_capsules_are_fixed_to_are_the_oracles(name):
     cell = load_cell(name)
-    arm, forest = Arm.of(cell), Capsules(cell).forest
+    arm, forest = OracleArm.of(cell), Capsules(cell).forest
     q = postures(cell)
     frames = forest.frames(q)
     expected = np.array([arm.frames(each) for each in q])
@@ -56,7 +56,7 @@ def test_the_frames_that_capsules_are_fixed_to_are_the_oracles(name):
 @pytest.mark.parametrize("name", ["pa10", "ranger"])
 def test_the_oracles_jacobian_is_the_slope_of_its_pose(name):
     cell, h = load_cell(name), 1e-6
-    arm = Arm.of(cell)
+    arm = OracleArm.of(cell)
     for q in postures(cell)[:3]:
         J = arm.jacobian(q)
         for i, aside in enumerate(h * np.eye(len(q))):

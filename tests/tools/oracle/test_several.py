@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.physics.world import World
-from telerobot.tools.oracle.arm import Arm
+from telerobot.tools.oracle.arm import OracleArm
 from telerobot.tools.oracle.several import Arms
 
 PAIR = """
@@ -66,7 +66,7 @@ def test_bounds_are_those_of_all_joints_in_order(pair):
 
 def test_a_single_arm_is_near_no_other():
     cell = load_cell("pa10")
-    arms, arm = Arms.of(cell), Arm.of(cell)
+    arms, arm = Arms.of(cell), OracleArm.of(cell)
     q = np.random.default_rng(6).uniform(-0.5, 0.5, 7)
     assert arms.between(q).distance == math.inf
     assert arms.clearance(q) == arm.clearance(q)

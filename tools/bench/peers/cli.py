@@ -16,7 +16,7 @@ from .controllers.contract import Controller
 from .generator import generate
 from .report import LEGEND, as_json, markdown, text
 from .run import run
-from .scenes import Scene, write
+from .scenes import PeerScene, write
 
 NAMES = ("telerobot", "pink", "pink, A", "mink")
 LIBRARIES = ("pin-pink", "mink", "qpsolvers", "daqp", "pin", "coal", "mujoco", "numpy")
@@ -83,7 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _run(cell: Cell, work: tuple[str, Scene]) -> dict[str, Any]:
+def _run(cell: Cell, work: tuple[str, PeerScene]) -> dict[str, Any]:
     name, scene = work
     return as_json(run(name, controller(name), cell, scene))
 

@@ -10,7 +10,7 @@ from ....config.load import Cell
 from ....server.control.spatial import Array
 from .geometry import Geometry
 from .labels import SELF_CLEARANCE, labelled, room
-from .scenes import Scene, Target, Thing
+from .scenes import PeerScene, Target, Thing
 
 TARGETS = 2
 TRIES = 400
@@ -43,7 +43,7 @@ COPIES = 7
 Draw = np.random.Generator
 
 
-def generate(cell: Cell, seed: int) -> Scene:
+def generate(cell: Cell, seed: int) -> PeerScene:
     """Return the scene of a seed, its targets labelled."""
     draw = np.random.default_rng([seed, *cell.config.name.encode()])
     empty = Geometry(cell, ())
@@ -53,7 +53,7 @@ def generate(cell: Cell, seed: int) -> Scene:
         postures.append(_next(draw, cell, postures[-1], empty))
     kept = [postures[0], *(q for q in postures[1:] if draw.random() > UNCHECKED)]
     tools = [empty.tool(q).to_xyz_rpy() for q in postures[1:]]
-    scene = Scene(
+    scene = PeerScene(
         seed=seed,
         cell=cell.config.name,
         start=tuple(postures[0].tolist()),

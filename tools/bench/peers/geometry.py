@@ -13,14 +13,14 @@ import pinocchio as pin
 
 from ....config.load import Cell
 from ....server.control.spatial import Array, Pose
-from ...oracle.arm import Arm
+from ...oracle.arm import OracleArm
 from .scenes import Thing
 
 NEIGHBOURS = 2
 """Links that so many joints part, or fewer, are not kept apart: they are built to be close [1]."""
 
 
-class Clearance(NamedTuple):
+class PeerClearance(NamedTuple):
     """Least distances [m]; negative when inside each other, infinite where there is nothing."""
 
     things: float
@@ -59,7 +59,7 @@ class Geometry:
         for i, k in self.own + self.with_things:
             shapes.addCollisionPair(pin.CollisionPair(i, k))
         self.shape_data = pin.GeometryData(shapes)
-        self._arm = Arm.of(cell)
+        self._arm = OracleArm.of(cell)
 
     def move(self, time_s: float) -> None:
         """Put the things where they are at a time."""
@@ -69,12 +69,12 @@ class Geometry:
                 T = self.T_base_world
                 self.shapes.geometryObjects[i].placement.translation = T.R @ p + T.p
 
-    def clearance(self, q: Array) -> Clearance:
+    def clearance(self, q: Array) -> PeerClearance:
         """Return the least distances at joint angles q (n,) [rad]."""
         pin.computeDistances(self.model, self.data, self.shapes, self.shape_data, q)
         found = [result.min_distance for result in self.shape_data.distanceResults]
         cut = len(self.own)
-        return Clearance(min(found[cut:], default=math.inf), min(found[:cut], default=math.inf))
+        return PeerClearance(min(found[cut:], default=math.inf), min(found[:cut], default=math.inf))
 
     def keep(self, clearance: float, own: float) -> None:
         """Set what `clear` asks for: distances from things and of links [m]."""

@@ -14,7 +14,7 @@ from ....config.load import Cell
 from ....server.control.spatial import Array, Pose, pose_error
 from ...oracle.random_tree import connected
 from .geometry import Geometry
-from .scenes import Scene, Target
+from .scenes import PeerScene, Target
 
 CLEARANCE = 0.03
 """Kept from things: the promise of 20 mm, and room to keep it with [m]."""
@@ -37,7 +37,7 @@ def room(cell: Cell) -> tuple[Array, Array]:
     return np.array(bounds.lower), np.array(bounds.upper)
 
 
-def labelled(cell: Cell, scene: Scene, copies: int) -> Scene:
+def labelled(cell: Cell, scene: PeerScene, copies: int) -> PeerScene:
     """Return the scene with a label on each target; `copies` stand for each swing."""
     things = tuple(copy for thing in scene.things for copy in thing.swept(copies))
     geometry = Geometry(cell, things)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .run import Result
+from .run import PeerResult
 
 LEGEND = (
     "Least clearance: true distance between the arm's shapes and things, between ticks too; all "
@@ -34,7 +34,7 @@ class Row(NamedTuple):
     cells: tuple[str, ...]
 
 
-def as_json(result: Result) -> dict[str, Any]:
+def as_json(result: PeerResult) -> dict[str, Any]:
     """Return a result as plain values, tick times as percentiles [µs]."""
     times = np.array(result.tick_us)
     return asdict(result) | {

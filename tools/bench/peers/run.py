@@ -12,7 +12,7 @@ from ....server.control.spatial import Array, Pose, pose_error
 from .controllers.contract import Controller, NoCommand
 from .geometry import Geometry
 from .reference import Reference
-from .scenes import Scene
+from .scenes import PeerScene
 
 SUBSTEPS = 2
 """Distances are measured so often a period, joints in straight lines between ticks [1]."""
@@ -28,7 +28,7 @@ OWN = 1e-3
 
 
 @dataclass
-class Result:
+class PeerResult:
     """Result of one run."""
 
     controller: str
@@ -58,13 +58,15 @@ class Result:
     tick_us: list[float] = field(default_factory=list)
 
 
-def run(name: str, build: Callable[[Cell, Scene], Controller], cell: Cell, scene: Scene) -> Result:
+def run(
+    name: str, build: Callable[[Cell, PeerScene], Controller], cell: Cell, scene: PeerScene
+) -> PeerResult:
     """Lead the arm to one target after the other and return what was seen."""
     return _Run(name, build(cell, scene), cell, scene).whole()
 
 
 class _Run:
-    def __init__(self, name: str, controller: Controller, cell: Cell, scene: Scene) -> None:
+    def __init__(self, name: str, controller: Controller, cell: Cell, scene: PeerScene) -> None:
         self._controller, self._scene = controller, scene
         self._T = cell.config.timing.period_s
         position = cell.config.sources.position
@@ -78,9 +80,9 @@ class _Run:
         self._tick = 0
         self._off: list[float] = []
         self._touching = False
-        self.result = Result(name, scene.seed, scene.feasible, scene.moves, len(scene.targets))
+        self.result = PeerResult(name, scene.seed, scene.feasible, scene.moves, len(scene.targets))
 
-    def whole(self) -> Result:
+    def whole(self) -> PeerResult:
         for target in self._scene.targets:
             self._leg(target.pose)
         self.result.off_path_m = float(np.mean(self._off))

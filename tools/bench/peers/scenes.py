@@ -95,7 +95,7 @@ class Target(Section):
         return Pose.from_xyz_rpy(self.xyz, self.rpy)
 
 
-class Scene(Section):
+class PeerScene(Section):
     """One run: from a posture at rest to one target after the other."""
 
     seed: int
@@ -115,14 +115,14 @@ class Scene(Section):
         return any(thing.moves for thing in self.things)
 
 
-_SCENES = TypeAdapter(tuple[Scene, ...])
+_SCENES = TypeAdapter(tuple[PeerScene, ...])
 
 
-def write(scenes: tuple[Scene, ...], path: Path) -> None:
+def write(scenes: tuple[PeerScene, ...], path: Path) -> None:
     """Write scenes as JSON."""
     path.write_bytes(_SCENES.dump_json(scenes, indent=1))
 
 
-def read(path: Path) -> tuple[Scene, ...]:
+def read(path: Path) -> tuple[PeerScene, ...]:
     """Read scenes. Raises `pydantic.ValidationError` for what is none."""
     return _SCENES.validate_json(path.read_bytes())

@@ -16,7 +16,7 @@ from .letting_go import (
     LOAD_AT,
     MODES,
     STIFFNESSES,
-    Plan,
+    ContactPlan,
     met,
     plate,
     prepared,
@@ -47,7 +47,7 @@ TABLE = tuple(
 """Cell, operation mode, wall [N/m], load [kg], motion."""
 
 
-def doubted(number: int) -> Plan:
+def doubted(number: int) -> ContactPlan:
     """Return a contact of the table."""
     name, mode, stiffness, load, (how, speed) = TABLE[number]
     cell = load_cell(name)
@@ -58,7 +58,7 @@ def doubted(number: int) -> Plan:
         rates = np.zeros(len(start))
         rates[1] = speed
         cell = met(cell, start, rates, "wrist", stiffness)
-        return Plan(title, cell, tuple(rates.tolist()), None, BEGUN_S, "load_unexplained")
+        return ContactPlan(title, cell, tuple(rates.tolist()), None, BEGUN_S, "load_unexplained")
     down = np.array([0.0, 0.0, -1.0])
     tool = World(cell).data.site("mrf").xpos + AHEAD
     far = World(
@@ -69,7 +69,7 @@ def doubted(number: int) -> Plan:
     at = tool + (FAR - far + max(NEAREST, speed * HIT_S)) * down
     cell = surrounded(cell, wall=plate(at, down, stiffness, WIDE))
     twist = (0.0, 0.0, -speed, 0.0, 0.0, 0.0)
-    return Plan(title, cell, None, twist, BEGUN_S, "load_unexplained")
+    return ContactPlan(title, cell, None, twist, BEGUN_S, "load_unexplained")
 
 
 def _mistaken(cell: Cell, load: float) -> Cell:

@@ -49,7 +49,7 @@ class Attempt(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Insertion:
+class PegInsertion:
     """Result of one attempt; all plain values."""
 
     direction: int
@@ -118,7 +118,7 @@ def cell_of(what: Attempt) -> tuple[Cell, RigHole]:
     return replace(cell, config=cell.config.model_copy(update={"rig": rig})), hole
 
 
-class _Watch:
+class _DepthWatch:
     """Looks at the physics in every step."""
 
     def __init__(self, simulation: Simulation, hole: RigHole) -> None:
@@ -142,15 +142,15 @@ class _Watch:
             self.deep_s = simulation.clock.time_s - simulation.player.start_s
 
 
-def attempt(what: Attempt) -> Insertion:
+def attempt(what: Attempt) -> PegInsertion:
     """Try it in virtual time; a fault ends it."""
     cell, hole = cell_of(what)
     simulation = Simulation(cell, load_script(SCRIPTS[what.stiff]))
-    watch = _Watch(simulation, hole)
+    watch = _DepthWatch(simulation, hole)
     result = simulation.run()
     errors = [e.detail for e in simulation.events if e.severity == "error"]
     end = str(result.summary["failure"] or "; ".join(errors[:1]))
-    return Insertion(
+    return PegInsertion(
         direction=what.direction,
         stiff=what.stiff,
         part=what.part,

@@ -62,7 +62,7 @@ MOVING = {"forearm": 4, "elbow": 2, "wrist": 4}
 """Joints that move the part [1]."""
 
 
-class Plan(NamedTuple):
+class ContactPlan(NamedTuple):
     """One contact."""
 
     name: str
@@ -104,7 +104,7 @@ LADEN = tuple(product(STIFFNESSES, MODES))
 """Wall [N/m] and operation mode of the laden wrist."""
 
 
-def listed(number: int) -> Plan:
+def listed(number: int) -> ContactPlan:
     """Return a contact of the table."""
     motion, stiffness, mode, sensed = TABLE[number]
     part, joint, rate = MOTIONS[motion]
@@ -116,10 +116,10 @@ def listed(number: int) -> Plan:
     cell = met(cell, start, rates, part, stiffness)
     jogged, sensor = cell.robot.joints[joint].name, "" if sensed else ", no sensor"
     name = f"{part} by {jogged} {stiffness / 1e3:g} kN/m {mode}{sensor}"
-    return Plan(name, cell, tuple(rates.tolist()))
+    return ContactPlan(name, cell, tuple(rates.tolist()))
 
 
-def drawn(seed: int) -> Plan:
+def drawn(seed: int) -> ContactPlan:
     """Return a contact with posture, motion, wall and operation mode from a seed."""
     draw = np.random.default_rng(seed)
     while True:
@@ -136,10 +136,10 @@ def drawn(seed: int) -> Plan:
         cell = prepared(load_cell(CELL), start, mode, sensed)
         cell = met(cell, start, rates, part, stiffness)
         if all(_clear(_standing(cell, start - back_s * rates)) for back_s in BEHIND_S):
-            return Plan(f"drawn {seed}", cell, tuple(rates.tolist()))
+            return ContactPlan(f"drawn {seed}", cell, tuple(rates.tolist()))
 
 
-def laden(number: int) -> Plan:
+def laden(number: int) -> ContactPlan:
     """Return a wrist above a table, with a payload that nobody told of."""
     stiffness, mode = LADEN[number]
     cell = load_cell(CELL)
@@ -150,10 +150,10 @@ def laden(number: int) -> Plan:
     cell = surrounded(
         cell, wall=plate(at, down, stiffness), payload_mass=LOAD_KG, payload_com=LOAD_AT
     )
-    return Plan(f"laden wrist {stiffness / 1e3:g} kN/m {mode}", cell, None)
+    return ContactPlan(f"laden wrist {stiffness / 1e3:g} kN/m {mode}", cell, None)
 
 
-def play(plan: Plan, held_s: float = HELD_S, hold_s: float | None = None) -> LetGo:
+def play(plan: ContactPlan, held_s: float = HELD_S, hold_s: float | None = None) -> LetGo:
     """Simulate a contact, and `held_s` of HOLD, and judge it; at `hold_s` HOLD is asked for, too.
 
     All in seconds.
@@ -219,7 +219,7 @@ def _before_the_stop(state: State) -> bool:
 _TOLD = ("touched", "gave_way", "request_refused")
 
 
-def _script(plan: Plan, resumed_s: float, hold_s: float | None) -> Script:
+def _script(plan: ContactPlan, resumed_s: float, hold_s: float | None) -> Script:
     steps: list[dict[str, object]] = [{"at_s": resumed_s, "operator/mode": {"action": "resume"}}]
     if hold_s is not None:
         steps.append({"at_s": hold_s, "operator/mode": {"action": "hold"}})
@@ -237,7 +237,7 @@ def _script(plan: Plan, resumed_s: float, hold_s: float | None) -> Script:
     return Script.model_validate({"duration_s": seconds, "step": steps})
 
 
-def _asked(plan: Plan, share: float) -> dict[str, object]:
+def _asked(plan: ContactPlan, share: float) -> dict[str, object]:
     """Return the message that leads to the plate, or with −1 away from it."""
     if plan.rates is not None:
         return {"rates": [share * rate for rate in plan.rates]}

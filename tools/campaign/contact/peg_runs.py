@@ -12,7 +12,7 @@ from .insertion import (
     ROUGH,
     WITHIN_S,
     Attempt,
-    Insertion,
+    PegInsertion,
     attempt,
     cell_of,
 )
@@ -24,7 +24,7 @@ PARTS_OF_STEP = (1, 2)
 class PegReport:
     """The figures of all attempts."""
 
-    def __init__(self, insertions: Sequence[Insertion]) -> None:
+    def __init__(self, insertions: Sequence[PegInsertion]) -> None:
         self.insertions = insertions
 
     @property
@@ -77,7 +77,7 @@ class PegReport:
         lines.append("all promises kept" if self.kept else f"broken: {', '.join(broken)}")
         return lines
 
-    def _of(self, stiff: bool) -> list[Insertion]:
+    def _of(self, stiff: bool) -> list[PegInsertion]:
         return [i for i in self.insertions if i.stiff is stiff]
 
 

@@ -15,7 +15,7 @@ SOUGHT: Final = (200.0, 250.0)
 """Beyond, to see up to where it does [N/m]."""
 
 
-class Job(NamedTuple):
+class ReflectionJob(NamedTuple):
     """One trial to play."""
 
     mode: Mode
@@ -24,7 +24,7 @@ class Job(NamedTuple):
     stiffness: float
 
 
-class Played(NamedTuple):
+class ReflectionOutcome(NamedTuple):
     """A trial, and whether its promises are kept is what counts."""
 
     trial: Trial
@@ -47,7 +47,7 @@ class Played(NamedTuple):
 class Table:
     """The reflection table: a row for each figure, a column for each round trip."""
 
-    def __init__(self, played: Sequence[Played]) -> None:
+    def __init__(self, played: Sequence[ReflectionOutcome]) -> None:
         self._played = played
 
     @property
@@ -135,22 +135,24 @@ def _line(name: str, values: list[str]) -> str:
     return f"{name:24}" + "".join(f"{value:>8}" for value in values)
 
 
-def _jobs(_selection: Selection) -> list[Job]:
+def _jobs(_selection: Selection) -> list[ReflectionJob]:
     if load_cell(CELL).config.reflection is None:
         raise ConfigError(f"{CELL}: reflection: missing: there is nothing to judge")
     rows = [("rate", True, PROMISED[0]), ("rate", False, PROMISED[0])]
     rows += [("pose", True, k) for k in (*PROMISED, *SOUGHT)]
     rows += [("pose", False, k) for k in PROMISED]
     return [
-        Job("rate" if mode == "rate" else "pose", rtt_s, protected, stiffness)
+        ReflectionJob("rate" if mode == "rate" else "pose", rtt_s, protected, stiffness)
         for mode, protected, stiffness in rows
         for rtt_s in ROUND_TRIPS_S
     ]
 
 
-def _play(job: Job) -> Played:
+def _play(job: ReflectionJob) -> ReflectionOutcome:
     found = trial(load_cell(CELL), job.mode, job.rtt_s, job.protected, job.stiffness)
-    return Played(found, job.protected and (job.mode == "rate" or job.stiffness in PROMISED))
+    return ReflectionOutcome(
+        found, job.protected and (job.mode == "rate" or job.stiffness in PROMISED)
+    )
 
 
 REFLECTION = Part(_jobs, _play, Table)

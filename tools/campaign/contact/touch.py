@@ -43,7 +43,7 @@ CONTACTS = {
 
 
 @dataclass(frozen=True)
-class Run:
+class TouchRun:
     """Result of one run."""
 
     name: str
@@ -55,12 +55,12 @@ class Run:
     reasons: list[str] = field(default_factory=list)
 
 
-class Feeling(Runs[Run | LetGo]):
+class Feeling(Runs[TouchRun | LetGo]):
     """Summary of all runs: pushes were felt in time, nothing else was, contact was let go of."""
 
     def figures(self) -> dict[str, object]:
         """Return everything as plain values."""
-        motions = [run for run in self.runs if isinstance(run, Run)]
+        motions = [run for run in self.runs if isinstance(run, TouchRun)]
         pushes = [run for run in motions if run.kind == "push"]
         felt = [run.touched_after_s for run in pushes if run.touched_after_s is not None]
         free = [run for run in motions if run.kind == "free"]
@@ -154,13 +154,13 @@ def push(number: int) -> Script:
     )
 
 
-def play(job: Job) -> Run | LetGo:
+def play(job: Job) -> TouchRun | LetGo:
     """Simulate one job and judge it."""
     kind, number = job
     return letting_go.play(CONTACTS[kind](number)) if kind in CONTACTS else feel(job)
 
 
-def feel(job: Job) -> Run:
+def feel(job: Job) -> TouchRun:
     """Simulate a push, or free motion, and judge it."""
     kind, number = job
     pushed = kind == "push"
@@ -191,7 +191,7 @@ def feel(job: Job) -> Run:
     if result.summary["limit_violations"]:
         reasons.append(f"{result.summary['limit_violations']} limit violations")
     moving = sum(state.mode == "enabled" for state in result.states)
-    return Run(name, kind, moving * cell.config.timing.period_s, after, reasons)
+    return TouchRun(name, kind, moving * cell.config.timing.period_s, after, reasons)
 
 
 def jobs(selection: Selection) -> list[Job]:

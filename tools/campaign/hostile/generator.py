@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ....config.load import Cell
-from ...oracle.feasible import Judge
+from ...oracle.feasible import GoalJudge
 from ...oracle.poses import Array, difference, rotation
 from ...scripts.script import Script
 from ...scripts.step import Step
@@ -90,7 +90,7 @@ def generate(cell: Cell, seed: int) -> Plan:
         cell = with_gripper(draw, cell)
     if draw.random() < MOVING:
         cell = grounds.with_moving(draw, cell)
-    judge = Judge.of(cell)
+    judge = GoalJudge.of(cell)
     end_s = float(draw.uniform(*HOSTILE_S)) + (OPENING_S if cell.config.cameras else 0.0)
     steps = _hostile(draw, cell, end_s) + _restored(cell, end_s)
     go_s = end_s + RESTORE_S
@@ -166,7 +166,7 @@ def _restored(cell: Cell, at_s: float) -> list[Step]:
     ]
 
 
-def _posture(draw: Draw, cell: Cell, judge: Judge) -> Array:
+def _posture(draw: Draw, cell: Cell, judge: GoalJudge) -> Array:
     """Return a feasible posture near one of the cell's."""
     known = cell.config.mechanism.postures
     for _ in range(TRIES):
@@ -177,7 +177,7 @@ def _posture(draw: Draw, cell: Cell, judge: Judge) -> Array:
     return np.array(known["ready"])
 
 
-def _target(draw: Draw, judge: Judge, posture: Array, at_s: float) -> Goal:
+def _target(draw: Draw, judge: GoalJudge, posture: Array, at_s: float) -> Goal:
     """Return a target pose from a known posture: as it comes, or a feasible one."""
     as_it_comes = bool(draw.random() < INFEASIBLE)
     reach, turn = (1.0, 1.2) if as_it_comes else (0.18, 0.45)
@@ -192,7 +192,7 @@ def _target(draw: Draw, judge: Judge, posture: Array, at_s: float) -> Goal:
     return Goal("target", posture, start, judge.target(posture, start), at_s)
 
 
-def _path_s(judge: Judge, posture: Array, T: Array) -> float:
+def _path_s(judge: GoalJudge, posture: Array, T: Array) -> float:
     """Return a time that is enough for the path [s]: its speed and its ramps."""
     way = difference(T, judge.arm.tool(posture))
     return 0.6 + max(

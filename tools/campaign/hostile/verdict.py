@@ -10,7 +10,7 @@ import numpy as np
 from ....config.load import load_cell
 from ....config.schema.section import Pose
 from ....protocols.messages.rig import RigTruth
-from ...oracle.arm import Arm
+from ...oracle.arm import OracleArm
 from ...oracle.poses import Array, difference, matrix
 from ...simulation.judges.tool import JUDGED_S
 from ...simulation.simulation import Simulation
@@ -95,7 +95,7 @@ def play(plan: Plan) -> Verdict:
         lambda: simulation.clock.time_s >= _posture_s(plan.goal, simulation) + settled_s
     )
     summary = result.summary
-    touched = _touched(Arm.of(plan.cell), result.truths) or max(against_itself) > TOUCHING[0]
+    touched = _touched(OracleArm.of(plan.cell), result.truths) or max(against_itself) > TOUCHING[0]
     error = _error(plan.goal, simulation, result.truths)
     bound = REACHED if plan.goal.kind == "target" else (math.inf, POSTURE_REACHED)
     names = Counter(name.partition(":")[0] for s in result.states for name in set(s.limits))
@@ -135,7 +135,7 @@ def _watch_itself(simulation: Simulation) -> list[float]:
     return forces
 
 
-def _touched(arm: Arm, truths: tuple[RigTruth, ...]) -> bool:
+def _touched(arm: OracleArm, truths: tuple[RigTruth, ...]) -> bool:
     force, distance = TOUCHING
     if any(math.hypot(*truth.contact_force) > force for truth in truths):
         return True

@@ -21,11 +21,11 @@ from ....server.control.proximity.capsules import Capsules
 from ....server.control.proximity.pairs import PairSearch
 from ....server.perception.obstacle_map import ObstacleMap
 from ....server.runtime.events import Events
-from ...oracle.arm import Arm
+from ...oracle.arm import OracleArm
 from ...scripts.script import Script
 from ...scripts.step import Step
 from ..steps import step
-from .movers import Mover, mover
+from .movers import RandomMover, mover
 
 PROMISE = 0.02
 """Clearance that the daemon promises in these scenes [m]."""
@@ -57,7 +57,7 @@ class Clutter:
     kind: str
     cell: Cell
     script: Script
-    movers: tuple[Mover, ...]
+    movers: tuple[RandomMover, ...]
     start_m: float
     """Clearance at the start, of the physics [m]."""
     modelled_m: float
@@ -153,7 +153,7 @@ def _start(
     """Return the cell with a start whose clearance is between two bounds, if one is found."""
     mechanism = cell.config.mechanism
     low, high = joint_bounds(cell.robot.joints, mechanism.drives)
-    world, own = World(cell), Arm.of(cell)
+    world, own = World(cell), OracleArm.of(cell)
     search = PairSearch(cell, Capsules(cell))
     ready = np.array(mechanism.postures["ready"])
     for _ in range(TRIES):

@@ -42,14 +42,14 @@ class Act:
 
 
 @dataclass(frozen=True)
-class Mover:
+class RandomMover:
     """One obstacle that moves, and what it is going to do."""
 
     obstacle: Obstacle
     acts: tuple[Act, ...]
 
 
-def mover(draw: np.random.Generator, obstacle: Obstacle, until_s: float) -> Mover:
+def mover(draw: np.random.Generator, obstacle: Obstacle, until_s: float) -> RandomMover:
     """Draw what an obstacle does until a time [s]."""
     acts: list[Act] = []
     at_s = 0.0
@@ -60,13 +60,13 @@ def mover(draw: np.random.Generator, obstacle: Obstacle, until_s: float) -> Move
         chosen = "chase" if not acts else does[int(draw.integers(len(does)))]
         acts.append(Act(at_s, chosen, (x, y, z), float(draw.uniform(0.3, 1.0))))
         at_s += float(draw.uniform(0.2, 1.0))
-    return Mover(obstacle, tuple(acts))
+    return RandomMover(obstacle, tuple(acts))
 
 
 class Chase:
     """Moves what moves in a run, tick by tick."""
 
-    def __init__(self, cell: Cell, movers: tuple[Mover, ...], simulation: Simulation) -> None:
+    def __init__(self, cell: Cell, movers: tuple[RandomMover, ...], simulation: Simulation) -> None:
         self._movers, self._simulation = movers, simulation
         self._period_s = cell.config.timing.period_s
         model = simulation.rig.world.model

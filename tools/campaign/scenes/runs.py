@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ....config.load import load_cell
-from ....drivers.rig.physics.distances import Nearest
+from ....drivers.rig.physics.distances import TrueNearest
 from ....protocols import topics as t
 from ...oracle.way_out import AWAY, WIDER, closed_in
 from ...simulation.simulation import Simulation
@@ -40,7 +40,7 @@ STOPPED_SHARE = 0.01
 
 
 @dataclass(frozen=True)
-class Scene:
+class SceneRun:
     """The figures of one run; all plain values."""
 
     seed: int
@@ -168,7 +168,7 @@ class _Judge:
         if self._at_s > HOSTILE_S + PAUSE_S and moves and not touches:
             self._try(way, near)
 
-    def _try(self, away: np.ndarray, near: Nearest) -> None:
+    def _try(self, away: np.ndarray, near: TrueNearest) -> None:
         """Ask for the next straight retreat, if there is one."""
         # The rest by how much they lead away, too; straight into what is nearest is no retreat.
         ways = [away, *sorted(ASIDE, key=lambda way: -float(way @ away))[:-1]]
@@ -185,7 +185,7 @@ class _Judge:
         twist = (*(RETREAT * way).tolist(), 0.0, 0.0, 0.0)
         simulation.player.client.stream(t.JOYSTICK, twist=twist, expressed_in="world")
 
-    def _watch(self, near: Nearest) -> None:
+    def _watch(self, near: TrueNearest) -> None:
         """Look whether the arm has left what it was nearest to."""
         if self.left:
             self.over = self._at_s >= self._until_s
@@ -196,13 +196,13 @@ class _Judge:
                 self.left, self._until_s = True, self._at_s + ONWARD_S
 
 
-def _away(near: Nearest) -> np.ndarray:
+def _away(near: TrueNearest) -> np.ndarray:
     """Return the direction (3,) that leads away from what is nearest."""
     way = near.on_arm - near.on_other
     return np.asarray(way * np.sign(near.distance) / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def play(seed: int) -> Scene:
+def play(seed: int) -> SceneRun:
     """Run the scene of a seed in virtual time and judge it."""
     scene = make_clutter(load_cell(CELL), seed)
     simulation = Simulation(scene.cell, scene.script)
@@ -212,7 +212,7 @@ def play(seed: int) -> Scene:
     failure = str(result.summary["failure"] or "")
     if errors and not failure:
         failure = f"{errors[0].name}: {errors[0].detail}"
-    return Scene(
+    return SceneRun(
         seed=seed,
         kind=scene.kind,
         keepable=scene.keepable,
@@ -233,10 +233,10 @@ def play(seed: int) -> Scene:
     )
 
 
-class Findings:
+class SceneSummary:
     """Summary of all scenes."""
 
-    def __init__(self, scenes: Sequence[Scene]) -> None:
+    def __init__(self, scenes: Sequence[SceneRun]) -> None:
         self.scenes = scenes
         self.ticks = sum(s.ticks for s in scenes)
         self.stopped_share = sum(s.stopped_ticks for s in scenes) / max(1, self.ticks)
@@ -297,4 +297,4 @@ def _jobs(selection: Selection) -> list[int]:
     return list(selection.seeds)
 
 
-SCENES = Part(_jobs, play, Findings)
+SCENES = Part(_jobs, play, SceneSummary)

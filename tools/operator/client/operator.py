@@ -20,7 +20,7 @@ from .connection import Connection, OperatorError
 from .motions import Motions
 from .protocol_client import NoLease, OnReply
 from .session import REPLY_TIMEOUT_S
-from .task import Task
+from .task import TaskClient
 
 DESCRIBED_S = 2.0
 """A daemon describes its cell at least this often [s]."""
@@ -119,7 +119,7 @@ class Operator(Connection, Motions):
         """Send any request and return its reply. Raises `OperatorError` when refused."""
         return self._wait(lambda on_reply: self.client.request(topic, on_reply, **fields))
 
-    def task(self, name: str) -> Task:
+    def task(self, name: str) -> TaskClient:
         """Return what leads one task of the cell, by its name, through this session.
 
         Raises `OperatorError` where the cell has no such task, or does not describe itself.
@@ -128,7 +128,7 @@ class Operator(Connection, Motions):
         if self.description is None:
             raise OperatorError("no_answer", f"cell {self.cell} did not describe itself")
         try:
-            return Task(self, self.description.of(name))
+            return TaskClient(self, self.description.of(name))
         except ValueError as error:
             raise OperatorError("unknown_task", str(error)) from None
 

@@ -20,7 +20,7 @@ class NotCertified(Exception):
     """The process's certificate does not allow to send on a topic."""
 
 
-class Inbox:
+class TopicBuffer:
     """Messages of one topic since the last look; the oldest give way to newer ones.
 
     What was put on an expression with a wildcard was put by no daemon, whatever it matches.
@@ -74,11 +74,11 @@ class Session:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._waiting: list[_Waiting] = []
 
-    def subscribe(self, topic: t.Topic, depth: int) -> Inbox:
+    def subscribe(self, topic: t.Topic, depth: int) -> TopicBuffer:
         """Listen to a topic, keeping the newest `depth` messages between two looks."""
         ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
         key = topic.full_key(self.cell)
-        return Inbox(self._session.declare_subscriber(key, ring), topic.max_bytes)
+        return TopicBuffer(self._session.declare_subscriber(key, ring), topic.max_bytes)
 
     def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send a command; a congested link drops it.

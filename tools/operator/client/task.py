@@ -10,7 +10,7 @@ from ....protocols.messages.telemetry import State, TaskDescription, TaskState
 from .motions import Motions
 
 
-class Task(Motions):
+class TaskClient(Motions):
     """Leads a task; `operator.task(NAME)` makes one. Lease and mode are the operator's."""
 
     def __init__(self, operator: Motions, description: TaskDescription) -> None:

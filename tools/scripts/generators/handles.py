@@ -7,7 +7,7 @@ from ....protocols import topics as t
 from ....protocols.messages.telemetry import State
 from ...operator.client.protocol_client import ProtocolClient
 from ...reflect.client import ReflectingClient
-from .tables import Device
+from .tables import HandleMotion
 
 
 class Handles:
@@ -18,7 +18,7 @@ class Handles:
         self.of_operator: dict[str, ReflectingClient] = {}
         """By the operators' names."""
 
-    def take(self, step: Device, client: ProtocolClient, now_s: float) -> None:
+    def take(self, step: HandleMotion, client: ProtocolClient, now_s: float) -> None:
         """Move a handle as a step says. Raises `ValueError` in a cell that reflects no forces."""
         handle = self.of_operator.get(client.name)
         if handle is None:

@@ -12,20 +12,20 @@ from ..message import TopicMessage
 KEYS = tuple(topic.key for topic in t.TOPICS)
 
 
-class Part(BaseModel):
+class ScriptTable(BaseModel):
     """A table of a script: unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class MovingMaster(Part):
+class MovingMaster(ScriptTable):
     """A master device whose handle moves at a twist; its pose is streamed."""
 
     twist: m.Twist
     expressed_in: m.Frame = m.Frame.CRF
 
 
-class Device(Part):
+class HandleMotion(ScriptTable):
     """A force-reflecting handle and the hand on it; an absent field keeps its value.
 
     `hand` is the hand's intended place, from the handle's centre [m], in the axes of
@@ -40,7 +40,7 @@ class Device(Part):
     expressed_in: m.Frame | None = None
 
 
-class MovingTarget(Part):
+class MovingTarget(ScriptTable):
     """A camera's target that moves straight, and news of where its sight line ends."""
 
     tag: str = Field(max_length=32)
@@ -50,7 +50,7 @@ class MovingTarget(Part):
     speed: float = Field(gt=0, le=10)
 
 
-class MovingObstacle(Part):
+class MovingObstacle(ScriptTable):
     """An obstacle in the physics and in the news: placed, moved on at its velocity, or removed.
 
     Beside the keys below it takes the fields of `sensor/obstacle`: those of its first news. Without
@@ -73,7 +73,7 @@ class MovingObstacle(Part):
         return {**own, "news": TopicMessage.of(t.OBSTACLE, told).make(0)}
 
 
-class LinkConditions(Part):
+class LinkConditions(ScriptTable):
     """An operator's connection from now on."""
 
     cut: bool = False
@@ -83,7 +83,7 @@ class LinkConditions(Part):
     loss: float = Field(0.0, ge=0, lt=1)
 
 
-class Network(Part):
+class Network(ScriptTable):
     """The operators' network from the start: round trip, its variation, its losses."""
 
     rtt_s: float = Field(0.0, ge=0, le=10)
@@ -92,7 +92,7 @@ class Network(Part):
     seed: int = Field(1, ge=0)
 
 
-class Raw(Part):
+class Raw(ScriptTable):
     """Bytes put on a topic unchecked, to see them refused.
 
     `proof` is the attachment: bytes again, or "lease" for a proof of the operator's lease.

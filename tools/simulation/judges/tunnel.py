@@ -7,7 +7,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....protocols.messages.rig import RigTruth
-from ...oracle.arm import Arm
+from ...oracle.arm import OracleArm
 from ...oracle.tunnel import Tunnel
 
 
@@ -16,7 +16,7 @@ class TunnelJudge:
 
     def __init__(self, cell: Cell) -> None:
         backbone = cell.config.mechanism.backbone
-        self._arm = None if backbone is None else Arm.of(cell)
+        self._arm = None if backbone is None else OracleArm.of(cell)
         self._tunnel = None if backbone is None else Tunnel(backbone)
         self.centre_error = 0.0
         """The farthest that a link was off the centre line inside [m]."""

@@ -12,7 +12,7 @@ from ....server.control.spatial import Pose, rotation_log
 
 
 @dataclass(frozen=True)
-class _Eye:
+class _JudgedCamera:
     """A camera, and the arm whose task it is for."""
 
     camera: Camera
@@ -32,7 +32,9 @@ class ViewJudge:
     """Remembers the true view when one is stored, and compares."""
 
     def __init__(self, cell: Cell) -> None:
-        self._eyes = {c.name: _Eye.of(part, c) for part in cell.parts for c in part.config.cameras}
+        self._eyes = {
+            c.name: _JudgedCamera.of(part, c) for part in cell.parts for c in part.config.cameras
+        }
         tags = () if cell.config.rig is None else cell.config.rig.tags
         self._tags = {tag.tag: tag for tag in tags}
         kept = (part.config.sources.vision.camera for part in cell.parts)

@@ -40,7 +40,7 @@ WINDOW = 1.5
 """A point is looked for in the tunnel this many half widths from where it should be [1]."""
 
 
-class Driven(NamedTuple):
+class DriveRequest(NamedTuple):
     """How the operator drives the arm as a whole."""
 
     speed: float = 0.0
@@ -49,7 +49,7 @@ class Driven(NamedTuple):
     """The tip's way from the entrance to go to [m]; None: at the speed."""
 
 
-STILL = Driven()
+STILL = DriveRequest()
 
 
 class Insertion(NamedTuple):
@@ -175,7 +175,7 @@ class Backbone:
 
     # --- where it is to go ---------------------------------------------------------------------
 
-    def ramped(self, insertion: Insertion, drive: Driven, factor: float) -> Insertion:
+    def ramped(self, insertion: Insertion, drive: DriveRequest, factor: float) -> Insertion:
         """Return the insertion with the operator's speed one period later; `factor` scales it."""
         bound, speed = self.section.acceleration * self._period_s, drive.speed
         if drive.depth is not None:
@@ -197,7 +197,7 @@ class Backbone:
         """Return the tip's way from the entrance [m]."""
         return self.chain.length - insertion.s1
 
-    def arrived(self, insertion: Insertion, drive: Driven) -> bool:
+    def arrived(self, insertion: Insertion, drive: DriveRequest) -> bool:
         """Return whether the arm is at the depth that it was driven to."""
         return drive.depth is not None and abs(drive.depth - self.depth(insertion)) < ARRIVED
 

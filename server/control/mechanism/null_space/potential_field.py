@@ -16,7 +16,7 @@ from ...proximity.capsules import Capsules, Placed
 from ...scene import Scene
 from ...spatial import Array, Pose
 from ..kinematics import Kinematics
-from .potentials.flow import Flow, Seen
+from .potentials.flow import FieldFlow, FieldView
 from .potentials.geometry import shape
 from .potentials.potential import Potential, Strengths
 from .redundancy import ObjectiveGains
@@ -56,7 +56,7 @@ class Field:
         k = Strengths(c.obstacles, c.lines, c.joint_limits, c.manipulability)
         smooth = c.line_model == "smooth"
         potential = Potential(joints.lower, joints.upper, body, k, c.least_distance, smooth, rank)
-        self.flow = Flow(potential, body, max(FLATTEST * max(k), 1e-9))
+        self.flow = FieldFlow(potential, body, max(FLATTEST * max(k), 1e-9))
         link = c.virtual_link
         self._repels = capsules is not None and (k.obstacles > 0.0 or k.lines > 0.0)
         self._always = k.joint_limits > 0.0 or k.manipulability > 0.0 or link is not None
@@ -73,7 +73,7 @@ class Field:
         objectives: ObjectiveGains,
         T_world_base: Pose | None = None,
         placed: Placed | None = None,
-    ) -> Seen | None:
+    ) -> FieldView | None:
         """Return what there is to know of the field at q (n,) [rad].
 
         None if nothing follows it, or there is none: neither obstacles nor what acts without them.
@@ -90,7 +90,7 @@ class Field:
         return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among)
 
     def self_motion(
-        self, seen: Seen | None, null: Array
+        self, seen: FieldView | None, null: Array
     ) -> tuple[Array | None, FieldReading | None]:
         """Return the joint rates (n,) to the least potential, at a gain of 1 /s, and the field.
 
@@ -102,7 +102,7 @@ class Field:
         return rates, FieldReading(seen.value.parts, slope)
 
     def give_way(
-        self, seen: Seen | None, off_path: Array | None, on_way: bool, factor: float
+        self, seen: FieldView | None, off_path: Array | None, on_way: bool, factor: float
     ) -> Array | None:
         """Return the velocity (3,) [m/s] at which the tool leaves its path, or comes back.
 

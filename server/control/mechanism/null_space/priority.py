@@ -11,7 +11,7 @@ import numpy as np
 
 from .....config.load import Cell
 from .....config.schema.null_space.priority import Priority as Law
-from ...proximity.control_points import ControlPoints, Distances
+from ...proximity.control_points import ControlPointDistances, ControlPoints
 from ...scene import Scene
 from ...spatial import Array, Pose
 
@@ -27,7 +27,7 @@ class Near(NamedTuple):
     """Distances of the virtual spheres from obstacles, and the priority that follows."""
 
     names: tuple[str, ...]
-    distances: Distances
+    distances: ControlPointDistances
     alpha: float
     """Priority of avoiding, 0 to 1."""
 

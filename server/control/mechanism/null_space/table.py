@@ -8,7 +8,7 @@ from .objectives.gravity_torque import GravityTorque
 from .objectives.least_energy import LeastEnergy
 from .objectives.manipulability import Manipulability
 from .objectives.mid_range import MidRange
-from .objectives.outside import Field, Spheres
+from .objectives.outside import FieldDescent, Spheres
 from .objectives.posture import Posture
 
 KINDS: Final = MappingProxyType[str, type[Objective]](
@@ -17,7 +17,7 @@ KINDS: Final = MappingProxyType[str, type[Objective]](
         "manipulability": Manipulability,
         "posture": Posture,
         "least_energy": LeastEnergy,
-        "field": Field,
+        "field": FieldDescent,
         "spheres": Spheres,
         "gravity_torque": GravityTorque,
     }

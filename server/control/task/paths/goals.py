@@ -36,7 +36,7 @@ class Route:
 
 
 @dataclass(frozen=True)
-class Segment:
+class TwistSegment:
     """A twist for a while."""
 
     twist: Array
@@ -48,7 +48,7 @@ class Segment:
 class TwistRoute:
     """Twists one after the other, then rest."""
 
-    segments: tuple[Segment, ...]
+    segments: tuple[TwistSegment, ...]
     serial: int
     moving_axes: bool = False
     """True: the twists are in the axes of the moving reference; False: in World's."""

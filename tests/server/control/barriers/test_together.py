@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.barriers.programme import nearest
-from telerobot.server.control.barriers.together import Link
+from telerobot.server.control.barriers.together import PayloadLink
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.spatial import Pose
 
@@ -46,7 +46,7 @@ def at_a_limit(joint):
 def test_a_joint_at_its_limit_does_not_pull_the_payload_apart(arms, joint):
     dq = asked(arms, UP, UP)
     low, high = at_a_limit(joint)
-    link = Link(np.array([0, 1]), np.zeros((2, 6)))
+    link = PayloadLink(np.array([0, 1]), np.zeros((2, 6)))
     alone = nearest(dq, arms, low, high, V, 0.3, None, TOOL)
     held = nearest(dq, arms, low, high, V, 0.3, None, TOOL, (link,))
     assert relative(arms, held.dq) < 1e-4
@@ -58,6 +58,8 @@ def test_what_force_control_asks_for_beside_is_kept(arms):
     apart = np.array([[0, 0.01, 0, 0, 0, 0], [0, -0.01, 0, 0, 0, 0.0]])
     dq = asked(arms, UP + apart[0], UP + apart[1])
     low, high = at_a_limit(3)
-    found = nearest(dq, arms, low, high, V, 0.3, None, TOOL, (Link(np.array([0, 1]), apart),))
+    found = nearest(
+        dq, arms, low, high, V, 0.3, None, TOOL, (PayloadLink(np.array([0, 1]), apart),)
+    )
     way = arms[:, :7] @ found.dq[:7] - arms[:, 7:] @ found.dq[7:]
     assert way[1] == pytest.approx(0.02, abs=1e-3)

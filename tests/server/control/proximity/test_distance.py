@@ -4,7 +4,7 @@ import coal
 import numpy as np
 import pytest
 from telerobot.server.control.proximity.distance import measured, shortfall
-from telerobot.server.control.proximity.gaps import Nearest
+from telerobot.server.control.proximity.gaps import NearestPoints
 from telerobot.server.control.spatial import rotation_exp
 
 COUNT = 300
@@ -15,20 +15,20 @@ NO_ROUNDS = (NONE, NONE)
 NO_BOXES = (np.zeros((0, 3, 3)), NONE, NONE)
 
 
-def segments(a, b, c, d) -> Nearest:
+def segments(a, b, c, d) -> NearestPoints:
     """Return where each segment a–b is nearest to its c–d, as a round."""
     return things(a, b, (c, d), NO_BOXES)
 
 
-def segments_boxes(a, b, R, centre, half) -> Nearest:
+def segments_boxes(a, b, R, centre, half) -> NearestPoints:
     """Return where each segment a–b is nearest to its box."""
     return things(a, b, NO_ROUNDS, (R, centre, half))
 
 
-def things(a, b, rounds, boxes) -> Nearest:
+def things(a, b, rounds, boxes) -> NearestPoints:
     first = np.arange(len(a))
     ends = np.stack([a, b], axis=1)[None]
-    return Nearest(*measured(ends, (first, first + len(a)), (*rounds, *boxes)))
+    return NearestPoints(*measured(ends, (first, first + len(a)), (*rounds, *boxes)))
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from telerobot.protocols.messages.motion import MasterPose
 from telerobot.protocols.messages.telemetry import TaskDescription
 from telerobot.server.control.spatial import rotation_exp, rotation_rpy
 from telerobot.tools.operator.client.motions import Motions
-from telerobot.tools.operator.client.task import Task
+from telerobot.tools.operator.client.task import TaskClient
 from telerobot.tools.scripts.generators.master import MasterHandle
 
 ENVELOPE = {"seen_tick": 1}
@@ -77,7 +77,7 @@ def test_every_word_is_a_sound_message_on_its_topic():
 def test_what_leads_one_task_names_it_or_its_mechanism():
     said = Said()
     described = TaskDescription.model_construct(task="right", mechanism="arm")
-    right = Task(said, described)
+    right = TaskClient(said, described)
     right.joystick([0.1, 0, 0, 0, 0, 0], seconds=1.0)
     right.move_to([0, 0, 0.1], [0, 0, 0])
     right.posture("park")

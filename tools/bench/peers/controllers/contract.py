@@ -4,7 +4,7 @@ from typing import Protocol
 
 from .....config.load import Cell
 from .....server.control.spatial import Array, Pose
-from ..scenes import Scene
+from ..scenes import PeerScene
 
 CLEARANCE = 0.02
 """Distance from things that every controller is told to keep [m]."""
@@ -19,7 +19,7 @@ class NoCommand(Exception):
 class Controller(Protocol):
     """Leads one arm through one scene; a kinematic plant does exactly what it says."""
 
-    def __init__(self, cell: Cell, scene: Scene) -> None:
+    def __init__(self, cell: Cell, scene: PeerScene) -> None:
         """Get ready: the arm stands at the scene's start."""
 
     def aim(self, target: Pose) -> None:

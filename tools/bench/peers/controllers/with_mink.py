@@ -12,7 +12,7 @@ import numpy as np
 from .....config.load import Cell
 from .....server.control.spatial import Array, Pose
 from ..geometry import Geometry
-from ..scenes import Scene, Thing
+from ..scenes import PeerScene, Thing
 from .contract import CLEARANCE, NoCommand
 
 POSTURE_COST = 1e-2
@@ -25,7 +25,7 @@ DETECTION_DISTANCE = 0.10
 class Mink:
     """Frame task, posture task, limits of position, speed and collisions."""
 
-    def __init__(self, cell: Cell, scene: Scene) -> None:
+    def __init__(self, cell: Cell, scene: PeerScene) -> None:
         mechanism = cell.config.mechanism
         drives = {drive.joint: drive for drive in mechanism.drives}
         self._period_s = cell.config.timing.period_s

@@ -16,7 +16,7 @@ from pink.tasks import FrameTask, PostureTask
 from .....config.load import Cell
 from .....server.control.spatial import Array, Pose
 from ..geometry import Geometry
-from ..scenes import Scene
+from ..scenes import PeerScene
 from .contract import CLEARANCE, NoCommand
 
 POSITION_COST = 50.0
@@ -34,7 +34,7 @@ class Pink:
     accelerates = False
     """True where its acceleration limit is on."""
 
-    def __init__(self, cell: Cell, scene: Scene) -> None:
+    def __init__(self, cell: Cell, scene: PeerScene) -> None:
         drives = {drive.joint: drive for drive in cell.config.mechanism.drives}
         ordered = [drives[joint.name] for joint in cell.robot.joints]
         self._period_s = cell.config.timing.period_s

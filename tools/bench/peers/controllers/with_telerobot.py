@@ -13,7 +13,7 @@ from .....server.control.tick import Control
 from .....server.perception.obstacle_map import ObstacleMap
 from .....server.runtime.events import Events
 from ...tick import settings_of
-from ..scenes import Scene, Thing
+from ..scenes import PeerScene, Thing
 from .contract import CLEARANCE, SELF_CLEARANCE, NoCommand
 
 FIELD = 1.0
@@ -23,7 +23,7 @@ FIELD = 1.0
 class Telerobot:
     """The daemon's world model and tick, without drives and bus."""
 
-    def __init__(self, cell: Cell, scene: Scene) -> None:
+    def __init__(self, cell: Cell, scene: PeerScene) -> None:
         avoidance = cell.config.avoidance.model_copy(
             update={"enabled": True, "clearance": CLEARANCE, "self_clearance": SELF_CLEARANCE}
         )

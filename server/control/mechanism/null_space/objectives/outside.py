@@ -22,7 +22,7 @@ class _Outside(Objective):
         return view.outside.get(self.NAME, np.zeros(len(view.q)))
 
 
-class Field(_Outside):
+class FieldDescent(_Outside):
     """Downhill in the potential field."""
 
     NAME = "field"

@@ -20,7 +20,7 @@ LOOK = 1e-5
 """Step of the finite difference for the curvature [rad]."""
 
 
-class Seen(NamedTuple):
+class FieldView(NamedTuple):
     """Where the arm is, among what, and its potential there."""
 
     here: Shape
@@ -29,7 +29,7 @@ class Seen(NamedTuple):
     value: Value
 
 
-class Flow:
+class FieldFlow:
     """Rates downhill for one arm: in its self-motions, and along a virtual link."""
 
     def __init__(self, potential: Potential, body: Index, flattest: float) -> None:
@@ -39,11 +39,11 @@ class Flow:
         self._body = body
         self._flattest = flattest
 
-    def look(self, here: Shape, scene: Scene | None) -> Seen:
+    def look(self, here: Shape, scene: Scene | None) -> FieldView:
         """Return what there is to know of the field where the arm is."""
-        return Seen(here, scene, self._potential.at(here, scene))
+        return FieldView(here, scene, self._potential.at(here, scene))
 
-    def self_motion(self, seen: Seen, null: Array) -> tuple[Array, float]:
+    def self_motion(self, seen: FieldView, null: Array) -> tuple[Array, float]:
         """Return the joint rates (n,) [rad/s], at a gain of 1 /s, to the least potential.
 
         `null` (r, n) holds orthonormal rows that span the self-motions. The size of the slope
@@ -66,7 +66,7 @@ class Flow:
         )
         return slope / max(abs(bend), self._flattest), size
 
-    def along(self, seen: Seen, direction: Array, out: float, stiffness: float) -> float:
+    def along(self, seen: FieldView, direction: Array, out: float, stiffness: float) -> float:
         """Return the speed [m/s], at a gain of 1 /s, of the tool along a virtual link.
 
         The link points along `direction` (3,), a unit vector in World, is `out` [m] now and held
@@ -79,7 +79,7 @@ class Flow:
         bend = (force - float(_lever(there.here, direction) @ there.value.torque)) / step
         return (force - stiffness * out) / max(abs(bend + stiffness), 0.5 * stiffness)
 
-    def _ahead(self, seen: Seen, way: Array) -> Seen:
+    def _ahead(self, seen: FieldView, way: Array) -> FieldView:
         """Look a small way ahead along joint rates (n,)."""
         return self.look(ahead(seen.here, self._body, way, LOOK), seen.scene)
 

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from telerobot.config.schema.sources.position import Position as Section
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp, rotation_log
-from telerobot.server.control.task.paths.goals import PathGoal, Pursuit, Route, Segment, TwistRoute
+from telerobot.server.control.task.paths.goals import (
+    PathGoal,
+    Pursuit,
+    Route,
+    TwistRoute,
+    TwistSegment,
+)
 from telerobot.server.control.task.paths.leading import PositionState
 from telerobot.server.control.task.sources.position import Position
 
@@ -195,7 +201,7 @@ def test_taking_a_route_up_again_goes_on_with_its_leg():
 
 
 def twists(*segments, serial=1, moving_axes=False):
-    made = tuple(Segment(np.array(twist), duration) for twist, duration in segments)
+    made = tuple(TwistSegment(np.array(twist), duration) for twist, duration in segments)
     return TwistRoute(made, serial, moving_axes)
 
 
