@@ -17,7 +17,7 @@ from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event, State
 from ....protocols.topics import Role
 from ..client.connection import Connection, OperatorError
-from ..client.session import Inbox
+from ..client.session import TopicBuffer
 from ..words.events import event_words
 from ..words.limits import limit_words
 from ..words.why import is_cause, why
@@ -42,7 +42,7 @@ class Hub:
     def __init__(self, connect: Callable[[], Connection]) -> None:
         self._connect = connect
         self._connection: Connection | None = None
-        self._truths: Inbox | None = None
+        self._truths: TopicBuffer | None = None
         self._tried_s = self._stated_s = self._truth_s = float("-inf")
         self._cause: Event | None = None
         self._link: dict[str, Any] = {}
