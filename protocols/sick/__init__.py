@@ -1,0 +1,1 @@
+"""Telegrams of SICK's laser scanners."""
