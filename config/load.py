@@ -21,6 +21,7 @@ from .schema.cameras import Camera
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
 from .schema.on_bus import Entry
+from .sweep import with_sweep
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
 from .validated import under, validated
@@ -182,6 +183,7 @@ def _part(path: Path, part: Part) -> Cell:
     mechanism = config.mechanism
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: {place}.urdf: ")
     robot = read_robot(urdf, mechanism.tip_link, f"{path}: {place}.tip_link")
+    config, robot = with_sweep(path, config, robot, part.words)
     check_agreement(path, config, robot, part.words)
     _find("scripts", config.default_script, path.parent, f"{path}: default_script: ")
     order = {joint.name: i for i, joint in enumerate(robot.joints)}

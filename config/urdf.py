@@ -78,6 +78,19 @@ class Robot:
         return ET.tostring(root, encoding="unicode")
 
 
+def joints_of_root(urdf: Path) -> dict[str, UrdfJoint]:
+    """Return the joints by name, fixed ones left out, that the root link carries.
+
+    Raises `ConfigError`.
+    """
+    root = _parse(urdf)
+    joints = root.findall("joint")
+    children = {_end(joint, "child", urdf) for joint in joints}
+    moving = [joint for joint in joints if joint.get("type") != "fixed"]
+    found = [_joint(joint, urdf) for joint in moving if _end(joint, "parent", urdf) not in children]
+    return {joint.name: joint for joint in found}
+
+
 def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
     """Read the chain that ends in `tip_link`.
 

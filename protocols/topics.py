@@ -12,6 +12,7 @@ from functools import cached_property
 from .bounds import bounds_of
 from .messages import messages as m
 from .messages import motion, moving, requests
+from .messages.contour import ContourNews
 from .messages.drive import Drive, Insert
 from .messages.obstacles import AvoidanceRequest, ObstacleNews
 from .messages.reflection import Reflection, ReflectionRequest
@@ -52,7 +53,8 @@ class Flow(Enum):
     `telerobot check` tells: a picture once the lease holder has stored a view and switched vision
     on; a frame where motion is relative to it, or to World on a Base that moves, at rest, too; an
     obstacle turns aside or stops what somebody asks for, and pushes the elbow where the cell has a
-    field or virtual spheres. A sensor may put only on the keys that it is certified for."""
+    field or virtual spheres; a contour slows a base down, and folds the arm of one that is driven
+    ahead. A sensor may put only on the keys that it is certified for."""
     TELEMETRY = (
         "put", Role.DAEMON,
         Role.OPERATOR, Role.SENSOR, Role.OBSERVER, Role.RIG, Role.JUDGE,
@@ -140,6 +142,7 @@ SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
 OBSTACLE = Topic(
     "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, reliable=True, unread=128
 )
+CONTOUR = Topic("sensor/contour", ContourNews, Flow.SENSOR, Life.STREAM, 25)
 FRAME_NEWS = Topic("sensor/frame", moving.FrameNews, Flow.SENSOR, Life.STREAM, 50)
 
 LEASE = _request("lease", requests.LeaseRequest)
@@ -178,7 +181,7 @@ RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, l
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, DRIVE, INSERT, CANCEL,
-    SIGHTING, OBSTACLE, FRAME_NEWS,
+    SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,

@@ -18,6 +18,7 @@ from .null_space.redundancy import Redundancy
 from .obstacles import Avoidance, Obstacle
 from .reflection import Reflection
 from .rig.rig import Rig
+from .scanner import ContourReflex, Scanner
 from .section import Name, Pose, Section
 from .security import Zenoh
 from .sources.schedule import Schedule
@@ -135,6 +136,12 @@ class CellConfig(Section):
     touch: Touch | None = Field(None, description="collision detection; absent: off")
     priority: Priority | None = Field(
         None, description="virtual spheres that obstacles push, before a hand is followed"
+    )
+    scanner: Scanner | None = Field(
+        None, description="laser scanner that looks ahead of the arm; absent: there is none"
+    )
+    contour: ContourReflex | None = Field(
+        None, description="obstacles ahead, and how the arm folds to pass them; needs a scanner"
     )
     rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")
 

@@ -7,6 +7,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from .backbone import Backbone
 from .on_bus import BusFrames, CanId, CanOpenNode, OnBus
 from .section import Name, Pose, Section, Vector6
+from .sweep import Sweep
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
 """Controlword, and the setpoint of each operation mode."""
@@ -212,9 +213,17 @@ class Mechanism(Section):
     backbone: Backbone | None = Field(
         None, description="curve through tunnels that the joints follow; absent: a plain arm"
     )
+    sweep: Sweep | None = Field(
+        None, description="axis beside the chain that goes to and fro; absent: there is none"
+    )
     payloads: dict[Name, Payload] = Field(
         default_factory=dict, description="named payloads to switch to, as a whole"
     )
     postures: dict[Name, tuple[float, ...]] = Field(
         description="named joint postures [rad]; 'start' and 'ready' are required"
     )
+
+    @property
+    def beside_chain(self) -> tuple[str, ...]:
+        """Joints that move the tool not at all, or all of the arm."""
+        return () if self.sweep is None else (self.sweep.joint,)

@@ -14,8 +14,8 @@ class RigFault(Message):
     """A fault for the rig to inject, or to take back with `on = false`.
 
     `target` is the name of a joint or of another device (`left.s1` in a cell of several
-    mechanisms), a bus for `unplug`, a tag for `cover` and `move`, an obstacle for `place`, or
-    "base" or "carrier" for `silence`; `value` depends on the kind: probability for `drop` and
+    mechanisms), `scanner`, a bus for `unplug`, a tag for `cover` and `move`, an obstacle for
+    `place`, or "base" or "carrier" for `silence`; `value` depends on the kind: probability for `drop` and
     `corrupt`, seconds for `delay`. `vector` is in World: the force [N] at the joint's link for
     `push` or at the MRF for `hand` (whose `value` is how long it takes to come and go [s]), the
     new place [m] for `move` and `place`.
@@ -23,7 +23,7 @@ class RigFault(Message):
 
     kind: Literal[
         "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-        "cover", "move", "place", "hand", "unplug",
+        "cover", "move", "place", "hand", "unplug", "crop",
     ]  # fmt: skip
     target: str = Field(max_length=80)
     on: bool = True

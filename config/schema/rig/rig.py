@@ -6,6 +6,7 @@ from ..cameras import RigTag
 from ..moving import RigFrames
 from ..section import Name, NonNegative, Positive, Section, Vector3, Vector6
 from .beam import RigBeam
+from .bridge import RigBridge, RigPerson, RigScanner
 from .peg import RigHole, RigPeg
 
 
@@ -121,3 +122,10 @@ class Rig(Section):
     frames: RigFrames = Field(
         default_factory=RigFrames, description="motion of platform and Carrier, and their news"
     )
+    scanner: RigScanner = Field(
+        default_factory=RigScanner, description="imperfections of the laser scanner"
+    )
+    bridge: RigBridge | None = Field(
+        None, description="two pillars and a beam that nobody tells the daemon of"
+    )
+    person: RigPerson | None = Field(None, description="somebody who may walk in")

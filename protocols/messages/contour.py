@@ -1,0 +1,46 @@
+"""What the scanner's process tells the daemon of what is ahead of the arm."""
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, model_validator
+
+from .messages import Angle, Count, Message
+
+NOTHING: Final = 0xFFFF
+"""Nothing is in a cell: no distance, and not 0 either."""
+
+
+class ContourNews(Message):
+    """The contour ahead of the arm, and the reflex to it; news of a sensor, not an order.
+
+    `tick` is the telemetry tick in which the newest scan ended. `rows` times `columns` cells of
+    `cell` [m] side by side, right to left, from the foot upwards, each two bytes, the lower one
+    first: how far ahead of the foot the nearest obstacle is [mm], 65535 for nothing (Zhang et al.
+    2013, eq. 11).
+
+    `posture` is the arm's joints [rad] that it should take to pass, without wheels and scanner,
+    none where it may stay as it is; `most_speed` [m/s] bounds how fast the base may drive ahead,
+    none: as it likes. `phase` is that of the passage, `reason` why there is no way.
+    """
+
+    tick: Count
+    rows: int = Field(ge=1, le=250)
+    columns: int = Field(ge=1, le=500)
+    cell: float = Field(gt=0, le=1)
+    nearest_mm: bytes = Field(max_length=3200)
+    phase: Literal["clear", "undecided", "folding", "folded", "returning", "refused"]
+    reason: Annotated[str, Field(max_length=64, pattern=r"^[a-z0-9_]*$")] = ""
+    posture: tuple[Angle, ...] | None = Field(None, max_length=64)
+    most_speed: float | None = Field(None, ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> "ContourNews":
+        if len(self.nearest_mm) != 2 * self.rows * self.columns:
+            raise ValueError(
+                f"nearest_mm has {len(self.nearest_mm)} bytes: must be 2 for each of "
+                f"{self.rows} times {self.columns} cells"
+            )
+        return self
+
+
+__all__ = ["NOTHING", "ContourNews"]

@@ -1,0 +1,155 @@
+"""Cells of the plane, what is forbidden in it, and boxes around what is in them."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from telerobot.tools.scanning.boxes import boxes_of
+from telerobot.tools.scanning.contour import Contour, contour_of
+from telerobot.tools.scanning.interference import (
+    Obstacles,
+    clearance,
+    crossed,
+    forbidden,
+    interference,
+)
+from telerobot.tools.scanning.memory import Memory
+
+from .lwa3 import PLANE, START, search
+
+Array = NDArray[np.float64]
+
+
+def test_shoulder_elbow_and_tool_of_the_papers_posture_are_in_its_cells(tmp_path: Path) -> None:
+    shoulder, elbow, *_, tool = search(tmp_path).points.of(START[None])[0]
+    cells = [PLANE.cell_of(p[1], p[2]) for p in (shoulder, elbow, tool)]
+    assert [(i + 1, j + 1) for i, j in cells] == [(7, 21), (11, 21), (18, 21)]
+
+
+def touched(start: Array, end: Array) -> NDArray[np.bool_]:
+    """Cells that points of a segment are in, looked at a tenth of a cell apart; eq. 12."""
+    found = np.zeros((22, 42), dtype=bool)
+    for t in np.linspace(0, 1, 10 * int(np.ceil(np.linalg.norm(end - start) / 0.05)) + 1):
+        y, z = start + t * (end - start)
+        i, j = int(np.floor(z / 0.05 + 1e-9)), int(np.floor((y + 1) / 0.05 + 1e-9))
+        for di in (0, 1, 2):
+            for dj in (0, 1, 2):
+                if 0 <= i + di < 22 and 0 <= j + dj < 42:
+                    found[i + di, j + dj] = True
+    return found[1:-1, 1:-1]
+
+
+def test_forbidden_cells_are_those_of_a_grid_ten_times_as_fine(tmp_path: Path) -> None:
+    points = search(tmp_path).points.of(START[None])[0]
+    for a, b in ((points[0], points[-1]), (points[0], points[1]), (points[1], points[-1])):
+        np.testing.assert_array_equal(crossed(a[1:], b[1:], PLANE), touched(a[1:], b[1:]))
+
+
+def test_slanting_links_forbid_no_cell_less_than_a_fine_grid() -> None:
+    draw = np.random.default_rng(2)
+    for _ in range(30):
+        a, b = draw.uniform((-0.8, 0.1), (0.8, 0.9), (2, 2))
+        assert not (touched(a, b) & ~crossed(a, b, PLANE)).any()
+
+
+def test_cells_within_reach_are_those_of_a_grid_ten_times_as_fine() -> None:
+    draw = np.random.default_rng(3)
+    fine = (np.arange(200) + 0.5) * 0.005
+    for _ in range(5):
+        a, b = draw.uniform((-0.8, 0.1), (0.8, 0.9), (2, 2))
+        y, z = np.meshgrid((np.arange(400) + 0.5) * 0.005 - 1.0, fine)
+        t = np.clip(((y - a[0]) * (b - a)[0] + (z - a[1]) * (b - a)[1]) / ((b - a) @ (b - a)), 0, 1)
+        off = np.hypot(y - a[0] - t * (b - a)[0], z - a[1] - t * (b - a)[1])
+        least = off.reshape(20, 10, 40, 10).min(axis=(1, 3))
+        found = forbidden(a, b, PLANE, 0.10)
+        assert found[least <= 0.10].all()
+        assert not found[least > 0.10 + 0.0036].any()  # half a diagonal of the fine grid
+
+
+def test_what_is_forbidden_and_occupied_interferes() -> None:
+    nearest = np.full((20, 40), np.nan)
+    nearest[10, 20], nearest[3, 3] = 0.0, 1.0
+    area = crossed(np.array([0.0, 0.3]), np.array([0.0, 0.6]), PLANE)
+    met = interference(Contour(nearest, nearest), area)
+    assert met[10, 20] == 0.0  # an obstacle right at the shoulder is one, not nothing
+    assert np.isnan(met[3, 3])
+    assert np.count_nonzero(~np.isnan(met)) == 1
+
+
+def test_a_cell_needs_two_hits_one_of_them_well_inside() -> None:
+    middle = np.array([1.0, 0.025, 0.525])
+    points = middle + np.array([[0, 0, 0], [0.2, 0.6, 0], [0, 0.3, 0.024]])
+    nearest = contour_of(points, np.array([2.0, 1.0, 5.0]), PLANE, -0.5).nearest
+    assert np.argwhere(~np.isnan(nearest)).tolist() == [[10, 20]]
+    assert nearest[10, 20] == 1.0
+
+
+def test_tails_of_noise_beside_a_full_cell_are_nothing() -> None:
+    points = np.array([[1.0, 0.025, 0.525], [1.0, 0.025, 0.565]])
+    for tail, filled in ((10.0, 1), (20.0, 2)):
+        nearest = contour_of(points, np.array([100.0, tail]), PLANE, -0.5).nearest
+        assert np.count_nonzero(~np.isnan(nearest)) == filled
+
+
+def test_what_is_passed_or_too_far_is_nothing() -> None:
+    middle = np.array([1.0, 0.025, 0.525])
+    points = middle + np.array([[-2, 0, 0], [2.5, 0, 0], [0, 2, 0]])
+    assert np.isnan(contour_of(points, np.full(3, 9.0), PLANE, -0.5).nearest).all()
+
+
+def scene() -> Contour:
+    draw, nearest = np.random.default_rng(5), np.full((20, 40), np.nan)
+    nearest[9:11, 4:36] = 2.0
+    nearest[0:9, 4:6] = nearest[0:9, 34:36] = 2.0
+    nearest[10, 11] = np.nan
+    nearest[draw.random((20, 40)) < 0.02] = 1.5
+    return Contour(nearest, nearest + 0.2)
+
+
+def test_boxes_hold_every_cell_and_few_more() -> None:
+    contour = scene()
+    boxes = boxes_of(contour)
+    assert len(boxes) <= 16
+    held = np.zeros((20, 40), dtype=bool)
+    for box in boxes:
+        inside = contour.nearest[slice(*box.rows), slice(*box.columns)]
+        assert box.near <= np.nanmin(inside)
+        assert box.far >= np.nanmin(inside) + 0.05
+        held[slice(*box.rows), slice(*box.columns)] = True
+    filled = ~np.isnan(contour.nearest)
+    assert held[filled].all()
+    assert np.count_nonzero(held) < 1.3 * np.count_nonzero(filled)
+
+
+def test_clearance_is_the_distance_of_the_nearest_cell_from_projected_links() -> None:
+    nearest = np.full((20, 40), np.nan)
+    nearest[10, 24] = 1.0  # y 0.20 to 0.25, z 0.50 to 0.55
+    obstacles = Obstacles.of(Contour(nearest, nearest), PLANE)
+    links = np.array([[0.0, 0.0, 0.3], [0.1, 0.0, 0.6]])
+    assert abs(clearance(links, obstacles) - 0.20) < 1e-9
+    assert clearance(np.array([[0, 0, 0.52], [0, 0.5, 0.52]]), obstacles) == 0.0
+    assert clearance(links, obstacles.within(1.2, 3.0)) == np.inf
+
+
+def test_memory_keeps_what_is_hidden_and_forgets_what_is_seen_through() -> None:
+    memory, n = Memory(), 541
+    first, step = np.radians(-45), np.radians(0.5)
+    pole = np.array([[1.5, 0.0, 0.0]] * 20 + [[1.0, 0.8, 0.0]] * 20)
+    memory.add(pole)
+    assert memory.hits.tolist() == [20.0, 20.0]
+    hidden = np.full(n, np.nan)
+    for _ in range(20):
+        memory.see_through(np.eye(3), np.zeros(3), first, step, hidden)
+    assert len(memory.points) == 2
+    away = np.full(n, np.nan)
+    away[265:276] = 5.0  # straight ahead, rays go on to 5 m now
+    for _ in range(8):
+        memory.see_through(np.eye(3), np.zeros(3), first, step, away)
+    assert memory.points.round(3).tolist() == [[1.0, 0.8, 0.0]]
+
+
+def test_memory_forgets_what_has_been_passed() -> None:
+    memory = Memory()
+    memory.add(np.array([[1.5, 0.0, 0.0], [0.2, 0.5, 0.0]]))
+    memory.pass_by(np.eye(3), np.array([0.5, 0.0, 0.0]), -0.1, 3.0)
+    assert memory.points.tolist() == [[1.5, 0.0, 0.0]]

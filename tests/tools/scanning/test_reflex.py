@@ -1,0 +1,146 @@
+"""Postures that pass below a bridge, and the reflex that leads there and back."""
+
+import math
+
+import numpy as np
+import pytest
+from telerobot.tools.scanning.contour import Contour
+from telerobot.tools.scanning.interference import Obstacles, clearance
+from telerobot.tools.scanning.reflex import Phase, Reflex
+from telerobot.tools.scanning.search import Search
+
+from .lwa3 import PLANE, START, search
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Search:
+    return search(tmp_path_factory.mktemp("lwa3"))
+
+
+def bridge(height: float, ahead: float, width: float = 1.4, y: float = 0.0) -> Obstacles:
+    """Occupied cells of a bridge with beam and pillars of 100 mm, 100 mm thick."""
+    rows, columns = PLANE.shape
+    j, i = np.meshgrid(np.arange(columns), np.arange(rows))
+    off, z = np.abs((j + 0.5) * 0.05 - 1.0 - y), (i + 0.5) * 0.05
+    beam = (z > height) & (z < height + 0.1) & (off < width / 2 + 0.1)
+    pillar = (off > width / 2) & (off < width / 2 + 0.1) & (z < height + 0.1)
+    filled = np.where(beam | pillar, ahead, np.nan)
+    behind = filled if ahead > -0.4 else np.full_like(filled, np.nan)
+    return Obstacles.of(Contour(behind, behind + 0.1), PLANE)
+
+
+@pytest.mark.parametrize("height", [0.45, 0.5, 0.6])
+@pytest.mark.parametrize("width", [1.4, 0.9])
+def test_the_posture_that_is_found_passes_and_so_does_the_way_there(
+    found: Search, height: float, width: float
+) -> None:
+    obstacles = bridge(height, 1.5, width)
+    assert clearance(found.points.of(START[None])[0], obstacles) < found.reach.trigger
+    answer = found.posture(START, obstacles)
+    assert answer.q is not None
+    assert clearance(found.points.of(answer.q[None])[0], obstacles) >= found.reach.choose - 0.005
+    assert (answer.q >= found.points.lower).all()
+    assert (answer.q <= found.points.upper).all()
+    assert found.way_is_free(START, answer.q, obstacles, found.reach.trigger)
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "reason"),
+    [
+        (bridge(0.35, 1.5), "column_blocked"),
+        (bridge(0.40, 1.5), "no_posture"),
+        (bridge(0.6, 1.5, 0.1), "column_blocked"),
+        (bridge(0.5, 0.15), "no_way"),
+    ],
+)
+def test_what_cannot_be_passed_is_refused_by_name(
+    found: Search, obstacles: Obstacles, reason: str
+) -> None:
+    answer = found.posture(START, obstacles)
+    assert (answer.q, answer.reason) == (None, reason)
+
+
+def test_the_papers_order_moves_the_tool_before_the_elbow(found: Search) -> None:
+    q, obstacles, heights = START, bridge(0.6, 1.5), []
+    for _ in range(4):
+        answer = found.sequence(q, obstacles)
+        if answer.q is None or answer.q is q:
+            break
+        q = answer.q
+        points = found.points.of(q[None])[0]
+        heights.append((points[1, 2], points[-1, 2]))
+    start = found.points.of(START[None])[0]
+    assert heights[0][1] < 0.6 < start[-1, 2]
+
+
+class Drive:
+    """A base that drives as it may, an arm that folds as it should, in steps of 0.1 s."""
+
+    def __init__(self, found: Search, height: float, speed: float, ahead: float = 2.5) -> None:
+        self.reflex = Reflex(found, 4.0)
+        self.height, self.speed, self.ahead = height, speed, ahead
+        self.q, self.time_s, self.points = START, 0.0, found.points
+        self.phases: list[Phase] = []
+        self.least = math.inf
+        self.reason = ""
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 10)):
+            obstacles = bridge(self.height, self.ahead)
+            answer = self.reflex.step(self.time_s, self.q, obstacles)
+            if not self.phases or self.phases[-1] is not answer.phase:
+                self.phases.append(answer.phase)
+            self.reason = answer.reason
+            self.ahead -= 0.1 * min(self.speed, answer.most_speed)
+            self.time_s += 0.1
+            if answer.posture is not None:
+                way = answer.posture - self.q
+                self.q = self.q + way * min(1.0, 0.05 / max(np.abs(way).max(), 1e-9))
+            points = self.points.of(self.q[None])[0]
+            if self.ahead < points[:, 0].max() and self.ahead + 0.1 > points[:, 0].min():
+                self.least = min(self.least, clearance(points, obstacles))
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.3])
+def test_the_arm_folds_passes_and_unfolds(found: Search, speed: float) -> None:
+    drive = Drive(found, 0.45, speed)
+    drive.run(80 if speed < 0.1 else 50)
+    assert drive.phases == [
+        Phase.CLEAR, Phase.UNDECIDED, Phase.FOLDING, Phase.FOLDED, Phase.RETURNING, Phase.CLEAR,
+    ]  # fmt: skip
+    assert drive.least > 0.07
+    np.testing.assert_allclose(drive.q, START, atol=0.03)
+
+
+def test_nothing_is_decided_before_two_sweeps(found: Search) -> None:
+    drive = Drive(found, 0.45, 0.1, ahead=2.05)
+    drive.run(1.0)
+    assert drive.phases == [Phase.CLEAR, Phase.UNDECIDED]
+    drive.run(3.4)
+    assert drive.phases == [Phase.CLEAR, Phase.UNDECIDED]
+    drive.run(0.8)
+    assert drive.phases[-1] is Phase.FOLDING
+
+
+def test_the_base_stands_before_a_bridge_that_is_too_low_and_may_back_out(found: Search) -> None:
+    drive = Drive(found, 0.40, 0.3)
+    drive.run(30)
+    assert drive.phases[-1] is Phase.REFUSED
+    assert drive.reason == "no_posture"
+    assert 0.90 < drive.ahead < 1.0  # 0.80 stretched ahead, and 0.15
+    drive.speed = -0.3
+    drive.run(8)
+    assert drive.phases[-1] is Phase.CLEAR
+    assert drive.reason == ""
+
+
+def test_it_stays_folded_while_the_next_bridge_is_in_sight(found: Search) -> None:
+    drive = Drive(found, 0.45, 0.0, ahead=1.5)
+    drive.run(20)
+    assert drive.phases[-1] is Phase.FOLDED
+    drive.ahead = 2.5  # backed away, yet it is still ahead
+    drive.run(5)
+    assert drive.phases[-1] is Phase.FOLDED
+    drive.ahead = -1.0
+    drive.run(15)
+    assert drive.phases[-2:] == [Phase.RETURNING, Phase.CLEAR]

@@ -1,0 +1,265 @@
+"""From telegrams to messages: what `telerobot scan` does, and a simulation in its place.
+
+telegram ──► rays ──► placed ──► own rays bridged ──► memory ──► contour ──► reflex
+              ▲ joints, odometry at their instants                  └──► boxes
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ...config.load import Cell, ConfigError
+from ...config.schema.scanner import ContourReflex, Scanner
+from ...protocols.messages.contour import NOTHING, ContourNews
+from ...protocols.messages.obstacles import ObstacleNews
+from ...protocols.sick.cola import TelegramError
+from ...protocols.sick.scan_data import Scan
+from ...server.control.scene import Flags
+from ...server.control.spatial import Array, Pose
+from .boxes import boxes_of
+from .contour import Contour, Plane, contour_of
+from .geometry import Geometry, Instant, Ring
+from .interference import Obstacles
+from .memory import Memory
+from .placing import bridged, own_rays, place
+from .postures import CriticalPoints
+from .reflex import Answer, Reflex
+from .search import Reach, Search
+
+CONTOUR_EVERY: Final = 2
+"""Scans from contour to contour [1]."""
+BOXES_EVERY: Final = 10
+"""Scans from boxes to boxes [1]."""
+MISSING_EVERY_S: Final = 5.0
+"""Missing rays are told at most so often [s]."""
+MOST_MISSING: Final = 0.9
+"""A sweep in which more rays had no echo saw nothing: a cover, or dirt [1]."""
+BEHIND_REAR: Final = 0.05
+"""What is so far behind the arm's rear is passed [m]."""
+BOX_MOVED: Final = 0.01
+"""Boxes are told anew when a side has moved by so much [m]."""
+WAITING: Final = 8
+"""Scans that wait for telemetry; more mean that there is none [1]."""
+
+
+class Looked(NamedTuple):
+    """Everything that one scan led to, for who tells or draws it."""
+
+    scan: Scan
+    points: Array
+    """Rays (n, 3) in the odometry's frame, NaN where nothing was hit [m]."""
+    own: Flags
+    """Rays that hit the arm (n,)."""
+    contour: Contour | None = None
+    answer: Answer | None = None
+    messages: tuple[ContourNews | ObstacleNews, ...] = ()
+
+
+class Scanning:
+    """Perception of one cell. Tell it telemetry and scans; it returns messages for the daemon."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Build it. Raises `ConfigError` for a cell without scanner or contour."""
+        scanner, contour = cell.config.scanner, cell.config.contour
+        if scanner is None or contour is None:
+            key = "scanner" if scanner is None else "contour"
+            raise ConfigError(f"{cell.path}: {key}: missing: there is nothing to scan for")
+        self.scanner, self.config = scanner, contour
+        self.geometry, self.ring, self.memory = Geometry(cell), Ring(), Memory()
+        p = contour.plane
+        self.plane = Plane(p.width, p.height, p.cell, p.collect)
+        points = CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot)
+        self._points, self._foot = points, np.array(contour.foot)
+        search = Search(points, self.plane, reach_of(contour))
+        sweep = cell.config.mechanism.sweep
+        decide_s = 0.0 if sweep is None else 2.0 * sweep.period_s
+        self.reflex = Reflex(
+            search,
+            decide_s,
+            in_sequence=contour.rule == "sequence",
+            wait=contour.wait,
+            trigger=contour.plane.ahead,
+        )
+        self.events: deque[str] = deque(maxlen=100)
+        """Words about telegrams that were refused, and missing rays, for who prints them."""
+        self.scans = self.refused = 0
+        self._waiting: deque[tuple[Scan, float]] = deque()
+        self._told: dict[str, tuple[Array, Array, float]] = {}
+        self._silent = 0.0
+        """Share of rays without an echo, lately."""
+        self._complained_s = -math.inf
+
+    # --- what comes in -----------------------------------------------------------------------
+
+    def hear(self, instant: Instant) -> Iterator[Looked]:
+        """Take in telemetry, and look at the scans that it lets place."""
+        self.ring.add(instant)
+        while self._waiting:
+            scan, start_s = self._waiting[0]
+            instants = self.ring.around(start_s, start_s + self._duration(scan))
+            if len(instants) < 2:
+                break
+            self._waiting.popleft()
+            yield self._look(scan, start_s, instants)
+
+    def take(self, scan: Scan, start_s: float) -> None:
+        """Take in a scan whose zero index passed at a time of the daemon's [s].
+
+        Raises `TelegramError` for one of another angle range, or that the scanner calls faulty.
+        """
+        refusal = unlike(self.scanner, scan)
+        if refusal is not None:
+            raise TelegramError(refusal)
+        if len(self._waiting) >= WAITING:
+            self._waiting.popleft()
+        self._waiting.append((scan, start_s - self.scanner.late_s))
+
+    def forget(self) -> None:
+        """Know nothing: the daemon, or the scanner, started again."""
+        self.memory.forget()
+        self.reflex.forget()
+        self.ring = Ring()
+        self._waiting.clear()
+
+    # --- one scan ----------------------------------------------------------------------------
+
+    def _duration(self, scan: Scan) -> float:
+        """Return how long the rays of a scan take, from its zero index [s]."""
+        turn = scan.step_rad * len(scan.distances) / (2.0 * math.pi)
+        return turn / scan.frequency_hz
+
+    def _look(self, scan: Scan, start_s: float, instants: list[Instant]) -> Looked:
+        self.scans += 1
+        n = len(scan.distances)
+        angle = scan.angles
+        turn_s = scan.step_rad / (2.0 * math.pi * scan.frequency_hz)
+        time_s = start_s + turn_s * np.arange(n, dtype=np.float64)
+        knots = self.geometry.knots(instants)
+        raw = place(time_s, angle, scan.distances, knots)
+        own = own_rays(time_s, raw, knots, self.geometry.reach)
+        distance = bridged(angle, scan.distances, own) if own.any() else scan.distances
+        points = place(time_s, angle, distance, knots)
+        self._judge_silence(np.isnan(scan.distances), time_s[-1])
+        middle = len(instants) // 2
+        # Where a ray was the arm's own, nothing can be told of what is behind.
+        seen = np.where(own, np.nan, np.where(np.isnan(scan.distances), np.inf, scan.distances))
+        self.memory.see_through(
+            knots.R[middle], knots.p[middle], scan.first_rad, scan.step_rad, seen
+        )
+        now = instants[-1]
+        self.memory.add(points[self._in_reach(points, now)])
+        looked = Looked(scan, points, own)
+        if self.scans % CONTOUR_EVERY:
+            return looked
+        return self._answer(looked, now)
+
+    def _in_reach(self, points: Array, now: Instant) -> Flags:
+        """Return which points (n,) are ahead, where the contour collects them, or nearly so."""
+        seen = (points - now.T_world_base.p) @ now.T_world_base.R - self._foot
+        plane = self.plane
+        with np.errstate(invalid="ignore"):
+            which: Flags = (
+                (np.abs(seen[:, 0]) < plane.collect + 0.5)
+                & (np.abs(seen[:, 1]) < 0.5 * plane.width + 0.5)
+                & (seen[:, 2] > -plane.cell)
+                & (seen[:, 2] < plane.height + 0.5)
+            )
+        return which
+
+    def _judge_silence(self, none: Flags, now_s: float) -> None:
+        """Tell when nearly all rays have no echo."""
+        self._silent += 0.02 * (float(none.mean()) - self._silent)
+        if self._silent > MOST_MISSING and now_s - self._complained_s > MISSING_EVERY_S:
+            self._complained_s = now_s
+            self.events.append(f"rays are missing: {100 * self._silent:.0f} % have no echo")
+
+    # --- contour and reflex ------------------------------------------------------------------
+
+    def _answer(self, looked: Looked, now: Instant) -> Looked:
+        R, p = now.T_world_base
+        foot = p + R @ self._foot
+        q = now.q[self._points.arm]
+        rear = float(self._points.of(q[None])[0, :, 0].min())
+        rear = min(rear, 0.0) - self.config.link_radius - BEHIND_REAR
+        self.memory.pass_by(R, foot, rear, self.plane.collect + 0.5)
+        seen = (self.memory.points - foot) @ R
+        contour = contour_of(seen, self.memory.hits, self.plane, rear)
+        answer = self.reflex.step(now.time_s, q, Obstacles.of(contour, self.plane))
+        messages: list[ContourNews | ObstacleNews] = [self._news(now.tick, contour, answer)]
+        if self.scans % BOXES_EVERY == 0:
+            messages += self._boxes(now.tick, contour, Pose(R, foot))
+        return looked._replace(contour=contour, answer=answer, messages=tuple(messages))
+
+    def _news(self, tick: int, contour: Contour, answer: Answer) -> ContourNews:
+        rows, columns = self.plane.shape
+        millimetres = np.where(
+            np.isnan(contour.nearest), NOTHING, np.clip(np.rint(contour.nearest * 1e3), 0, 20_000)
+        )
+        return ContourNews(
+            tick=tick,
+            rows=rows,
+            columns=columns,
+            cell=self.plane.cell,
+            nearest_mm=millimetres.astype("<u2").tobytes(),
+            phase=answer.phase.value,
+            reason=answer.reason,
+            posture=None if answer.posture is None else tuple(answer.posture.tolist()),
+            most_speed=None if math.isinf(answer.most_speed) else answer.most_speed,
+        )
+
+    def _boxes(self, tick: int, contour: Contour, T: Pose) -> Iterator[ObstacleNews]:
+        """Return what is new of the boxes around the contour's cells."""
+        yaw = math.atan2(T.R[1, 0], T.R[0, 0])
+        found: dict[str, tuple[Array, Array, float]] = {}
+        for k, box in enumerate(boxes_of(contour)):
+            low, high = box.corners(self.plane)
+            found[f"scan_{k}"] = T.p + T.R @ (0.5 * (low + high)), 0.5 * (high - low), yaw
+        for name in self._told.keys() - found.keys():
+            yield ObstacleNews(name=name, tick=tick, remove=True)
+        for name, (centre, half, turn) in found.items():
+            before = self._told.get(name)
+            if before is not None and _near(before, (centre, half, turn)):
+                found[name] = before
+                continue
+            x, y, z = centre.tolist()
+            a, b, c = half.tolist()
+            yield ObstacleNews(
+                name=name,
+                tick=tick,
+                shape="box",
+                xyz=(x, y, z),
+                rpy=(0.0, 0.0, turn),
+                half_size=(a, b, c),
+                max_speed=0.0,
+            )
+        self._told = found
+
+
+def _near(a: tuple[Array, Array, float], b: tuple[Array, Array, float]) -> bool:
+    """Return whether two boxes are the same, as nearly as matters."""
+    moved = np.abs(a[0] - b[0]).max() + np.abs(a[1] - b[1]).max()
+    return bool(moved < BOX_MOVED) and abs(a[2] - b[2]) * float(a[1].max()) < BOX_MOVED
+
+
+def reach_of(contour: ContourReflex) -> Reach:
+    """Return the distances of a cell's contour: beyond the links' radius, noise and hysteresis."""
+    r = contour.link_radius
+    return Reach(choose=r + 0.05, trigger=r + 0.04, give_up=r + 0.01, column=r + 0.02)
+
+
+def unlike(scanner: Scanner, scan: Scan) -> str | None:
+    """Return why a scan is not one of a cell's scanner, or None."""
+    if scan.faulty:
+        return "the scanner tells that it is faulty"
+    for name, value, wanted, slack in (
+        ("first angle", scan.first_rad, scanner.first, 1e-3),
+        ("angular step", scan.step_rad, scanner.step, 1e-5),
+        ("rays", len(scan.distances), scanner.rays, 0),
+        ("frequency", scan.frequency_hz, scanner.rate_hz, 0.5),
+    ):
+        if abs(value - wanted) > slack:
+            return f"{name}: value {value:.6g}: the cell says {wanted:.6g}"
+    return None
