@@ -14,6 +14,7 @@
 | freeze | force_torque | 0: repeats its last sample (default); 1: sends none |
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |
+| silence, drop, corrupt, crop | scanner | `nodes/scanner_node.py` |
 | cover | tag | nobody sees it (`tags.py`) |
 | move | tag | `vector` [m] in World is its new place, its attitude stays |
 

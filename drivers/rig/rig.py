@@ -21,6 +21,8 @@ from .faults import Faults
 from .nodes.bench import Bench
 from .nodes.drive_loops import DriveLoops
 from .nodes.node import Node
+from .nodes.scanner_node import NAME as SCANNER
+from .nodes.scanner_node import SimulatedScanner
 from .nodes.servo_node import SimulatedDrive
 from .nodes.wire import RigError, Wire
 from .physics.beam import Beam
@@ -77,6 +79,8 @@ class Rig:
             bench.wire.add(node)
         nodes = tuple(self.nodes.values())
         self.drives = {k: n for k, n in self.nodes.items() if isinstance(n, SimulatedDrive)}
+        self.scanner = SimulatedScanner.of(cell, self.world)
+        """The laser scanner; None where there is none."""
         self.tags = Tags(rig.tags)
         self._movers = Movers(cell)
         self._moving = frozenset(config.frames.moving)
@@ -145,6 +149,8 @@ class Rig:
         world.step(self._loop.step(world.q, world.dq))
         self._steps += 1
         self._time_s = self._steps * self.dt
+        if self.scanner is not None:
+            self.scanner.step(self._time_s)
         for node in self._after:
             if node.due_s <= self._time_s + 1e-7:
                 node.tick()
@@ -183,6 +189,8 @@ class Rig:
             self.world.place(fault.target, vector_of(fault, FARTHEST, "m"))
         elif fault.kind in KINDS:
             self.tags.inject(fault)
+        elif self.scanner is not None and fault.target == SCANNER:
+            self.scanner.inject(fault)
         elif fault.kind == "silence" and fault.target in self._moving:
             (self.unseen.add if fault.on else self.unseen.discard)(fault.target)
         else:

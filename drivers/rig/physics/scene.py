@@ -9,6 +9,7 @@ from ....config.schema.mechanism import Mechanism
 from ....config.schema.rig.rig import Rig, Wall
 from ....config.schema.section import Pose
 from .beam import add_beam
+from .bridge import add_bridge, add_person
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
 from .peg import add_hole, add_peg
 from .sight import add_probe
@@ -91,6 +92,10 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
         solid = add_solid(spec, obstacle, quaternion(attitude(obstacle)))
         if solid is not None:
             fixed(solid)
+    if rig.bridge is not None:
+        add_bridge(spec, rig.bridge)
+    if rig.person is not None:
+        add_person(spec, rig.person)
     if cell.cameras:
         add_probe(spec)
     return spec

@@ -45,7 +45,9 @@ def attitude(obstacle: Obstacle) -> Pose:
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, name: str, xyz: Vector) -> None:
     """Move an obstacle. Raises `ValueError`, in one line, for one that there is not."""
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"obstacle_{name}")
+    bodies = (f"obstacle_{name}", name)
+    found = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body) for body in bodies]
+    body = next((i for i in found if i >= 0 and model.body_mocapid[i] >= 0), -1)
     if body < 0:
         raise ValueError(f"fault place: no solid obstacle {name!r} in the cell")
     data.mocap_pos[model.body_mocapid[body]] = xyz
