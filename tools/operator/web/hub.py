@@ -13,6 +13,7 @@ from typing import Any, Final
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode_as, encode
 from ....protocols.messages import requests
+from ....protocols.messages.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event, State
 from ....protocols.topics import Role
@@ -43,6 +44,7 @@ class Hub:
         self._connect = connect
         self._connection: Connection | None = None
         self._truths: TopicBuffer | None = None
+        self._obstacles: TopicBuffer | None = None
         self._tried_s = self._stated_s = self._truth_s = float("-inf")
         self._cause: Event | None = None
         self._link: dict[str, Any] = {}
@@ -87,6 +89,7 @@ class Hub:
             for page in tuple(self.pages):
                 page.run(now_s)
             self._tell_truth(now_s)
+            self._tell_obstacles()
         self._tell_links()
 
     # --- the session -------------------------------------------------------------------------
@@ -98,7 +101,9 @@ class Hub:
             return  # nobody answers yet: the pages see it in the link, and it is tried again
         self._connection.on_state = self._on_state
         self._connection.on_event = self._on_event
-        self._truths = self._connection.session.subscribe(t.RIG_TRUTH, 1)
+        session = self._connection.session
+        self._truths = session.subscribe(t.RIG_TRUTH, 1)
+        self._obstacles = session.subscribe(t.OBSTACLE, 128)
 
     def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
         if self._connection is not None:
@@ -126,7 +131,7 @@ class Hub:
         text = (
             f'{{"type":"state","tick":{state.tick},"t":{state.time_s},'
             f'"state":{state.model_dump_json()},"limits":{json.dumps(words)},'
-            f'"why":{json.dumps(why(state, self._cause))}}}'
+            f'"why":{json.dumps(why(state, self._cause))},"mine":'
         )
         for page in self.pages:
             page.tell_state(text)
@@ -149,6 +154,17 @@ class Hub:
             except CodecError:
                 continue  # another version's rig: the page does without
             text = f'{{"type":"truth","truth":{truth.model_dump_json()}}}'
+            for page in self.pages:
+                page.tell_text(text)
+
+    def _tell_obstacles(self) -> None:
+        """Pass on news of obstacles; where certificates are asked for, none are heard here."""
+        for payload in () if self._obstacles is None else self._obstacles.take():
+            try:
+                news = decode_as(ObstacleNews, payload, t.OBSTACLE.max_bytes)
+            except CodecError:
+                continue  # the daemon refuses it, and tells so
+            text = f'{{"type":"obstacle","obstacle":{news.model_dump_json()}}}'
             for page in self.pages:
                 page.tell_text(text)
 

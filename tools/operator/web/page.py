@@ -195,6 +195,9 @@ class Page:
         self.wake.set()
 
     def tell_state(self, text: str) -> None:
-        """Let the page be told the newest state, in place of one that it has not read."""
-        self.newest = text
+        """Let the page be told the newest state, in place of one that it has not read.
+
+        `text` ends where it says whether the page has the lease.
+        """
+        self.newest = text + ("true}" if self.client.secret is not None else "false}")
         self.wake.set()

@@ -1,6 +1,6 @@
 """Geometry of a cell for the page's scene."""
 
-from aiohttp import web
+from pathlib import Path
 
 from .....config.load import Cell
 
@@ -10,5 +10,6 @@ def describe(cell: Cell) -> dict[str, object]:
     return {"cell": cell.config.name}
 
 
-def add_routes(app: web.Application, cell: Cell) -> None:
-    """Add the scene's own routes, such as meshes and pictures, below the page's login."""
+def mesh_files(_cell: Cell) -> dict[str, Path]:
+    """Return the file of each address below `/meshes/`."""
+    return {}

@@ -1,17 +1,104 @@
 // The page: one link to the console, panels around the scene, and everything held in one place.
 
+import { Choices, FRAMES } from "./choices.js";
+import { el, setText } from "./dom.js";
+import { Held } from "./held.js";
 import { Link } from "./link.js";
+import { createBar } from "./panels/bar.js";
+import { createLog } from "./panels/log.js";
+import { createNow } from "./panels/now.js";
+import { createStop } from "./panels/stop.js";
+import { createTabs } from "./panels/tabs.js";
+import { createWhy } from "./panels/why.js";
 import { createPlots } from "./plots/plots.js";
 import { createScene } from "./scene/scene.js";
+import { asker } from "./settings/ask.js";
+import { createSettings } from "./settings/settings.js";
+import { steerByKeys } from "./steering/keys.js";
+import { createPads } from "./steering/pads.js";
+import { createSteer } from "./steering/steer.js";
 
-const [description, catalogue] = await Promise.all(
-  ["scene.json", "catalogue.json"].map((name) => fetch(name).then((answer) => answer.json())),
-);
-const link = new Link(localStorage.getItem("name") ?? "");
-const scene = createScene(document.getElementById("scene"), description);
-const plots = createPlots(document.getElementById("plots"), description);
+const SILENT_MS = 400;
+const at = (id) => document.getElementById(id);
+const read = async (name) => (await fetch(name)).json();
+
+const [description, catalogue] = await Promise.all([read("scene.json"), read("catalogue.json")]);
+const name = localStorage.getItem("name") ?? "";
+const link = new Link(name);
+const choices = new Choices(link);
+const held = new Held(link, choices);
+const ask = asker(link);
+const scene = createScene(at("scene"), description);
+const plots = createPlots(at("plots"), description);
+const bar = createBar(at("bar"), { link, cell: catalogue.cell, name, ask });
+const why = createWhy(at("side"), ask);
+const panels = createTabs(at("side"), ["Steer", "Now", "Set", "Log"]);
+const steer = createSteer(panels.Steer, { link, held, choices, ask, scene });
+const now = createNow(panels.Now, choices);
+const settings = createSettings(panels.Set, catalogue, { ask, choices });
+const log = createLog(panels.Log);
+const stop = createStop(at("stop"), ask);
+createPads(at("hand"), held);
+document.title = `${catalogue.cell} · telerobot`;
+
+let you = "";
+let role = "operator";
+let holds = false;
+let newest = null;
+let newestAt = 0;
+
+const mode = (action) => () => ask("operator/mode", { action });
+steerByKeys(held, choices, {
+  stop: stop.press,
+  m: mode("enable"), h: mode("hold"), n: mode("disable"), R: mode("reset"),
+  c: () => ask("operator/protective_clear", {}), L: () => ask("operator/lease", {}),
+  t: () => ask("operator/tare", choices.mechanism),
+  e: () => choices.choose({ frame: FRAMES[(FRAMES.indexOf(choices.frame) + 1) % FRAMES.length] }),
+  p: () => {
+    choices.posture = true;
+    ask("cmd/posture", { posture: "ready", ...choices.mechanism });
+  },
+  "+": () => choices.choose({ level: choices.level + 1 }), "-": () => choices.choose({ level: choices.level - 1 }),
+});
+
+link.addEventListener("link", ({ detail }) => {
+  ({ you, role } = detail);
+  document.body.dataset.role = role;
+});
 link.addEventListener("state", ({ detail }) => {
+  const { state } = detail;
+  const mine = detail.mine;
+  if (holds && !mine) held.endAll();
+  if (newest && newest.state.mode === "enabled" && state.mode !== "enabled") held.endAll();
+  holds = mine;
+  newest = detail;
+  newestAt = performance.now();
   scene.update(detail);
   plots.update(detail);
 });
-document.title = `${catalogue.cell} · telerobot`;
+for (const type of ["truth", "obstacle"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
+link.addEventListener("event", ({ detail }) => {
+  log.add(detail);
+  plots.update(detail);
+});
+
+// Panels are drawn fifteen times a second, from the newest state; the scene interpolates by itself.
+const over = at("over").appendChild(el("p", { hidden: true }));
+function draw() {
+  const silent = performance.now() - newestAt > SILENT_MS;
+  over.hidden = !silent;
+  document.body.classList.toggle("silent", silent);
+  if (silent) {
+    const what = link.open ? ["The daemon is silent.", "Start it again, or look at its link; this page goes on by itself."]
+      : ["The console does not answer.", "It is dialled again and again; look at its terminal."];
+    why.say(...what, "error");
+    why.offer([], "");
+    setText(over, what[0]);
+    setText(bar.mode, link.open ? "no daemon" : "no console");
+  } else {
+    for (const panel of [bar, steer, now, settings, stop]) panel.update(newest, holds);
+    why.update(newest, holds, role !== "operator");
+  }
+}
+setInterval(draw, 66);
+document.body.dataset.ready = "true";

@@ -1,0 +1,57 @@
+// Why the arm does what it does, what to do next, and the buttons that do it.
+
+import { button, el, setClass, setText } from "../dom.js";
+
+const SEVERITY = { stopping: "warning", hold: "warning", fault: "error", boot: "warning" };
+
+export function createWhy(element, ask) {
+  const sentence = el("p", {}, "Waiting for the daemon.");
+  const next = el("p", {}, "");
+  const box = el("div", { className: "why warning", role: "status" }, sentence, next);
+  const refusal = el("span", { className: "refusal", role: "status" });
+  const mode = (action) => () => ask("operator/mode", { action }, refusal);
+  const acts = {
+    lease: button("Take the lease", () => ask("operator/lease", {}, refusal)),
+    enable: button("Enable", mode("enable"), { title: "key m" }),
+    resume: button("Resume", mode("enable"), { title: "key m" }),
+    hold: button("Hold", mode("hold"), { title: "key h" }),
+    disable: button("Drives off", mode("disable"), { title: "key n" }),
+    reset: button("Reset", mode("reset"), { title: "key R" }),
+    clear: button("Clear the stop", () => ask("operator/protective_clear", {}, refusal), { title: "key c" }),
+  };
+  const actions = el("div", { className: "actions", role: "group", "aria-label": "Mode" }, ...Object.values(acts), refusal);
+  element.append(box, actions);
+
+  function say(words, after, severity) {
+    setText(sentence, words);
+    setText(next, after);
+    setClass(box, `why ${severity}`);
+  }
+
+  function offer(may, then) {
+    for (const [name, act] of Object.entries(acts)) {
+      act.hidden = !may.includes(name);
+      act.classList.toggle("next", name === then);
+    }
+  }
+  offer([], "");
+
+  return {
+    say,
+    offer,
+    update({ state, why }, mine, watching) {
+      const severity = state.protective_stop ? "error" : (SEVERITY[state.mode] ?? "");
+      say(why.sentence, why.next, severity);
+      if (watching) return offer(state.protective_stop ? ["clear"] : [], "");
+      const may = [];
+      if (!mine) may.push("lease");
+      if (state.protective_stop) may.push("clear");
+      if (mine && state.mode === "ready") may.push("enable");
+      if (mine && state.mode === "hold") may.push("resume", "disable");
+      if (mine && state.mode === "enabled") may.push("hold", "disable");
+      if (mine && state.mode === "fault") may.push("reset");
+      const then = ["clear", "lease", "reset", "enable", "resume"].find((name) => may.includes(name));
+      return offer(may, state.mode === "enabled" && mine ? "" : then);
+    },
+  };
+}
