@@ -25,5 +25,7 @@ export function setClass(element, name) {
 }
 
 export function fixed(value, digits) {
-  return value === null || value === undefined ? "–" : value.toFixed(digits);
+  if (value === null || value === undefined) return "–";
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text;
 }
