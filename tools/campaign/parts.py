@@ -15,7 +15,7 @@ from .payloads import PAYLOADS
 from .requests import ASKING
 from .scenes.runs import SCENES
 from .torques import TORQUES
-from .tunnels import TUNNEL
+from .tunnels.runs import TUNNEL
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,

@@ -2,7 +2,8 @@
 
 The curve is integrated step by step, at many free lengths. Its curvature must be within what joints
 can bend, its chords within the walls, and nothing of it near to what is elsewhere on the way: the
-free part to the walls, and tunnel and arm to themselves.
+free part to the walls, and tunnel and arm to themselves. A gap between tunnels is crossed where a
+Bézier curve of its length is no sharper than the joints take.
 """
 
 import math
@@ -10,6 +11,7 @@ import math
 import numpy as np
 
 from ...config.schema.backbone import Backbone
+from .gap import crossing, sharpest_of
 from .poses import Array, matrix
 from .tunnel import STEP, Tunnel
 
@@ -19,6 +21,8 @@ SPARE = 0.012
 """Room that is asked for beyond all radii [m]."""
 BEND = 0.9
 """Part of the joints' range that the curve may take [1]."""
+WINDOW = 0.02
+"""A gap's curve is as sharp as it turns along so much of it [m]."""
 APART = 0.12
 """Points that are so far apart along the arm are not to meet [m]."""
 
@@ -30,12 +34,14 @@ def passable(
 
     `length` is the arm's [m], `thickness` the walls' [m], and `base` (3,) its first joint in World.
     """
-    tunnel = Tunnel(section).points
     per_joint = link if section.axes == "planar" else 2.0 * link
     sharpest = max(math.hypot(s.bend, s.climb) / s.length for s in section.tunnel)
     if sharpest * per_joint > BEND * most:
         return False
     if 0.125 * sharpest * per_joint**2 > 0.6 * (section.half_width - section.link_radius):
+        return False
+    tunnel = _whole(section, BEND * most / per_joint)
+    if tunnel is None:
         return False
     outer = section.half_width + thickness
     if _meets(tunnel, 2.0 * outer, 4.0 * outer):
@@ -52,6 +58,25 @@ def passable(
         if _least(away, beyond) < near or _meets(free, 2.0 * section.link_radius + SPARE, APART):
             return False
     return True
+
+
+def _whole(section: Backbone, sharpest: float) -> Array | None:
+    """Return points (k, 3) of tunnels and of what crosses their gaps; None where nothing does."""
+    rows: list[Array] = []
+    for i, piece in enumerate(section.tunnel):
+        if piece.to is None:
+            continue
+        before = section.model_copy(update={"tunnel": section.tunnel[:i]})
+        R, p = Tunnel(before).end
+        T = matrix(piece.to)
+        ends = np.stack((p, R[:, 0])), np.stack((T[:3, 3], T[:3, 0]))
+        gap = crossing(*ends, piece.length, STEP)
+        if gap is None or sharpest_of(gap, WINDOW) > sharpest:
+            return None
+        rows.append(gap[1:-1])
+    walls = Tunnel(section).rows
+    between = [row for pair in zip(walls, [*rows, None], strict=True) for row in pair]
+    return np.vstack([row for row in between if row is not None])
 
 
 def _free(section: Backbone, base: Array, s1: float, h: float) -> Array:

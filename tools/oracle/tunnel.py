@@ -19,12 +19,14 @@ class Tunnel:
     def __init__(self, backbone: Backbone) -> None:
         T = matrix(backbone.entrance)
         R, p, points, tangents = T[:3, :3], T[:3, 3], [T[:3, 3]], [T[:3, 0]]
+        begins: list[int] = []
         for piece in backbone.tunnel:
             if piece.open:
                 break
             if piece.to is not None:
                 T = matrix(piece.to)
                 R, p = T[:3, :3], T[:3, 3]
+                begins.append(len(points))
                 continue
             count = math.ceil(piece.length / STEP)
             turn = np.array([0.0, -piece.climb, piece.bend]) / count
@@ -39,6 +41,10 @@ class Tunnel:
                 tangents.append(R[:, 0])
         self.points = np.array(points)
         """(k, 3) in World [m]."""
+        self.rows = np.split(self.points, begins)
+        """The same, tunnel by tunnel."""
+        self.end = R, p
+        """Attitude (3, 3), x along the tangent, and place (3,) [m] of the last exit."""
         self._tangents = np.array(tangents)
         self._squares = (self.points**2).sum(axis=1)
         self._near = INSIDE * backbone.half_width

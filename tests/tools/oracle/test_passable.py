@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.backbone import Segment
+from telerobot.config.schema.section import Pose
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
 from telerobot.tools.oracle.passable import passable
 from telerobot.tools.oracle.tunnel import Tunnel
@@ -18,12 +19,27 @@ def test_shipped_tunnels_are_passable(name):
     assert judged(load_cell(name).config.mechanism.backbone)
 
 
+def test_a_gap_is_passable_that_a_curve_of_its_length_crosses_bluntly():
+    section = load_cell("snake").config.mechanism.backbone
+    bend, way_out = Segment(length=0.25, bend=1.5707963), Segment(length=0.5)
+    for length, passes in [(0.303, True), (0.304, True), (0.301, False), (0.33, False)]:
+        gap = Segment(length=length, to=Pose(xyz=(-0.459, 0.789, 0), rpy=(0, 0, 3.14159)))
+        made = section.model_copy(update={"tunnel": (bend, gap, way_out)})
+        assert judged(made) is passes
+
+
 @pytest.mark.parametrize(
     "pieces",
     [
         [Segment(length=0.12, bend=3.0), Segment(length=0.8)],  # too sharp for links of 50 mm
         [Segment(length=1.0, bend=3.1), Segment(length=1.0, bend=3.1)],  # it meets itself
         [Segment(length=0.6, bend=-3.0), Segment(length=0.6)],  # beside the free part
+        # a gap of little slack that turns back
+        [
+            Segment(length=0.3, bend=1.5),
+            Segment(length=0.21, to=Pose(xyz=(-0.41, 0.79, 0), rpy=(0, 0, -0.2))),
+            Segment(length=0.5),
+        ],
     ],
 )
 def test_tunnels_that_cannot_be_followed_are_not(pieces):

@@ -22,6 +22,9 @@ ARCS = 24
 """Arcs of one gap [1]."""
 DEGREE = 4
 STARTS = 8
+"""Curves are sought from so many starts, and the one of least bending is taken [1]."""
+MOST_STARTS = 64
+"""Where none of these is a curve that can be followed, from so many in all [1]."""
 MOST_STEPS = 40
 MET = 1e-11
 """Ends are met within this, in lengths of the gap [1]."""
@@ -45,11 +48,11 @@ def solve_gap(T: Pose, T_to: Pose, length: float, planar: bool, sharpest: float)
     R = T.R.T @ T_to.R
     if planar and (abs(way[2]) > SLIGHT or abs(R[2, 0]) > SLIGHT):
         raise ValueError("a planar arm cannot leave its plane")
-    found = _solved(way / length, R[:, 0], planar)
+    found = _solved(way / length, R[:, 0], planar, sharpest * length)
     if found is None:
-        raise ValueError(f"no curve of {length:g} m leads there from any of {STARTS} starts")
+        raise ValueError(f"no curve of {length:g} m leads there from any of {MOST_STARTS} starts")
     bends = _bends(found[None], planar)[0]
-    curvature = float(np.hypot(*bends.T).max()) * ARCS / length
+    curvature = _sharpest(found, planar) / length
     if curvature > sharpest:
         raise ValueError(
             f"the curve of least bending has a curvature of {curvature:.2f} 1/m, at most "
@@ -64,30 +67,49 @@ def solve_gap(T: Pose, T_to: Pose, length: float, planar: bool, sharpest: float)
     return [Turn(length / ARCS, float(bend), float(climb)) for bend, climb in bends]
 
 
-def _solved(way: Array, tangent: Array, planar: bool) -> Array | None:
-    """Return the coefficients of least cost that meet the end; lengths are in that of the gap."""
+def _solved(way: Array, tangent: Array, planar: bool, sharpest: float) -> Array | None:
+    """Return the coefficients of least cost that meet the end; lengths are in that of the gap.
+
+    Where none of the first starts leads to a curve that is not sharper, the first that does.
+    """
     curves = 1 if planar else 2
     weight = np.tile(1.0 / (2.0 * np.arange(DEGREE + 1) + 1.0), curves)
     draw, best, least = np.random.default_rng(0), None, math.inf
-    for start in range(STARTS):
+    for start in range(MOST_STARTS):
         x = draw.normal(0.0, 0.0 if start == 0 else 2.0, curves * (DEGREE + 1))
         if start == 0:
             x[1] = 0.1
-        for _ in range(MOST_STEPS):
-            off, J = _linearised(x, way, tangent, planar)
-            JW = J / weight
-            try:
-                multiplier = np.linalg.solve(JW @ J.T, J @ x - off)
-            except np.linalg.LinAlgError:
-                break
-            step = JW.T @ multiplier - x
-            x = x + step * min(1.0, 1.5 / max(float(np.abs(step).max()), 1e-12))
-            if float(np.abs(step).max()) < SETTLED:
-                cost = float(weight @ x**2)
-                if cost < least:
-                    best, least = x, cost
-                break
+        found = _least(x, way, tangent, planar, weight)
+        cost = math.inf if found is None else float(weight @ found**2)
+        # Beyond the first starts a curve is taken for being blunt.
+        if found is not None and start >= STARTS and _sharpest(found, planar) <= sharpest:
+            return _met(found, way, tangent, planar)
+        if cost < least:
+            best, least = found, cost
+        if start == STARTS - 1 and best is not None and _sharpest(best, planar) <= sharpest:
+            break
     return None if best is None else _met(best, way, tangent, planar)
+
+
+def _least(x: Array, way: Array, tangent: Array, planar: bool, weight: Array) -> Array | None:
+    """Return coefficients near x (c,) of least cost that meet the end; None if it settles not."""
+    for _ in range(MOST_STEPS):
+        off, J = _linearised(x, way, tangent, planar)
+        JW = J / weight
+        try:
+            multiplier = np.linalg.solve(JW @ J.T, J @ x - off)
+        except np.linalg.LinAlgError:
+            return None
+        step = JW.T @ multiplier - x
+        x = x + step * min(1.0, 1.5 / max(float(np.abs(step).max()), 1e-12))
+        if float(np.abs(step).max()) < SETTLED:
+            return x
+    return None
+
+
+def _sharpest(x: Array, planar: bool) -> float:
+    """Return the greatest curvature of a gap's curve, of unit length [1]."""
+    return float(np.hypot(*_bends(x[None], planar)[0].T).max()) * ARCS
 
 
 def _met(x: Array, way: Array, tangent: Array, planar: bool) -> Array | None:

@@ -1,0 +1,1 @@
+"""Part `tunnel`: snakes in random tunnels, planar and in space."""
