@@ -9,7 +9,9 @@ FOLDERS = ("config", "drivers", "protocols", "server", "tools")
 
 def test_the_package_is_the_five_folders():
     links = {p.name: p.resolve() for p in (ROOT / ".namespace/telerobot").iterdir()}
-    assert links == {name: ROOT / name for name in (*FOLDERS, "__init__.py", "py.typed")}
+    assert links == {
+        name: ROOT / name for name in (*FOLDERS, "__init__.py", "__main__.py", "py.typed")
+    }
 
 
 def test_links_are_relative_so_that_the_tree_can_move():

@@ -15,6 +15,7 @@ from typing import Final, NoReturn
 
 from ..config.errors import ConfigError
 from ..drivers.device import DeviceError
+from .host.first_start import told
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ COMMANDS: Final = (
             ("telerobot certify my/cell.toml", "telerobot certify my/cell.toml --operator=ann")),
     Command("doctor", "commands.doctor", "is this machine fit: rights, timer, CAN, packages",
             ("telerobot doctor", "telerobot doctor --json")),
+    Command("completion", "commands.completion", "a shell's script that completes all of these",
+            ("telerobot completion bash > ~/.local/share/bash-completion/completions/telerobot",)),
     Command("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
             ("telerobot bench", "telerobot bench --quick --json bench.json")),
     Command("campaign", "campaign.cli", "behaviour at scale: random scripts, scenes and faults",
@@ -76,7 +79,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     asked = next((a for a in arguments if not a.startswith("-")), None)
     command = next((c for c in COMMANDS if c.name == asked), None)
     try:
-        return _run(command, arguments)
+        with told():
+            return _run(command, arguments)
     except ConfigError as error:
         return _fail(2, str(error))
     except (DeviceError, OSError) as error:
@@ -92,6 +96,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(command: Command | None, arguments: list[str]) -> int:
+    args = build_parser((command,) if command else ()).parse_args(arguments)
+    run: Callable[[argparse.Namespace], int] | None = getattr(args, "run", None)
+    if run is None:
+        build_parser(()).print_help(sys.stderr)
+        return 2
+    code = run(args)
+    sys.stdout.flush()
+    return code
+
+
+def build_parser(loaded: Sequence[Command]) -> argparse.ArgumentParser:
+    """Return the parser of all commands; only those that are `loaded` know their arguments."""
     parser = _Parser(
         prog="telerobot",
         description="A control server for remote robot arms, its virtual hardware and its tools.",
@@ -101,7 +117,6 @@ def _run(command: Command | None, arguments: list[str]) -> int:
     )
     parser.add_argument("--version", action="version", version=f"telerobot {version('telerobot')}")
     choices = parser.add_subparsers(metavar="COMMAND", dest="command", title="commands")
-    run: Callable[[argparse.Namespace], int] | None = None
     for c in COMMANDS:
         sub = choices.add_parser(
             c.name,
@@ -110,17 +125,11 @@ def _run(command: Command | None, arguments: list[str]) -> int:
             epilog="examples:\n" + "\n".join(f"  {e}" for e in c.examples),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        if c is command:
+        if c in loaded:
             module = import_module(f"{__package__}.{c.module}")
             module.add_arguments(sub)
-            run = module.run
-    args = parser.parse_args(arguments)
-    if run is None:
-        parser.print_help(sys.stderr)
-        return 2
-    code = run(args)
-    sys.stdout.flush()
-    return code
+            sub.set_defaults(run=module.run)
+    return parser
 
 
 def _fail(code: int, message: str) -> int:

@@ -21,6 +21,8 @@ from typing import Any, Final, ParamSpec, TypeVar
 import numba
 from numba import types
 
+from .compilation import tell
+
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
@@ -90,6 +92,8 @@ def compiled(
             if "cannot cache" not in str(error):
                 raise
             made = _made(arguments, function, cache=False)
+        if not made.stats.cache_hits:
+            tell(function.__name__)
         kernel: Callable[Arguments, Result] = made
         return kernel
 

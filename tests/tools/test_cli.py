@@ -23,7 +23,7 @@ def test_help_lists_every_command(capsys):
     assert leave(["--help"]) == 0
     out = capsys.readouterr().out
     for command in COMMANDS:
-        assert f"  {command.name} " in out
+        assert re.search(rf"^ +{command.name}\s", out, re.M)
 
 
 @pytest.mark.parametrize("name", ["check", "doctor"])
@@ -36,12 +36,38 @@ def test_a_commands_help_has_examples(name, capsys):
 def test_examples_name_what_is_shipped(command):
     for example in command.examples:
         words = [word for word in example.split()[2:] if re.fullmatch("[a-z0-9_]+", word)]
-        assert set(words) <= {*shipped("cells"), *shipped("scripts")}
+        assert set(words) <= {*shipped("cells"), *shipped("scripts"), "bash"}
 
 
 def test_version(capsys):
     assert leave(["--version"]) == 0
     assert capsys.readouterr().out == f"telerobot {version('telerobot')}\n"
+
+
+def test_the_package_runs_as_the_command():
+    ran = subprocess.run(
+        [sys.executable, "-m", "telerobot", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout == f"telerobot {version('telerobot')}\n"
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        (["telerobot", "simu"], {"simulate"}),
+        (["telerobot", "simulate", "pa10_p"], {"pa10_pair", "pa10_peg", "pa10_platform"}),
+        (["telerobot", "simulate", "--re"], {"--record"}),
+    ],
+)
+def test_bash_completes_commands_cells_and_options(typed, offered, capsys):
+    assert main(["completion", "bash"]) == 0
+    ask = f"COMP_WORDS=({' '.join(typed)}); COMP_CWORD={len(typed) - 1}; _shtab_telerobot"
+    script = f"{capsys.readouterr().out}\n{ask}; printf '%s\n' \"${{COMPREPLY[@]}}\""
+    ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert set(ran.stdout.split()) == offered
 
 
 def test_no_command_shows_the_help_and_is_bad_usage(capsys):

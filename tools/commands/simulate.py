@@ -3,8 +3,14 @@
 import argparse
 import json
 from pathlib import Path
+from typing import Final
 
-from ..simulation.simulation import simulate
+from tqdm import tqdm
+
+from ..simulation.simulation import Simulation, simulate
+
+SHOWN_AFTER_S: Final = 2.0
+"""A run that takes longer shows its progress on a terminal [s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate; return 0, or 1 if the script failed or a limit was violated."""
-    result = simulate(args.cell, args.script, args.record)
+    with tqdm(
+        desc="simulated", unit="s", delay=SHOWN_AFTER_S, disable=None, leave=False,
+        bar_format="{desc}: {n:.1f} of {total:.1f} s [{elapsed}<{remaining}]",
+    ) as bar:  # fmt: skip
+
+        def show(simulation: Simulation) -> None:
+            player = simulation.player
+            bar.total = player.start_s + player.script.duration_s
+            bar.update(simulation.clock.time_s - bar.n)
+
+        result = simulate(args.cell, args.script, args.record, show)
     if args.json:
         print(json.dumps(result.summary))
     else:

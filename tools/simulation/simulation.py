@@ -264,12 +264,15 @@ class Simulation:
 
 
 def simulate(
-    cell: Cell | str | Path, script: Script | str | Path | None = None, record: Path | None = None
+    cell: Cell | str | Path,
+    script: Script | str | Path | None = None,
+    record: Path | None = None,
+    on_tick: Callable[[Simulation], None] | None = None,
 ) -> Result:
     """Simulate a cell under a script (the cell's own by default).
 
-    Raises `ConfigError` for a cell or script that is wrong, `OSError` for a recording that cannot
-    be written.
+    `on_tick` is called after every tick. Raises `ConfigError` for a cell or script that is wrong,
+    `OSError` for a recording that cannot be written.
     """
     if not isinstance(cell, Cell):
         cell = load_cell(cell)
@@ -277,4 +280,6 @@ def simulate(
         script = cell.default_script
     if not isinstance(script, Script):
         script = load_script(script)
-    return Simulation(cell, script, record).run()
+    simulation = Simulation(cell, script, record)
+    simulation.on_tick = on_tick
+    return simulation.run()
