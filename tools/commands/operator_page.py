@@ -32,9 +32,10 @@ with Operator("pa10") as operator:  # a shipped cell, or the path of yours
     print(operator.wait_state().pose_mrf)
 ```
 
-Units are SI: m, rad, s, N, N·m; a twist is `[vx, vy, vz, wx, wy, wz]`, a pose `xyz` and `rpy` (fixed axes, Rz·Ry·Rx).
-Every refusal is an `OperatorError` with `reason` and `detail`. `request`, `command` and `stream` send anything that
-`protocols/topics.py` has a row for: gains, switches, desired wrench, payload, tare, obstacles, avoidance.
+Units are SI: m, rad, s, N, N·m; a twist is `[vx, vy, vz, wx, wy, wz]`, a pose `xyz` and `rpy`
+(fixed axes, Rz·Ry·Rx). Every refusal is an `OperatorError` with `reason` and `detail`. `request`,
+`command` and `stream` send anything that `protocols/topics.py` has a row for: gains, switches,
+desired wrench, payload, tare, obstacles, avoidance.
 """
 
 SESSION: Final = (
@@ -81,7 +82,7 @@ def _public(of: type) -> Iterator[tuple[str, Any]]:
 
 
 def _entry(name: str, member: Any) -> Iterator[str]:
-    function: Callable[..., Any] = member.fget if isinstance(member, property) else member
+    function: Any = member.fget if isinstance(member, property) else member
     yield f"### `{name}{'' if isinstance(member, property) else _parameters(function)}`"
     yield ""
     yield inspect.cleandoc(function.__doc__ or "")
