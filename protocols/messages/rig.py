@@ -17,8 +17,8 @@ class RigFault(Message):
     mechanisms), `scanner`, a bus for `unplug`, a tag for `cover` and `move`, an obstacle for
     `place`, or "base" or "carrier" for `silence`; `value` depends on the kind: probability for
     `drop` and `corrupt`, seconds for `delay`. `vector` is in World: the force [N] at the joint's
-    link for `push` or at the MRF for `hand` (whose `value` is how long it takes to come and go [s]), the
-    new place [m] for `move` and `place`.
+    link for `push` or at the MRF for `hand` (whose `value` is how long it takes to come and
+    go [s]), the new place [m] for `move` and `place`.
     """
 
     kind: Literal[
