@@ -49,6 +49,11 @@ class JointDrive(Device):
     def answered(self) -> bool:
         """True once the drive has answered the newest SYNC."""
 
+    @property
+    def emergency(self) -> Trouble | None:
+        """Trouble that the drive tells of at once, asked by no SYNC; None where it tells none."""
+        return None
+
     @abstractmethod
     def read(self) -> ServoReading:
         """Return the newest answer, and what is wrong with it."""

@@ -133,8 +133,16 @@ class Cycle:
         self.plant.buses.receive(self.clock.now())
 
     def begin(self) -> None:
-        """Send SYNC, and now and then the heartbeat that only a living tick produces."""
+        """Send SYNC, and now and then the heartbeat that only a living tick produces.
+
+        Before it goes the quick stop of all drives, if one told of an emergency since the last
+        tick: they obey it with this SYNC, a period before they would by what is read after it.
+        """
         self.tick += 1
+        trouble = self.plant.emergency() if self.mode.energised else None
+        if trouble is not None:
+            self._events.at(self.tick, self.clock.now())
+            self._supervisor.quick_stop(trouble, "fault")
         self.plant.buses.sync()
         if self.tick % self._heartbeat_every == 0:
             self.plant.buses.heartbeat()

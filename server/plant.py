@@ -157,6 +157,17 @@ class Plant:
         self.buses.receive(self.buses.now())
         return all(drive.answered for drive in self.drives)
 
+    def emergency(self) -> Trouble | None:
+        """Return the trouble that a drive tells of at once, asked by no SYNC; None: all are well.
+
+        Of what was received by now.
+        """
+        for drive in self.drives:
+            trouble = drive.emergency
+            if trouble is not None:
+                return trouble
+        return None
+
     def read(self, now_s: float) -> PlantReading:
         """Return the newest readings of all devices."""
         self.buses.receive(now_s)

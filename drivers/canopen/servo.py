@@ -114,6 +114,14 @@ class ServoDrive(JointDrive):
         """True once the drive has answered the newest SYNC."""
         return self._feedback is not None and self._answered_sync == self._bus.sync_count
 
+    @property
+    def emergency(self) -> Trouble | None:
+        """Trouble that an emergency message told of: it comes before the next answer to a SYNC."""
+        if self._emcy is None:
+            return None
+        cause, detail, values = wrong_emergency(self._emcy.code)
+        return self._wrong(cause, detail, **values, register=self._emcy.register)
+
     def read(self) -> ServoReading:
         """Return what the drive last said, and what is wrong with it."""
         age = self._bus.sync_count - self._answered_sync
@@ -249,8 +257,7 @@ class ServoDrive(JointDrive):
             detail = "the node left Operational: its configuration is lost"
             return self._wrong(Cause.NODE_RESTARTED, detail, nmt_state=self._restarted)
         if self._emcy is not None:
-            cause, detail, values = wrong_emergency(self._emcy.code)
-            return self._wrong(cause, detail, **values, register=self._emcy.register)
+            return self.emergency
         if age > MOST_MISSED_SYNCS:
             return self._wrong(Cause.PDO_LOST, f"no answer to {age} SYNCs", age_syncs=age)
         silence = bus.now - (self._heartbeat_s if self._heartbeat_s is not None else bus.now)

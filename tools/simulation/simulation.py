@@ -141,6 +141,7 @@ class Simulation:
         if self._cameras is not None:
             self._cameras.run(self.clock.time_s, self.cycle.tick + 1)
         self.frame_sensors.run(self.clock.time_s, self.cycle.tick + 1)
+        self.cycle.gather()
         self.cycle.begin()
         self.rig.poll()
         self.cycle.finish()
