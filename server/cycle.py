@@ -7,6 +7,7 @@ cycle ends in a safe command: whatever is raised on the way ends in a quick stop
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from ..config.load import Cell, UrdfJoint
 from ..drivers.device import Cause, Trouble
@@ -15,6 +16,9 @@ from .control.joints import Joints
 from .control.spatial import Array
 from .control.tick import Control
 from .faults import FaultDetector
+from .flight.black_box import BlackBox
+from .flight.flight import Flight
+from .flight.log import FlightLog
 from .mode import Mode
 from .operators.admission import Admission, Grants, Instant
 from .operators.dispatcher import Dispatcher
@@ -43,7 +47,9 @@ class Cycle:
         link: Link,
         clock: Clock,
         new_key: Callable[[], bytes],
+        box: BlackBox | None = None,
     ) -> None:
+        """Build it; `box` keeps the last seconds before faults and stops, None for nowhere."""
         name, timing = cell.config.name, cell.config.timing
         self.tick = 0
         self.compute_s = 0.0
@@ -77,6 +83,9 @@ class Cycle:
             timing.tolerated_overruns,
         )
         self._telemetry = Telemetry(describe(cell), link, events)
+        log = FlightLog(timing.period_s, len(units.each), clock.wall_ns)
+        self.flight = Flight(log, events, box)
+        """The last ticks: what went in, and what came out."""
 
     @property
     def mode(self) -> Mode:
@@ -101,6 +110,7 @@ class Cycle:
     def close(self) -> None:
         """Stop and release everything, whatever state it is in."""
         self.plant.close()
+        self.flight.close()
         self._link.close()
 
     def retire(self) -> None:
@@ -160,6 +170,7 @@ class Cycle:
         except Exception as error:  # noqa: BLE001  outermost: whatever it is, the arm stops
             words = f"{type(error).__name__}: {error}"
             self._quick_stop("daemon", words, "tick_raised")
+        self.flight.end(self.tick, self.mode)
         self._telemetry.publish_events()
 
     def _finish(self, now_s: float) -> None:
@@ -218,7 +229,12 @@ class Cycle:
                 self.mode, self.tick, now_s, own, q[part], self.units.obstacles
             )
         start = time.perf_counter()
-        nexts, outputs = self._control.tick(memories, inputs)
+        keep = partial(self.flight.log.keep, self.tick, now_s, self.mode, memories, inputs)
+        try:
+            nexts, outputs = self._control.tick(memories, inputs)
+        except Exception:
+            keep((), ())
+            raise
         self.compute_s = time.perf_counter() - start
         if outputs[0].stop_worsened:
             self._tell_worsened(outputs[0].gaps)
@@ -231,6 +247,7 @@ class Cycle:
             unit.keep(self.tick, memory, output)
         for i, joint in holding:
             joint.keep(outputs[i].shared)
+        keep(nexts, outputs)
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
         """Tell that an obstacle came too near for any stop, and which is nearest."""

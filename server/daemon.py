@@ -1,11 +1,15 @@
 """The daemon: builds a cell from its config and runs it. The one file that knows every class."""
 
+import platform
 import signal
 import sys
 import time
 from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
 from types import FrameType
 
+from ..config.bundle import to_text
 from ..config.load import Cell
 from ..config.schema.security import refuse_exposure
 from ..drivers.device import DeviceError
@@ -16,6 +20,7 @@ from ..protocols.agreement import random_key
 from ..protocols.topics import Role
 from .control.tick import Control
 from .cycle import Cycle
+from .flight.black_box import BlackBox
 from .loop import LoopStatistics, run
 from .mode import Mode
 from .operators.exposure import doubts, exposure
@@ -35,11 +40,16 @@ RETIRE_S = 3.0
 
 
 def build(
-    cell: Cell, buses: Fieldbuses, link: Link, clock: Clock, new_key: Callable[[], bytes]
+    cell: Cell,
+    buses: Fieldbuses,
+    link: Link,
+    clock: Clock,
+    new_key: Callable[[], bytes],
+    box: BlackBox | None = None,
 ) -> Cycle:
     """Return the cycle of a cell over its buses and an operators' link; no device is open yet."""
     plant = Plant(buses, make_drivers(cell, buses))
-    return Cycle(cell, Control.of(cell), plant, link, clock, new_key)
+    return Cycle(cell, Control.of(cell), plant, link, clock, new_key, box)
 
 
 class Shutdown:
@@ -74,8 +84,10 @@ class Shutdown:
         return not (off or over)
 
 
-def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
+def serve(cell: Cell, seconds: float | None = None, folder: Path | None = None) -> LoopStatistics:
     """Run a cell's daemon until it is told to end; return what the loop was like.
+
+    Black boxes go to `folder`; None: none are written.
 
     Raises `ConfigError` for a daemon that anybody could command, `DeviceError` when the bus or
     the endpoint cannot be opened. Devices that are missing are looked for again and again, and so
@@ -89,7 +101,11 @@ def serve(cell: Cell, seconds: float | None = None) -> LoopStatistics:
     link = _join(cell, identity, clock, ending)
     if link is None:
         return LoopStatistics()
-    cycle = build(cell, open_buses(cell, clock.now), link, clock, random_key)
+    box = None
+    if folder is not None:
+        facts = {"version": metadata.version("telerobot"), "machine": platform.platform()}
+        box = BlackBox(folder, cell.config.name, to_text(cell), facts)
+    cycle = build(cell, open_buses(cell, clock.now), link, clock, random_key, box)
     try:
         cycle.warm_up()
         for notice in prepare():

@@ -20,6 +20,9 @@ from ..refusals import Refused, Why
 from ..stability.payloads import PayloadBounds
 from .frames.frame_set import FrameSet
 
+OFF = np.zeros(6)
+"""Gain (6,) of a source that is switched off."""
+
 WRENCH_SOURCES = ("following", "force")
 """The sources that move the tool for what the sensor reads."""
 
@@ -113,8 +116,7 @@ class OperatorSettings:
     @property
     def _gains_on(self) -> dict[str, Array]:
         """Those of the sources that are switched on, whether they wait for a load or not."""
-        off = np.zeros(6)
-        return {name: gain if self.on[name] else off for name, gain in self.gains.items()}
+        return {name: gain if self.on[name] else OFF for name, gain in self.gains.items()}
 
     def hear_of_load(self, what: str) -> None:
         """Count a request about the load, so that `LoadMonitor` judges it anew."""

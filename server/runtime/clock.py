@@ -11,6 +11,10 @@ class Clock(Protocol):
         """Return the time [s]."""
         ...
 
+    def wall_ns(self) -> int:
+        """Return the time of day [ns since 1970]: for stamps of records, and nothing else."""
+        ...
+
 
 class MonotonicClock:
     """The machine's monotonic clock."""
@@ -18,6 +22,10 @@ class MonotonicClock:
     def now(self) -> float:
         """Return the time [s]."""
         return time.monotonic()
+
+    def wall_ns(self) -> int:
+        """Return the time of day [ns since 1970]."""
+        return time.time_ns()
 
     def sleep_until(self, deadline_s: float) -> None:
         """Sleep until an absolute time [s]; return at once when it has passed."""
@@ -35,3 +43,7 @@ class VirtualClock:
     def now(self) -> float:
         """Return the time [s]."""
         return self.time_s
+
+    def wall_ns(self) -> int:
+        """Return the virtual time [ns]."""
+        return round(self.time_s * 1e9)

@@ -6,7 +6,7 @@ from telerobot.config.errors import ConfigError
 from telerobot.tools.cli import main
 from telerobot.tools.recording.plot.panels import PANELS
 from telerobot.tools.recording.plot.reader import load_recording
-from telerobot.tools.recording.recorder import RecordError, read_about
+from telerobot.tools.recording.run_file import RecordError, read_about
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

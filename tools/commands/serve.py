@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 from pathlib import Path
 
 from ...server.daemon import serve
@@ -15,12 +16,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--statistics", metavar="FILE", type=Path, help="write the loop's timing as JSON"
     )
+    parser.add_argument(
+        "--blackbox",
+        metavar="FOLDER",
+        type=Path,
+        default=state_folder(),
+        help="where the last 30 s before each fault and verified stop are written, 10 files of "
+        "each kind at most (default: %(default)s)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve until told to end. Raises `ConfigError`, `DeviceError`."""
-    statistics = serve(cell_from(args), args.seconds)
+    statistics = serve(cell_from(args), args.seconds, args.blackbox)
     if args.statistics:
         args.statistics.write_text(json.dumps(statistics.figures()))
     print(statistics.line())
     return 0
+
+
+def state_folder() -> Path:
+    """Return the folder of black boxes: a unit's of systemd, else the user's own."""
+    given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
+    if given:
+        return Path(given)
+    own = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local/state")
+    return Path(own) / "telerobot"

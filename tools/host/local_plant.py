@@ -38,7 +38,11 @@ class LocalPlant:
     for `complaints`.
     """
 
-    def __init__(self, cell: Cell, statistics: Path | None = None) -> None:
+    def __init__(
+        self, cell: Cell, statistics: Path | None = None, boxes: Path | None = None
+    ) -> None:
+        """Build it; the daemon's black boxes go to `boxes`, None: they are not kept."""
+        self._boxes = boxes
         self.cell = private(cell)
         self.rig_endpoint = self.cell.config.zenoh.endpoint
         """Endpoint of the rig's faults and truth: the daemon's router by default."""
@@ -72,7 +76,8 @@ class LocalPlant:
     def start_daemon(self) -> None:
         """Start the daemon."""
         statistics = [] if self._statistics is None else [f"--statistics={self._statistics}"]
-        self.daemon = self._start("serve", self.cell, statistics)
+        boxes = f"--blackbox={self._boxes or self._folder.name}"
+        self.daemon = self._start("serve", self.cell, [*statistics, boxes])
 
     def start_vision(self) -> None:
         """Start looking through the cell's cameras. A machine that can't goes on without."""

@@ -2,17 +2,18 @@
 
 import base64
 import json
-import struct
-from collections.abc import Iterator, Sequence
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from ...config.bundle import to_text
+from ...config.load import Cell
 from ...protocols.messages.messages import Message
+from ...server.flight.container import ABOUT, CELL, MEMORY, TICK
+from ...server.flight.log import Row, pack_memories
 
 CHUNK_BYTES = 128 * 1024
 """Small chunks: a crash loses no more than one."""
@@ -26,24 +27,6 @@ _FRAME_SCHEMA = {
         "bus": {"type": "integer", "description": "index of the bus in the cell"},
     },
 }
-
-
-ABOUT = "run"
-"""The record that says what was run."""
-
-
-class RecordError(Exception):
-    """A file that is no recording: says which, and what is wrong with it."""
-
-
-class Frame(NamedTuple):
-    """One CAN frame of a recording."""
-
-    time_s: float
-    can_id: int
-    data: bytes
-    sent: bool
-    bus: int
 
 
 class Recorder:
@@ -76,14 +59,32 @@ class Recorder:
         """Write a message of the protocol."""
         self._write(topic, type(message).model_json_schema(), time_s, message.__dict__)
 
-    def about(self, **facts: str) -> None:
-        """Write what is being run."""
-        self._writer.add_metadata(ABOUT, facts)
+    def tick(self, row: Row) -> None:
+        """Write what a tick looked at and decided, for `telerobot replay`."""
+        if row.memories is not None:
+            self._write_bytes(MEMORY, row.stamp_ns, pack_memories(row.memories))
+        self._write_bytes(TICK, row.stamp_ns, row.data)
+
+    def about(self, cell: Cell, **facts: str) -> None:
+        """Write what is being run; the whole cell, too."""
+        self._writer.add_attachment(0, 0, CELL, "application/json", to_text(cell).encode())
+        version = metadata.version("telerobot")
+        self._writer.add_metadata(
+            ABOUT, {"cell": str(cell.path.resolve()), "version": version, **facts}
+        )
 
     def close(self) -> None:
         """Finish the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
+
+    def _write_bytes(self, topic: str, stamp_ns: int, data: bytes) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._writer.register_channel(topic, "msgpack", 0, {"telerobot": "1"})
+            self._channels[topic] = channel
+        self._sequence += 1
+        self._writer.add_message(channel, stamp_ns, data, stamp_ns, self._sequence)
 
     def _write(self, topic: str, schema: dict[str, Any], time_s: float, row: Any) -> None:
         channel = self._channels.get(topic)
@@ -104,39 +105,3 @@ def _fields_of(value: object) -> dict[str, Any]:
     if isinstance(value, Message):
         return value.__dict__
     raise TypeError(f"a {type(value).__name__} cannot be recorded")
-
-
-def read_frames(path: Path) -> Iterator[Frame]:
-    """Yield the CAN frames of a recording, in the order of writing."""
-    with path.open("rb") as file:
-        rows = list(make_reader(file).iter_messages(topics=["can"]))
-    rows.sort(key=lambda row: row[2].sequence)
-    for _, _, message in rows:
-        row = json.loads(message.data)
-        data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
-        yield Frame(message.log_time / 1e9, row["id"], data, row["sent"], bus)
-
-
-def read_messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield topic and row of the messages of a recording, in the order of writing.
-
-    Raises `RecordError` for a file that is none, `OSError` for one that cannot be read.
-    """
-    with path.open("rb") as file:
-        try:
-            rows = list(make_reader(file).iter_messages(topics=list(topics)))
-        except (McapError, struct.error) as error:
-            raise RecordError(f"{path}: not an MCAP recording: {error}") from None
-    rows.sort(key=lambda row: row[2].sequence)
-    for _, channel, message in rows:
-        yield channel.topic, json.loads(message.data)
-
-
-def read_about(path: Path) -> dict[str, str]:
-    """Return what was run, nothing where a recording does not say. Raises as `read_messages`."""
-    with path.open("rb") as file:
-        try:
-            found = [m.metadata for m in make_reader(file).iter_metadata() if m.name == ABOUT]
-        except (McapError, struct.error) as error:
-            raise RecordError(f"{path}: not an MCAP recording: {error}") from None
-    return dict(found[0]) if found else {}

@@ -22,6 +22,7 @@ from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ...server.daemon import build
+from ...server.flight.black_box import BlackBox
 from ...server.runtime.clock import VirtualClock
 from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
@@ -68,12 +69,13 @@ class Simulation:
         script: Script,
         record: Path | None = None,
         cameras: "Callable[[Simulation], Cameras] | None" = None,
+        box: BlackBox | None = None,
     ) -> None:
         if cell.config.rig is None:
             raise ConfigError(f"{cell.path}: rig: missing: there is nothing to simulate")
         self._recorder = None if record is None else Recorder(record)
         if self._recorder is not None:
-            self._recorder.about(cell=str(cell.path.resolve()), script=script.description)
+            self._recorder.about(cell, script=script.description)
         self.cell = cell
         self.clock = VirtualClock()
         self.buses = VirtualBuses(cell, self.clock.now, self._pump)
@@ -81,7 +83,9 @@ class Simulation:
         self.buses.listen(self._on_frame)
         self.link = MemoryLink()
         daemon = seeded_keys("daemon")
-        self.cycle = build(cell, self.buses.of_daemon, self.link, self.clock, daemon)
+        self.cycle = build(cell, self.buses.of_daemon, self.link, self.clock, daemon, box)
+        if self._recorder is not None:
+            self.cycle.flight.log.taps.append(self._recorder.tick)
         self.player = Player(
             script,
             cell.config.name,

@@ -21,16 +21,27 @@ class TrajectoryError(Exception):
     """There is no way from a state, or under a bound: it says which."""
 
 
+class Plan(NamedTuple):
+    """Everything that a planned motion follows from: planned again, it is the same one."""
+
+    start: Motion
+    target: Array
+    bounds: tuple[Array, Array, Array]
+    """On velocity, acceleration and jerk (n,) each."""
+    straight: bool
+
+
 class Profile(NamedTuple):
     """A planned motion to a target."""
 
     trajectory: "ruckig.Trajectory"
     duration_s: float
+    plan: Plan
     elapsed_s: float = 0.0
 
     def advanced(self, by_s: float) -> "Profile":
         """Return the same, further along."""
-        return Profile(self.trajectory, self.duration_s, self.elapsed_s + by_s)
+        return self._replace(elapsed_s=self.elapsed_s + by_s)
 
     @property
     def finished(self) -> bool:
@@ -209,6 +220,7 @@ class PositionPlanner:
 
     def __init__(self, n: int, straight: bool = True) -> None:
         """Build for n freedoms; not `straight`, each goes its own way, which is always feasible."""
+        self._straight = straight
         self._ruckig = ruckig.Ruckig(n)
         self._input = ruckig.InputParameter(n)
         self._input.synchronization = (
@@ -226,4 +238,5 @@ class PositionPlanner:
         i.max_velocity, i.max_acceleration, i.max_jerk = bounds
         i.target_position = target
         trajectory = _calculated(self._ruckig, i, motion, "position", target)
-        return Profile(trajectory, trajectory.duration)
+        plan = Plan(motion, target, bounds, self._straight)
+        return Profile(trajectory, trajectory.duration, plan)

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.recording.recorder import read_frames
+from telerobot.tools.recording.run_file import read_frames
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.judges.observer import RELATIVE, STEPS, Observer
 from telerobot.tools.simulation.simulation import Simulation, simulate

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ....config.errors import ConfigError
 from ....drivers.device import DeviceError
-from ..recorder import RecordError
+from ..run_file import RecordError
 
 PANELS = (
     "distances", "potentials", "slope", "priority", "rates", "self_motion", "granted", "off_path",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ....config.load import Cell, ConfigError, load_cell
 from ....config.schema.cameras import Camera
 from ....server.control.proximity.capsules import Capsules
-from ..recorder import RecordError, read_about, read_messages
+from ..run_file import RecordError, read_about, read_messages
 
 Array = NDArray[np.float64]
 

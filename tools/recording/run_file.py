@@ -1,0 +1,118 @@
+"""A recorded run, read again: messages in the order of writing, the cell, and what was run.
+
+A file that was cut off, by a kill or a full disk, is read up to there.
+"""
+
+import atexit
+import base64
+import json
+import shutil
+import struct
+import tempfile
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+from ...config.bundle import from_text
+from ...config.load import Cell, ConfigError
+from ...server.flight.container import ABOUT, CELL
+
+
+class RecordError(Exception):
+    """A file that is no recording, or lacks what is asked of it: says which, and what is wrong."""
+
+
+class Frame(NamedTuple):
+    """One CAN frame of a recording."""
+
+    time_s: float
+    can_id: int
+    data: bytes
+    sent: bool
+    bus: int
+
+
+class Recorded(NamedTuple):
+    """One message of a recording."""
+
+    topic: str
+    stamp_ns: int
+    data: bytes
+
+    def json(self) -> dict[str, Any]:
+        """Return the fields of a message that was written as JSON."""
+        fields: dict[str, Any] = json.loads(self.data)
+        return fields
+
+
+def read_run(path: Path, topics: Collection[str] | None = None) -> Iterator[Recorded]:
+    """Yield the messages of a recording, of some topics or all, in the order of writing.
+
+    Raises `RecordError` for a file that is none, `OSError` for one that cannot be read.
+    """
+    channels: dict[int, str] = {}
+    for record in _records(path):
+        if isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, Message):
+            topic = channels[record.channel_id]
+            if topics is None or topic in topics:
+                yield Recorded(topic, record.log_time, record.data)
+
+
+def read_frames(path: Path) -> Iterator[Frame]:
+    """Yield the CAN frames of a recording, in the order of writing. Raises as `read_run`."""
+    for message in read_run(path, ("can",)):
+        row = message.json()
+        data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
+        yield Frame(message.stamp_ns / 1e9, row["id"], data, row["sent"], bus)
+
+
+def read_messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield topic and row of the messages of a recording, in the order of writing.
+
+    Raises as `read_run`.
+    """
+    for message in read_run(path, topics):
+        yield message.topic, message.json()
+
+
+def read_about(path: Path) -> dict[str, str]:
+    """Return what was run, nothing where a recording does not say. Raises as `read_run`."""
+    for record in _records(path):
+        if isinstance(record, Metadata) and record.name == ABOUT:
+            return dict(record.metadata)
+    return {}
+
+
+def read_cell(path: Path) -> Cell:
+    """Return the cell that a recording holds. Raises as `read_run`, `ConfigError`."""
+    for record in _records(path):
+        if isinstance(record, Attachment) and record.name == CELL:
+            # The URDF is read again while the cell is used.
+            kept = Path(tempfile.mkdtemp(prefix="telerobot-run-"))
+            atexit.register(shutil.rmtree, kept, ignore_errors=True)
+            try:
+                return from_text(record.data.decode(), kept)
+            except ConfigError as error:
+                raise RecordError(f"{path}: {error}") from None
+    raise RecordError(f"{path}: holds no cell")
+
+
+def _records(path: Path) -> Iterator[McapRecord]:
+    with path.open("rb") as file:
+        count = 0
+        try:
+            for record in StreamReader(file).records:
+                count += 1
+                yield record
+        except EndOfFile:
+            if count == 0:
+                raise RecordError(f"{path}: not an MCAP recording: it ends at once") from None
+        except (McapError, struct.error) as error:
+            if count == 0:
+                raise RecordError(f"{path}: not an MCAP recording: {error}") from None

@@ -1,0 +1,77 @@
+"""`telerobot replay RUN.mcap`: the pure tick on recorded inputs, compared bit by bit."""
+
+import argparse
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from ...server.flight.container import TICK
+from ...server.flight.log import read_row
+from ..recording.run_file import RecordError, read_about, read_cell, read_run
+from .explain import explain
+from .replay import Replay
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument("run", metavar="RUN.mcap", type=Path, help="a recorded run, or a black box")
+    parser.add_argument(
+        "--until",
+        metavar="T",
+        type=float,
+        help="replay up to here only: seconds from the recording's first tick; below 0, from its "
+        "last one",
+    )
+    parser.add_argument(
+        "--explain", action="store_true", help="print what every stage did in the last tick"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay; return 0 where every output is the recorded one, else 1. Raises `OSError`."""
+    try:
+        return _replay(args.run, args.until, args.explain)
+    except RecordError as error:
+        print(f"telerobot: {error}", file=sys.stderr)
+        return 1
+
+
+def _replay(path: Path, until: float | None, explained: bool) -> int:
+    cell, version = read_cell(path), read_about(path).get("version")
+    ours = metadata.version("telerobot")
+    if version not in (None, ours):
+        print(f"telerobot: recorded by version {version}, replayed by {ours}", file=sys.stderr)
+    replay = Replay(path, cell)
+    judgement, last = replay.judgement, None
+    end_s = None if until is None else until + _origin_s(path, until)
+    for tick in replay.run():
+        if end_s is not None and last is not None and tick.record.time_s > end_s:
+            break
+        last = tick
+    if last is None:
+        raise RecordError(f"{path}: holds no memory that a tick began with: nothing to replay")
+    if explained:
+        print(explain(cell, last))
+    same = judgement.difference is None
+    first, skipped = judgement.first_s or 0.0, ""
+    if judgement.skipped:
+        skipped = f", {judgement.skipped} skipped without a memory to begin with"
+    print(
+        f"{judgement.ticks} ticks to {last.record.time_s - first:.2f} s and "
+        f"{judgement.memories} memories replayed{skipped}: "
+        + ("all as recorded, to the last bit" if same else "NOT as recorded")
+    )
+    if not same:
+        print(f"first difference: {judgement.difference}")
+    return 0 if same else 1
+
+
+def _origin_s(path: Path, until: float) -> float:
+    """Return the time of the first recorded tick, or of the last one for a time below 0 [s]."""
+    times = (read_row(message.data).time_s for message in read_run(path, (TICK,)))
+    if until >= 0.0:
+        return next(times, 0.0)
+    newest = 0.0
+    for time_s in times:
+        newest = time_s
+    return newest
