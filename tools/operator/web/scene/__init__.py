@@ -1,15 +1,7 @@
-"""Geometry of a cell for the page's scene."""
+"""The cell as the console's page draws it: frames, shapes and surroundings, as JSON."""
 
-from pathlib import Path
+from .description import describe
+from .meshes import mesh_files
+from .routes import add_routes
 
-from .....config.load import Cell
-
-
-def describe(cell: Cell) -> dict[str, object]:
-    """Return the geometry of a cell as JSON."""
-    return {"cell": cell.config.name}
-
-
-def mesh_files(_cell: Cell) -> dict[str, Path]:
-    """Return the file of each address below `/meshes/`."""
-    return {}
+__all__ = ["add_routes", "describe", "mesh_files"]

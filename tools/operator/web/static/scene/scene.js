@@ -1,6 +1,174 @@
-// The scene: arm, ghost, frames, gaps and forces. Imports three from "../vendor/three.module.js".
+/**
+ * The scene of a cell: arms, surroundings, frames, gaps, forces, target and handle.
+ *
+ * `createScene(element, description)` draws what `describe` of a cell tells, moved by the states
+ * that `update` is given.
+ */
+
+import { createArms } from "./arms.js";
+import { createForces } from "./forces.js";
+import { createFrames } from "./frames.js";
+import { createGaps } from "./gaps.js";
+import { createHandle } from "./handle.js";
+import { forward } from "./kinematics.js";
+import { THREE, createMaterials } from "./kit.js";
+import { createLabels } from "./labels.js";
+import { createPaths } from "./paths.js";
+import { createPictures } from "./pictures.js";
+import { createStage } from "./stage.js";
+import { createSurroundings } from "./surroundings.js";
+import { THEMES, themeName } from "./theme.js";
+import { createTimeline } from "./timeline.js";
+import { createTunnels } from "./tunnels.js";
+import { VIEWS, createViews } from "./views.js";
+import { atRest, viewOf } from "./view.js";
+
+export { VIEWS };
 
 export function createScene(element, description) {
-  element.dataset.cell = description.cell ?? "";
-  return { update() {}, onTarget() {}, setOptions() {}, dispose() {} };
+  const stage = createStage(element);
+  const materials = createMaterials();
+  const labels = createLabels(element, stage);
+  const timeline = createTimeline();
+  const start = forward(description, description.joints.map((joint) => joint.start));
+  const scale = sizeOf(start);
+  const arms = createArms(description, materials, stage.invalidate);
+  const surroundings = createSurroundings(description, materials, labels);
+  const tunnels = createTunnels(description, materials);
+  const frames = createFrames(description, materials, labels, scale);
+  const gaps = createGaps(description, materials, labels);
+  const forces = createForces(description, materials, labels);
+  const paths = createPaths(description, materials, labels, scale);
+  const handle = createHandle(description, materials, stage, scale);
+  const pictures = createPictures(element, description);
+  const views = createViews(stage, stage.invalidate);
+  const parts = { arms, surroundings, tunnels, frames, gaps, forces, paths, handle };
+  for (const part of Object.values(parts)) stage.scene.add(part.object);
+  const bodies = [arms, surroundings, tunnels];
+  let current = null;
+
+  show(atRest(description, start));
+  frameAll();
+  setOptions({ theme: null });
+  views.go("home", false);
+  stage.canvas.setAttribute("aria-label", `cell ${description.cell}: ${description.description}`);
+  stage.controls.addEventListener("start", views.taken);
+
+  let shown = null;
+  let last = performance.now();
+  let running = requestAnimationFrame(draw);
+
+  function draw(now) {
+    running = requestAnimationFrame(draw);
+    const dt = Math.min(0.1, (now - last) / 1000);
+    last = now;
+    const sample = timeline.sample(now / 1000);
+    if (sample && !(shown && sample.time === shown)) {
+      shown = sample.time;
+      show(viewOf(description, sample));
+      stage.invalidate();
+    }
+    views.step(dt, current.tasks[0].mrf);
+    if (stage.draw()) labels.draw();
+  }
+
+  function show(view) {
+    current = view;
+    arms.pose(view.links, view.commanded, view.q);
+    surroundings.pose(view, frames.lensAt);
+    frames.pose(view);
+    gaps.pose(view, surroundings.obstacles);
+    forces.pose(view);
+    paths.pose(view);
+    handle.pose(view);
+  }
+
+  /** Lay ground and light, and set views, for all that is there. */
+  function frameAll() {
+    const points = bodies.flatMap(({ object }) => cornersOf(object));
+    for (const camera of description.cameras) {
+      points.push(new THREE.Vector3(...frames.lensAt(camera, current.links).slice(0, 3)));
+    }
+    const box = new THREE.Box3().setFromPoints(points);
+    const sphere = box.getBoundingSphere(new THREE.Sphere());
+    stage.ground.lay(sphere.center, Math.min(0, box.min.z), 3.4 * sphere.radius);
+    stage.light(sphere.center, 1.05 * sphere.radius);
+    views.around(points);
+  }
+
+  function setOptions(options) {
+    if ("theme" in options) {
+      const theme = THEMES[themeName(options.theme)];
+      for (const part of [stage, materials, labels, ...Object.values(parts)]) part.setTheme?.(theme);
+    }
+    if ("view" in options) {
+      frameAll();
+      views.go(options.view, options.easing ?? true);
+    }
+    if ("ghost" in options) arms.showGhost = Boolean(options.ghost);
+    if ("labels" in options) labels.show(options.labels);
+    if ("frames" in options) frames.object.visible = Boolean(options.frames);
+    if ("gaps" in options) gaps.object.visible = Boolean(options.gaps);
+    if ("forces" in options) forces.object.visible = Boolean(options.forces);
+    if ("trail" in options) paths.object.visible = Boolean(options.trail);
+    if ("handle" in options) handle.setMode(options.handle, options.task);
+    if ("handleSpace" in options) handle.setSpace(options.handleSpace);
+    stage.invalidate();
+  }
+
+  return {
+    /** Take in a message: `state`, `truth`, or `obstacle` (news of one). */
+    update(message) {
+      if (message.type === "state") {
+        timeline.push(message.t ?? message.state.time_s, message.state, performance.now() / 1000);
+      } else if (message.type === "truth") {
+        surroundings.truth(message.truth ?? message);
+        stage.invalidate();
+      } else if (message.type === "obstacle") {
+        surroundings.news(message.obstacle ?? message);
+        stage.invalidate();
+      }
+    },
+    /** Show a state at once, without interpolation. */
+    jump(state) {
+      show(viewOf(description, { a: state, b: state, part: 1, time: state.time_s }));
+      stage.invalidate();
+    },
+    /** Show a picture of a camera: a Blob. */
+    picture: (name, blob) => pictures.show(name, blob),
+    /** Call back with `{type, phase, released, task, pose}` as the handle is dragged; pose is xyz, rpy in World. */
+    onTarget: (callback) => handle.onTarget(callback),
+    setOptions,
+    handleOnScreen: () => handle.onScreen(),
+    /** Take up all room again after what is there has changed. */
+    frame: frameAll,
+    dispose() {
+      cancelAnimationFrame(running);
+      handle.dispose();
+      pictures.dispose();
+      labels.dispose();
+      stage.dispose();
+    },
+  };
+}
+
+/** Return the corners of the boxes around all bodies of an object; ghosts and mere lines are none. */
+function cornersOf(object) {
+  const corners = [];
+  object.updateMatrixWorld(true);
+  object.traverseVisible((part) => {
+    if (!part.isMesh || !(part.castShadow || part.userData.body)) return;
+    part.geometry.boundingBox ?? part.geometry.computeBoundingBox();
+    const { min, max } = part.geometry.boundingBox;
+    for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+      corners.push(new THREE.Vector3(x, y, z).applyMatrix4(part.matrixWorld));
+    }
+  });
+  return corners;
+}
+
+/** Return a length to draw frames by: 1 for links that are within about a metre [m]. */
+function sizeOf(links) {
+  const box = new THREE.Box3().setFromPoints(links.map((T) => new THREE.Vector3(...T)));
+  return Math.min(1.1, Math.max(0.4, box.getSize(new THREE.Vector3()).length() / 1.05));
 }

@@ -1,0 +1,110 @@
+"""The page's own mathematics, run in Node, against Python's."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.server.control.spatial import Pose
+from telerobot.tools.operator.web.scene import describe
+
+FORWARD = """
+    const { forward } = await load("scene/kinematics.js");
+    return given.postures.map((q) => forward(given.description, q));
+"""
+
+
+@pytest.mark.parametrize("name", ["pa10_trio", "ur5e", "ranger", "snake_space"])
+def test_the_page_puts_links_where_the_robot_has_them(in_node, name):
+    cell, random = load_cell(name), np.random.default_rng(3)
+    description = describe(cell)
+    lower, upper = (
+        np.array([joint[bound] for joint in description["joints"]]) for bound in ("lower", "upper")
+    )
+    postures = random.uniform(lower, upper, (5, len(lower)))
+    given = {"description": description, "postures": postures.tolist()}
+    for q, links in zip(postures, in_node(FORWARD, given), strict=True):
+        where = {link["name"]: T for link, T in zip(description["links"], links, strict=True)}
+        first = 0
+        for part in cell.parts:
+            model = pin.buildModelFromXML(part.robot.description())
+            data, own = model.createData(), pin.neutral(model)
+            for i, joint in enumerate(part.robot.joints):
+                own[model.joints[model.getJointId(joint.name)].idx_q] = q[first + i]
+            first += len(part.robot.joints)
+            pin.framesForwardKinematics(model, data, own)
+            base = part.config.mechanism.T_world_base
+            T_world_base = Pose.from_xyz_rpy(base.xyz, base.rpy)
+            for link in part.robot.links():
+                placed = data.oMf[model.getFrameId(link)]
+                T = T_world_base @ Pose(placed.rotation, placed.translation)
+                told = where[part.prefix + link]
+                assert told[:3] == pytest.approx(T.p.tolist(), abs=1e-9)
+                R = pin.Quaternion(np.array(told[3:])).toRotationMatrix()
+                assert pytest.approx(T.R, abs=1e-9) == R
+
+
+def test_poses_go_through_the_pages_quaternions_unchanged(in_node):
+    random = np.random.default_rng(5)
+    poses = np.hstack((random.normal(size=(200, 3)), random.uniform(-3.1, 3.1, (200, 3))))
+    poses[:20, 4] = np.pi / 2  # where roll and yaw are one
+    program = """
+        const { fromRpy, toRpy } = await load("scene/poses.js");
+        return given.map((pose) => [fromRpy(pose), toRpy(fromRpy(pose))]);
+    """
+    for pose, (seven, back) in zip(poses, in_node(program, poses.tolist()), strict=True):
+        T = Pose.from_xyz_rpy(tuple(pose[:3]), tuple(pose[3:]))
+        assert pin.Quaternion(np.array(seven[3:])).toRotationMatrix() == pytest.approx(T.R)
+        again = Pose.from_xyz_rpy(tuple(back[:3]), tuple(back[3:]))
+        assert again.p == pytest.approx(T.p)
+        assert pytest.approx(T.R, abs=1e-6) == again.R
+
+
+def test_lines_of_gaps_end_at_the_nearest_points(in_node):
+    random = np.random.default_rng(7)
+    ends = random.uniform(-1.0, 1.0, (60, 4, 3))
+    ends[:10, 3] = ends[:10, 2]  # a point
+    ends[10:20, 3] = ends[10:20, 2] + 2.0 * (ends[10:20, 1] - ends[10:20, 0])  # parallel
+    program = """
+        const { segments, segmentBox } = await load("scene/nearest.js");
+        const half = [0.2, 0.3, 0.1];
+        return given.map(([a, b, c, d]) => [segments(a, b, c, d), segmentBox(a, b, half)]);
+    """
+    t = np.linspace(0.0, 1.0, 201)
+    for (a, b, c, d), (pair, boxed) in zip(ends, in_node(program, ends.tolist()), strict=True):
+        one, other = (p + np.outer(t, q - p) for p, q in ((a, b), (c, d)))
+        least = np.linalg.norm(one[:, None] - other[None], axis=2).min()
+        found = np.linalg.norm(np.subtract(*pair))
+        assert found <= least + 1e-9
+        assert found >= least - 0.02
+        outside = np.linalg.norm(np.maximum(np.abs(one) - [0.2, 0.3, 0.1], 0.0), axis=1).min()
+        distance = np.linalg.norm(np.subtract(*boxed))
+        assert distance <= outside + 1e-6
+        assert distance >= outside - 0.02
+
+
+@pytest.mark.parametrize("anew_s", [None, 0.6], ids=["one run", "a daemon that starts anew"])
+def test_what_comes_in_bunches_is_drawn_evenly_and_little_late(in_node, anew_s):
+    random = np.random.default_rng(11)
+    sent = np.arange(0.0, 6.0, 1 / 60)
+    late = 0.004 + 0.025 * random.random(len(sent)) ** 2
+    late[100:103] = (0.05, 0.034, 0.017)  # a bunch
+    given = {
+        "sent": (sent if anew_s is None else np.where(sent < anew_s, sent, sent - anew_s)).tolist(),
+        "come": np.maximum.accumulate(sent + 7.0 + late).tolist(),
+    }
+    program = """
+        const { createTimeline } = await load("scene/timeline.js");
+        const timeline = createTimeline();
+        const drawn = [];
+        let i = 0;
+        for (let now = 7.1; now < 12.9; now += 1 / 60) {
+          for (; given.come[i] <= now; i += 1) timeline.push(given.sent[i], {}, given.come[i]);
+          drawn.push([now - 7, timeline.sample(now).time]);
+        }
+        return drawn;
+    """
+    now, drawn = np.array(in_node(program, given)).T
+    drawn[now > 0.7] += anew_s or 0.0
+    settled = now > 3.0
+    assert np.diff(drawn)[settled[1:]] == pytest.approx(1 / 60, rel=0.08)
+    assert (now - drawn)[settled].max() < 0.08

@@ -1,0 +1,103 @@
+"""Description of a cell for the page: all that does not change while it runs, as JSON."""
+
+from typing import Any
+
+from .....config.joint_bounds import joint_bounds
+from .....config.load import Cell
+from .....config.schema.cameras import Camera
+from .links import described_links
+from .poses import of_pose
+from .surroundings import described_obstacles, described_rig
+from .tunnels import described_tunnels
+
+
+def describe(cell: Cell) -> dict[str, Any]:
+    """Return a cell's frames, shapes and surroundings.
+
+    Joint vectors are in the order of State. Poses are `[x, y, z, qx, qy, qz, qw]`, SI throughout;
+    meshes are addresses of `mesh_files`. Names are as files have them, those of a URDF's links any
+    text at all: whoever shows them must escape them.
+    """
+    config, links = cell.config, described_links(cell)
+    workspace = config.avoidance.workspace
+    return {
+        "cell": config.name,
+        "description": config.description,
+        "period_s": config.timing.period_s,
+        "joints": _joints(cell),
+        "links": links,
+        "tasks": _tasks(cell, {link["name"]: i for i, link in enumerate(links)}),
+        "cameras": [
+            _camera(camera, part.task) for part in cell.parts for camera in part.config.cameras
+        ],
+        "obstacles": described_obstacles(cell),
+        "avoidance": {
+            "clearance": config.avoidance.clearance,
+            "self_clearance": config.avoidance.self_clearance,
+            "near": config.avoidance.near_distance,
+        },
+        "workspace": None if workspace is None else {"low": workspace.low, "high": workspace.high},
+        "tunnels": described_tunnels(cell),
+        "T_world_carrier": of_pose(config.frames.T_world_carrier),
+        "moving": sorted(config.frames.moving),
+        "rig": described_rig(cell),
+    }
+
+
+def _joints(cell: Cell) -> list[dict[str, Any]]:
+    """Return name, kind, bounds and start of all joints, bounds as the daemon keeps them."""
+    found = []
+    for part in cell.parts:
+        drives, joints = part.config.mechanism.drives, part.robot.joints
+        bounds = joint_bounds(joints, drives)
+        start = part.config.mechanism.postures["start"]
+        found += [
+            {
+                "name": f"{part.prefix}{joint.name}",
+                "kind": joint.kind,
+                "lower": float(bounds.lower[i]),
+                "upper": float(bounds.upper[i]),
+                "max_velocity": drives[i].max_velocity,
+                "max_torque": drives[i].max_torque,
+                "start": start[i],
+            }
+            for i, joint in enumerate(joints)
+        ]
+    return found
+
+
+def _tasks(cell: Cell, links: dict[str, int]) -> list[dict[str, Any]]:
+    """Return the tasks of all arms, then those that several hold together."""
+    tasks, first = [], 0
+    for part in cell.parts:
+        mechanism, count = part.config.mechanism, len(part.robot.joints)
+        tip = links[part.prefix + mechanism.tip_link]
+        tasks.append(
+            {
+                "name": part.task,
+                "mechanism": mechanism.name,
+                "by": [mechanism.name],
+                "first_joint": first,
+                "joints": count,
+                "tip": tip,
+                "T_wrist_mrf": of_pose(mechanism.T_wrist_mrf),
+                "force": mechanism.force_torque is not None,
+            }
+        )
+        first += count
+    for task in cell.joint_tasks:
+        holder = next(t for t in tasks if t["mechanism"] == task.by[0])
+        shared = {"name": task.name, "by": list(task.by), "force": False}
+        tasks.append({**holder, **shared, "T_wrist_mrf": of_pose(task.T_wrist_mrf[0])})
+    return tasks
+
+
+def _camera(camera: Camera, task: str) -> dict[str, Any]:
+    return {
+        "name": camera.name,
+        "task": task,
+        "on": camera.on,
+        "pose": of_pose(camera.place),
+        "size": camera.size,
+        "focal": camera.focal,
+    }

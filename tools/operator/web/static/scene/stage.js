@@ -1,0 +1,142 @@
+/** The stage: renderer, camera, light, shadows and ground; draws only when something has changed. */
+
+import * as THREE from "../vendor/three.module.js";
+import { OrbitControls } from "../vendor/OrbitControls.js";
+import { RoomEnvironment } from "../vendor/RoomEnvironment.js";
+import { createGround } from "./ground.js";
+
+/** A picture that takes longer [ms] on average is drawn more coarsely. */
+const SLOW_MS = 45;
+const STILL_SLOW_PICTURES = 20;
+
+export function createStage(element) {
+  const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+  renderer.toneMapping = THREE.ACESFilmicToneMapping;
+  renderer.shadowMap.enabled = true;
+  renderer.shadowMap.type = THREE.PCFShadowMap;
+  renderer.setPixelRatio(Math.min(globalThis.devicePixelRatio || 1, 2));
+  const canvas = renderer.domElement;
+  canvas.className = "scene-canvas";
+  canvas.tabIndex = -1;
+  canvas.setAttribute("role", "img");
+  Object.assign(canvas.style, { display: "block", width: "100%", height: "100%", outline: "none" });
+  if (getComputedStyle(element).position === "static") element.style.position = "relative";
+  element.style.overflow = "hidden";
+  element.append(canvas);
+
+  const scene = new THREE.Scene();
+  const room = new THREE.PMREMGenerator(renderer);
+  scene.environment = room.fromScene(new RoomEnvironment(), 0.04).texture;
+  scene.environmentRotation.set(Math.PI / 2, 0, 0);
+  room.dispose();
+
+  const camera = new THREE.PerspectiveCamera(36, 1, 0.01, 100);
+  camera.up.set(0, 0, 1);
+  const controls = new OrbitControls(camera, canvas);
+  controls.enableDamping = true;
+  controls.dampingFactor = 0.12;
+  controls.screenSpacePanning = true;
+  controls.minDistance = 0.08;
+  controls.maxDistance = 25;
+
+  const key = new THREE.DirectionalLight(0xfff4e2, 2.4);
+  key.castShadow = true;
+  key.shadow.mapSize.set(2048, 2048);
+  key.shadow.bias = -0.0004;
+  key.shadow.normalBias = 0.012;
+  key.shadow.radius = 5;
+  const rim = new THREE.DirectionalLight(0xbfd8ff, 0.7);
+  const fill = new THREE.HemisphereLight(0xdfeaff, 0x4a4640, 0.6);
+  const ground = createGround();
+  scene.add(key, key.target, rim, rim.target, fill, ground.object);
+
+  let changed = true;
+  let slow = 0;
+  let width = 1;
+  let height = 1;
+  const invalidate = () => { changed = true; };
+  controls.addEventListener("change", invalidate);
+
+  function resize() {
+    [width, height] = [Math.max(1, element.clientWidth), Math.max(1, element.clientHeight)];
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    invalidate();
+  }
+  const observer = new ResizeObserver(resize);
+  observer.observe(element);
+  resize();
+
+  /** Draw more coarsely where pictures take too long, as without a graphics processor. */
+  function judge(milliseconds) {
+    slow = milliseconds > SLOW_MS ? slow + 1 : Math.max(0, slow - 1);
+    if (slow < STILL_SLOW_PICTURES) return;
+    slow = 0;
+    if (key.shadow.mapSize.x > 512) {
+      key.shadow.mapSize.set(512, 512);
+      key.shadow.map?.dispose();
+      key.shadow.map = null;
+    } else if (renderer.getPixelRatio() > 0.75) {
+      renderer.setPixelRatio(Math.max(0.75, renderer.getPixelRatio() - 0.5));
+    }
+    invalidate();
+  }
+
+  return {
+    scene, camera, controls, renderer, canvas, ground, invalidate,
+    size: () => [width, height],
+
+    /** Put the light so that all within a radius [m] of a centre has a shadow. */
+    light(centre, radius) {
+      const place = (light, x, y, z) => {
+        light.position.set(centre.x + x * radius, centre.y + y * radius, centre.z + z * radius);
+        light.target.position.copy(centre);
+        light.target.updateMatrixWorld();
+      };
+      place(key, 1.5, -1.2, 3.0);
+      place(rim, -2.0, 2.2, 1.2);
+      const frame = key.shadow.camera;
+      [frame.left, frame.right, frame.bottom, frame.top] = [-radius, radius, -radius, radius]
+        .map((x) => 1.25 * x);
+      [frame.near, frame.far] = [0.05, 8 * radius];
+      frame.updateProjectionMatrix();
+    },
+
+    setTheme(theme) {
+      element.style.background = theme.background;
+      renderer.toneMappingExposure = theme.exposure;
+      key.intensity = theme.key;
+      fill.intensity = theme.fill;
+      scene.environmentIntensity = theme.surround;
+      ground.setTheme(theme);
+      invalidate();
+    },
+
+    /** Draw if something has changed since; return whether it did. */
+    draw() {
+      controls.update();
+      if (!changed) return false;
+      changed = false;
+      const begin = performance.now();
+      renderer.render(scene, camera);
+      judge(performance.now() - begin);
+      return true;
+    },
+
+    dispose() {
+      observer.disconnect();
+      controls.dispose();
+      scene.traverse((object) => {
+        object.geometry?.dispose();
+        for (const material of [object.material].flat()) {
+          material?.map?.dispose();
+          material?.dispose?.();
+        }
+      });
+      scene.environment?.dispose();
+      renderer.dispose();
+      canvas.remove();
+    },
+  };
+}

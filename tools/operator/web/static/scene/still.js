@@ -1,0 +1,18 @@
+/** A still of a run for a picture: all its states one after the other, then what the last one shows. */
+
+import { createScene } from "./scene.js";
+
+const asked = new URLSearchParams(globalThis.location.search);
+const [description, run] = await Promise.all(
+  ["description.json", "run.json"].map(async (name) => (await fetch(name)).json()),
+);
+const scene = createScene(document.getElementById("scene"), description);
+scene.setOptions({ theme: asked.get("theme") ?? "dark" });
+scene.setOptions({ view: asked.get("view") ?? "home", easing: false });
+scene.setOptions({ handle: asked.get("handle") });
+if (run.truth) scene.update({ type: "truth", truth: run.truth });
+for (const state of run.states) scene.jump(state);
+scene.setOptions({ view: asked.get("view") ?? "home", easing: false });
+globalThis.scene = scene;
+await new Promise((done) => { setTimeout(done, 600); });
+document.body.dataset.ready = "true";

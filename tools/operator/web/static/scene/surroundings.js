@@ -1,0 +1,218 @@
+/** Surroundings: obstacles, sight lines, workspace, and the bodies of the virtual world. */
+
+import { THREE, box, cylinder, lay, place, solid } from "./kit.js";
+import { composed, fromRpy, placed } from "./poses.js";
+
+export function createSurroundings(description, materials, labels) {
+  const object = new THREE.Group();
+  const rig = description.rig ?? {};
+  for (const each of rig.boxes ?? []) {
+    object.add(place(solid(box(each.half_size), materials.furniture()), each.pose));
+  }
+  if (rig.wall) {
+    const { half_size: half } = rig.wall;
+    const plate = solid(box([half, half, 0.02]).translate(0, 0, -0.02), materials.wall());
+    object.add(place(plate, rig.wall.pose));
+  }
+  for (const hole of rig.holes ?? []) object.add(place(block(hole, materials), hole.pose));
+  const tags = (rig.tags ?? []).map((tag) => ({ tag, sheet: sheet(tag) }));
+  for (const { tag, sheet: shown } of tags) object.add(place(shown, tag.pose));
+  if (description.workspace) object.add(space(description.workspace, materials));
+  const obstacles = new Map();
+  for (const each of description.obstacles) {
+    const made = obstacle(each, materials, labels);
+    obstacles.set(each.name, made);
+    object.add(made.object);
+  }
+  const beam = rig.beam ? payload(rig.beam, materials) : null;
+  if (beam) object.add(beam);
+  const pegs = rig.peg ? description.tasks.map(() => tool(rig.peg, materials)) : [];
+  if (pegs.length) object.add(...pegs);
+
+  return {
+    object,
+    /** Shapes that gaps are told to, by name: `{shape, xyz, to, pose, half_size, radius}`. */
+    obstacles,
+    /** Take in news of an obstacle, or its removal. */
+    news(message) {
+      const old = obstacles.get(message.name);
+      if (message.remove || message.shape) old?.remove();
+      if (message.remove) return void obstacles.delete(message.name);
+      const given = Object.fromEntries(Object.entries(message).filter(([, v]) => v !== null));
+      const next = { rpy: [0, 0, 0], radius: 0, ...(message.shape ? {} : old?.told), ...given };
+      if (!next.shape) return undefined;
+      if (!message.shape) old.remove();
+      const made = obstacle(next, materials, labels);
+      obstacles.set(next.name, made);
+      object.add(made.object);
+      return undefined;
+    },
+    /** Take in the rig's truth: tags that were moved, and the payload. */
+    truth(told) {
+      for (const { tag, sheet: shown } of tags) {
+        if (told.tags?.[tag.name]) place(shown, fromRpy(told.tags[tag.name]));
+        shown.visible = !told.covered?.includes(tag.name);
+      }
+    },
+    pose(view, lensAt) {
+      for (const { tag, sheet: shown } of tags) {
+        if (tag.on === "wrist") place(shown, composed(view.links[description.tasks[0].tip], tag.pose));
+      }
+      for (const each of obstacles.values()) each.look(view, lensAt);
+      if (beam) {
+        const shared = view.tasks.at(-1);
+        const T = shared.mrf ?? view.tasks[0].mrf;
+        beam.visible = Boolean(T);
+        if (T) place(beam, T);
+      }
+      pegs.forEach((peg, i) => view.tasks[i].mrf && place(peg, view.tasks[i].mrf));
+    },
+  };
+}
+
+/** Return something to keep clear of: glassy, with its edges drawn. */
+function obstacle(told, materials, labels) {
+  const object = new THREE.Group();
+  const line = told.shape === "sight_line";
+  const label = labels.add(told.name, { rank: 1, role: line ? "sight" : "obstacle" });
+  const made = { told, object, remove() { object.removeFromParent(); label.remove(); } };
+  if (line) {
+    const beam = new THREE.Mesh(
+      new THREE.CylinderGeometry(1, 1, 1, 20, 1, true).rotateX(Math.PI / 2).translate(0, 0, 0.5),
+      materials.flat("sight", 0.3),
+    );
+    object.add(beam);
+    made.look = (view, lensAt) => {
+      const camera = view.description.cameras.find((c) => c.name === told.camera);
+      const from = camera ? lensAt(camera, view.links) : told.xyz;
+      made.from = [from[0], from[1], from[2]];
+      const length = lay(beam, from, told.to);
+      const radius = Math.max(told.radius, 0.004);
+      beam.scale.set(radius, radius, length);
+      label.at([0, 1, 2].map((i) => 0.5 * (from[i] + told.to[i])));
+    };
+    return made;
+  }
+  const geometry = outline(told);
+  const body = new THREE.Mesh(geometry, materials.obstacle());
+  body.castShadow = true;
+  const sharp = told.shape === "box"
+    ? new THREE.BoxGeometry(...told.half_size.map((x) => 2 * x + 0.002)) : geometry;
+  const edges = new THREE.LineSegments(
+    new THREE.EdgesGeometry(sharp, 30), materials.line("obstacle", 0.9),
+  );
+  object.add(body, edges);
+  const T = told.shape === "capsule" ? null : fromRpy([...told.xyz, ...told.rpy]);
+  if (T) place(object, T);
+  else lay(object, told.xyz, told.to);
+  made.pose = T;
+  const to = told.to ?? told.xyz;
+  const top = told.shape === "box"
+    ? Math.max(...[-1, 1].flatMap((a) => [-1, 1].flatMap((b) => [-1, 1].map(
+      (c) => placed(T, told.half_size.map((x, i) => x * [a, b, c][i]))[2],
+    )))) : Math.max(told.xyz[2], to[2]) + told.radius;
+  made.look = () => label.at([0.5 * (told.xyz[0] + to[0]), 0.5 * (told.xyz[1] + to[1]), top]);
+  return made;
+}
+
+function outline(told) {
+  if (told.shape === "box") return box(told.half_size.map((x) => x + 0.001), 0.004);
+  if (told.shape === "capsule") {
+    const length = Math.hypot(...[0, 1, 2].map((i) => told.to[i] - told.xyz[i]));
+    return new THREE.CapsuleGeometry(told.radius, length, 12, 32)
+      .rotateX(Math.PI / 2).translate(0, 0, length / 2);
+  }
+  return new THREE.SphereGeometry(Math.max(told.radius, 0.01), 40, 28);
+}
+
+/** Return a block with a chamfered hole, its mouth up. */
+function block(hole, materials) {
+  const { half_size: a, radius: r, chamfer: c, depth } = hole;
+  const part = (radius, height) => {
+    const face = new THREE.Shape();
+    face.moveTo(-a, -a).lineTo(a, -a).lineTo(a, a).lineTo(-a, a).lineTo(-a, -a);
+    face.holes.push(new THREE.Path().absarc(0, 0, radius, 0, 2 * Math.PI, true));
+    return new THREE.ExtrudeGeometry(face, { depth: height, bevelEnabled: false, curveSegments: 24 });
+  };
+  const group = new THREE.Group();
+  group.add(
+    solid(part(r, depth - c).translate(0, 0, -depth), materials.metal()),
+    solid(part(r + c, c).translate(0, 0, -c), materials.metal()),
+    solid(new THREE.CylinderGeometry(r + c, r, c, 32, 1, true).rotateX(Math.PI / 2)
+      .translate(0, 0, -c / 2), materials.joint()),
+  );
+  return group;
+}
+
+/** Return a printed tag on its panel. */
+function sheet(tag) {
+  const group = new THREE.Group();
+  const cells = tag.cells ?? [[1, 1, 1], [1, 0, 1], [1, 1, 1]];
+  const n = cells.length;
+  const side = tag.cells ? (tag.size * n) / (n - 2) : tag.size * 3;
+  const data = new Uint8Array(n * n * 4);
+  cells.flat().forEach((white, i) => {
+    const row = n - 1 - Math.floor(i / n);
+    data.set([...Array(3).fill(white ? 245 : 20), 255], 4 * (row * n + (i % n)));
+  });
+  const map = new THREE.DataTexture(data, n, n);
+  map.magFilter = THREE.NearestFilter;
+  map.colorSpace = THREE.SRGBColorSpace;
+  map.needsUpdate = true;
+  const face = solid(
+    new THREE.PlaneGeometry(side, side).translate(0, 0, 0.0005),
+    new THREE.MeshStandardMaterial({ map, roughness: 0.9 }),
+  );
+  const half = 0.5 * side + 0.004;
+  const back = solid(
+    box([half, half, 0.004], 0.002).translate(0, 0, -0.0045),
+    new THREE.MeshStandardMaterial({ color: new THREE.Color(...tag.colour), roughness: 0.8 }),
+  );
+  group.add(back, face);
+  return group;
+}
+
+/** Return the box that the MRF stays in: thin edges, strong corners. */
+function space({ low, high }, materials) {
+  const middle = low.map((x, i) => 0.5 * (x + high[i]));
+  const half = low.map((x, i) => 0.5 * (high[i] - x));
+  const group = new THREE.Group();
+  const edges = new THREE.EdgesGeometry(new THREE.BoxGeometry(...half.map((x) => 2 * x)));
+  group.add(new THREE.LineSegments(edges, materials.line("space", 0.28)));
+  const points = [];
+  const reach = 0.16 * Math.min(...half);
+  for (const sx of [-1, 1]) for (const sy of [-1, 1]) for (const sz of [-1, 1]) {
+    const corner = [sx * half[0], sy * half[1], sz * half[2]];
+    [sx, sy, sz].forEach((s, k) => {
+      const inward = [...corner];
+      inward[k] -= s * reach;
+      points.push(new THREE.Vector3(...corner), new THREE.Vector3(...inward));
+    });
+  }
+  group.add(new THREE.LineSegments(
+    new THREE.BufferGeometry().setFromPoints(points), materials.line("space", 0.95),
+  ));
+  group.position.set(...middle);
+  return group;
+}
+
+function tool(peg, materials) {
+  const group = new THREE.Group();
+  group.add(solid(
+    cylinder(peg.radius, peg.length, 0.2 * peg.radius).translate(0, 0, -peg.length / 2),
+    materials.metal(),
+  ));
+  return group;
+}
+
+/** Return the payload that arms hold together, with its pegs: x out of them. */
+function payload(beam, materials) {
+  const group = new THREE.Group();
+  group.add(solid(box(beam.half_size, 0.012), materials.beam()));
+  for (const peg of beam.pegs) {
+    const rod = cylinder(beam.peg.radius, beam.peg.length, 0.2 * beam.peg.radius)
+      .rotateY(Math.PI / 2).translate(-beam.peg.length / 2, 0, 0);
+    group.add(place(solid(rod, materials.metal()), peg));
+  }
+  return group;
+}

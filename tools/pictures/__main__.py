@@ -1,0 +1,7 @@
+"""`python -m telerobot.tools.pictures`."""
+
+import sys
+
+from .stills import main
+
+sys.exit(main())

@@ -1,0 +1,170 @@
+"""Pictures of shipped cells as the console shows them.
+
+`python -m telerobot.tools.pictures` simulates each cell under its script to a moment that shows
+what it is for, and lets the page's own scene draw it in a headless Chromium. Needs Chromium,
+Playwright, and what `operator.web.vendor` fetches.
+"""
+
+import argparse
+import json
+import sys
+import threading
+from collections.abc import Mapping
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+from urllib.parse import urlsplit
+
+from ...config.load import Cell, ConfigError, load_cell, shipped
+from ..operator.web.scene import describe, mesh_files
+from ..scripts.script import load_script
+from ..simulation.simulation import Simulation
+
+STATIC: Final = Path(__file__).resolve().parents[1] / "operator/web/static"
+PICTURES: Final = Path(__file__).resolve().parents[2] / "config" / "pictures"
+SIZE: Final = (960, 600)
+TRAIL_S: Final = 6.0
+"""So much of the run before the moment is shown as the tool's trail [s]."""
+PATIENCE_MS: Final = 240_000
+"""Without a graphics processor a picture may take long."""
+COLOURS: Final = 256
+"""A picture is written with so many colours: it stays below 100 kB [1]."""
+
+
+class Moment(NamedTuple):
+    """When a cell's picture is taken, and from where."""
+
+    script: str | None = None
+    """The cell's own where none is named."""
+    time_s: float = 7.0
+    view: str = "home"
+    theme: str = "dark"
+
+
+MOMENTS: Final[Mapping[str, Moment]] = {}
+
+
+def run_of(cell: Cell, moment: Moment) -> dict[str, Any]:
+    """Return the states of a run up to a moment, and the truth at its end."""
+    script = load_script(moment.script or cell.default_script)
+    simulation = Simulation(cell, script, cameras=_Blind)
+    simulation.run(until=lambda: simulation.clock.time_s >= moment.time_s)
+    since = simulation.clock.time_s - TRAIL_S
+    states = [state for state in simulation.states if state.time_s >= since]
+    truth = simulation.truths[-1] if simulation.truths else None
+    return {
+        "states": [json.loads(state.model_dump_json()) for state in states[::2] + states[-1:]],
+        "truth": None if truth is None else json.loads(truth.model_dump_json()),
+    }
+
+
+class _Blind:
+    """Cameras that see nothing: pictures of the tag do not matter here."""
+
+    def __init__(self, simulation: Simulation) -> None: ...
+
+    def run(self, now_s: float, tick: int) -> None:
+        """See nothing."""
+
+    def close(self) -> None:
+        """Let go of nothing."""
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    """Serves the page's modules, one description and one run."""
+
+    def __init__(self, *args: Any, told: Mapping[str, bytes], files: Mapping[str, Path]) -> None:
+        self._told, self._files = told, files
+        super().__init__(*args)
+
+    def do_GET(self) -> None:
+        path = urlsplit(self.path).path
+        file = self._files.get(path)
+        if file is None and path not in self._told:
+            file = STATIC / path.removeprefix("/")
+        body = self._told.get(path) if file is None or not file.is_file() else file.read_bytes()
+        self.send_response(404 if body is None else 200)
+        kind = "text/html" if path == "/" else self.guess_type(path)
+        self.send_header("Content-Type", kind)
+        self.end_headers()
+        self.wfile.write(body or b"")
+
+    def log_message(self, *args: Any) -> None:
+        """Say nothing: what is missing shows in the page's own messages."""
+
+
+def take(cell: Cell, moment: Moment, picture: Path, chromium: str) -> list[str]:
+    """Write the picture of a cell; return what the page complained of."""
+    from playwright.sync_api import sync_playwright
+
+    told = {
+        "/description.json": json.dumps(describe(cell)).encode(),
+        "/run.json": json.dumps(run_of(cell, moment)).encode(),
+        "/": (STATIC / "scene" / "still.html").read_bytes(),
+    }
+    server = ThreadingHTTPServer(
+        ("127.0.0.1", 0), partial(_Handler, told=told, files=mesh_files(cell))
+    )
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    complaints: list[str] = []
+    try:
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(
+                executable_path=chromium,
+                args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+            )
+            page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
+            page.set_default_timeout(PATIENCE_MS)
+            page.on("console", lambda m: complaints.append(m.text) if m.type != "log" else None)
+            page.on("pageerror", lambda error: complaints.append(str(error)))
+            port = server.server_address[1]
+            page.goto(f"http://127.0.0.1:{port}/?view={moment.view}&theme={moment.theme}")
+            page.wait_for_selector("body[data-ready]")
+            page.screenshot(path=str(picture))
+            browser.close()
+    finally:
+        server.shutdown()
+    _shrink(picture)
+    return complaints
+
+
+def _shrink(picture: Path) -> None:
+    """Write a picture with fewer colours, dithered, where Pillow is there to do so."""
+    try:
+        from PIL import Image
+    except ImportError:
+        return
+    with Image.open(picture) as image:
+        image.convert("RGB").quantize(COLOURS).save(picture, optimize=True)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Take the pictures that are asked for; all shipped cells' by default."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("cells", metavar="CELL", nargs="*", help="all shipped cells by default")
+    parser.add_argument("--to", metavar="FOLDER", type=Path, default=PICTURES)
+    parser.add_argument("--theme", choices=("dark", "light"))
+    parser.add_argument("--view", help="home, front, side or top")
+    parser.add_argument("--script")
+    parser.add_argument("--at", metavar="SECONDS", type=float, help="moment of the run [s]")
+    parser.add_argument("--chromium", metavar="FILE", default="/usr/bin/chromium")
+    args = parser.parse_args(arguments)
+    failed = 0
+    for name in args.cells or shipped("cells"):
+        given = {"script": args.script, "time_s": args.at, "view": args.view, "theme": args.theme}
+        moment = MOMENTS.get(name, Moment())._replace(
+            **{key: value for key, value in given.items() if value is not None}
+        )
+        try:
+            cell = load_cell(name)
+        except ConfigError as error:
+            print(error, file=sys.stderr)
+            return 2
+        picture = args.to / f"{cell.config.name}.png"
+        complaints = take(cell, moment, picture, args.chromium)
+        print(f"{picture}: {picture.stat().st_size // 1024} kB")
+        for complaint in complaints:
+            print(f"  {complaint}", file=sys.stderr)
+        failed += bool(complaints)
+    return 1 if failed else 0
