@@ -2,6 +2,7 @@
 
 import json
 import os
+import pty
 import select
 import signal
 import subprocess
@@ -71,3 +72,63 @@ def test_no_process_is_left_behind(ending):
     for ended in watched:
         assert select.select([ended], [], [], 30)[0], "rig or daemon outlived the demo"
         os.close(ended)
+
+
+class Terminal:
+    """A demo in a terminal of its own: what it wrote, and keys."""
+
+    def __init__(self, *arguments):
+        self._fd, end = pty.openpty()
+        environment = {**os.environ, "DISPLAY": "", "WAYLAND_DISPLAY": ""}
+        self.process = subprocess.Popen(
+            [*DEMO, *arguments], stdin=end, stdout=end, stderr=end, env=environment
+        )
+        os.close(end)
+        self.text = ""
+
+    def read_until(self, words, within_s=90):
+        while words not in self.text:
+            ready, _, _ = select.select([self._fd], [], [], within_s)
+            assert ready, f"no {words!r} in:\n{self.text[-3000:]}"
+            self.text += os.read(self._fd, 4096).decode(errors="replace")
+
+    def forget(self):
+        self.text = ""
+
+    def press(self, keys):
+        os.write(self._fd, keys.encode())
+
+    def close(self):
+        self.process.terminate()
+        while True:  # a terminal that nobody reads holds up who writes
+            try:
+                if not os.read(self._fd, 4096):
+                    break
+            except OSError:
+                break
+        os.close(self._fd)
+        return self.process.wait()
+
+
+def commands_of(process):
+    paths = {pid: Path(f"/proc/{pid}/cmdline") for pid in children_of(process)}
+    words = {pid: path.read_text().split("\0") for pid, path in paths.items()}
+    return {said[said.index("telerobot.tools.cli") + 1]: pid for pid, said in words.items()}
+
+
+def test_what_is_killed_is_told_and_started_again_and_the_keys_go_on():
+    pytest.importorskip("aiohttp")
+    demo = Terminal("pa10", "--no-page")
+    try:
+        demo.read_until("pa10 listens at tcp/127.0.0.1:")
+        demo.read_until("lease granted")
+        demo.forget()
+        os.kill(commands_of(demo.process)["serve"], signal.SIGKILL)
+        demo.read_until("the daemon ended with code -9: it is started again")
+        demo.read_until("no telemetry for")
+        demo.forget()
+        demo.read_until("BOOT")
+        demo.press("L")
+        demo.read_until("lease granted")
+    finally:
+        demo.close()

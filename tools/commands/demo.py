@@ -12,12 +12,14 @@ from ...drivers.network.identity import identity_of
 from ...protocols.messages.telemetry import Event
 from ...protocols.topics import Role
 from ..host.address import duration, moved
+from ..host.claim import Claims, own_endpoint
 from ..host.local_plant import ChildDied, LocalPlant
 from ..operator.client.connection import OperatorError
 from ..operator.client.operator import Operator
 from ..operator.terminal.console import is_terminal
 from ..scripts.live_run import LiveRun
 from ..scripts.script import Script, load_script
+from .demo_page import start_page
 from .drive import drive
 
 READY_WITHIN_S = 90.0
@@ -44,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--identity", metavar="FOLDER", help="certificates that the processes show each other"
     )
+    parser.add_argument("--no-page", action="store_true", help="without the page in the browser")
     parser.add_argument("--json", action="store_true", help="print the headless summary as JSON")
 
 
@@ -61,12 +64,17 @@ def run(args: argparse.Namespace) -> int:
         script = load_script(args.script or cell.default_script)
     with tempfile.TemporaryDirectory() as folder:
         statistics = Path(folder) / "statistics.json"
-        with LocalPlant(cell, statistics) as plant:
+        claims = Claims()
+        endpoint, why_not = own_endpoint(cell, claims)
+        with LocalPlant(cell, statistics, endpoint=endpoint) as plant:
+            where = plant.cell.config.zenoh.listen
+            _say(f"{cell.config.name} listens at {where}" + (f": {why_not}" if why_not else ""))
             try:
+                told = [] if script is not None or args.no_page else start_page(plant, claims)
                 show = _Show(plant)
                 show.wait_ready()
                 if script is None:
-                    drive(show.operator, plant.raise_if_dead)
+                    drive(show.operator, plant.revive, told)
                 else:
                     show.play(script, args.seconds)
             except (ChildDied, OperatorError) as error:

@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from ...protocols.messages.telemetry import Event
@@ -13,7 +13,8 @@ from ..operator.client.connection import OperatorError, ignore
 from ..operator.client.operator import Operator
 from ..operator.terminal.console import Console, is_terminal
 from ..operator.terminal.keyboard import Decoder
-from ..operator.terminal.teleop import KeyboardTeleop, event_line
+from ..operator.terminal.teleop import KeyboardTeleop
+from ..operator.words.events import event_line
 from ..scripts.live_run import LiveRun
 from ..scripts.script import load_script
 
@@ -55,24 +56,35 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def drive(operator: Operator, watch: Callable[[], None] = lambda: None) -> None:
+def drive(
+    operator: Operator,
+    watch: Callable[[Callable[[str], None]], None] = ignore,
+    page: Sequence[str] = (),
+) -> None:
     """Let a person at the keyboard drive, until they leave.
 
-    `watch` is called all the while and may raise; the terminal is restored all the same.
+    `watch` is called all the while, with what prints a line, and may raise; the terminal is
+    restored all the same. Where there is a `page` besides, of which these lines tell, the lease is
+    left to who moves first.
     """
     with Console() as console:
         teleop, decoder = KeyboardTeleop(operator, console.say), Decoder()
         operator.on_event = lambda event: _tell(console, event)
         teleop.help()
         operator.spin(FIRST_STATE_S, lambda: operator.state is not None)
-        teleop.acquire()
+        for line in page:
+            console.say(line)
+        if page:
+            console.say("page or keys: m takes the lease, if it is free, and enables the arm")
+        else:
+            teleop.acquire()
         redraw_s = 0.0
         while not (teleop.quit or console.ended):
             for key in decoder.keys(console.read(POLL_S)):
                 teleop.press("q" if key == "ctrl-c" else key, time.monotonic())
             teleop.run(time.monotonic())
             operator.turn()
-            watch()
+            watch(console.say)
             now_s = time.monotonic()
             if now_s >= redraw_s:
                 redraw_s = now_s + REDRAW_S

@@ -98,11 +98,11 @@ def moved(
     return replace(cell, config=config.model_copy(update={**moved_to, "zenoh": zenoh}))
 
 
-def options(cell: Cell) -> list[str]:
-    """Return the arguments that lead another process to this cell."""
+def options(cell: Cell, bus: bool = True) -> list[str]:
+    """Return the arguments that lead another process to this cell; without `bus`, an operator."""
     zenoh = cell.config.zenoh
     folder = zenoh.security.directory
-    buses = cell.config.fieldbuses
+    buses = cell.config.fieldbuses if bus else ()
     return [
         str(cell.path),
         f"--endpoint={zenoh.endpoint}",

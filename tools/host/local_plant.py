@@ -1,6 +1,8 @@
 """Private plant on this machine: rig and daemon as processes, apart from any other."""
 
 import ctypes
+import math
+import os
 import secrets
 import signal
 import socket
@@ -22,6 +24,9 @@ POLL_S = 0.02
 TERMINATE_S = 8.0
 """A child that was asked to end is killed after [s]."""
 
+AT_ONCE_S = 20.0
+"""A child that ends within this time of its second start is not started again [s]."""
+
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _libc = ctypes.CDLL(None)
 
@@ -33,23 +38,30 @@ class ChildDied(Exception):
 class LocalPlant:
     """Rig and daemon of a cell, on a private multicast group and endpoint; a context manager.
 
-    A cell with cameras has its vision process, too. All are ended on the way out, by their own
-    process ids, and by the kernel should this process vanish. What they wrote to stderr is kept
-    for `complaints`.
+    With an `endpoint` the daemon listens there instead. A cell with cameras has its vision process,
+    too. All are ended on the way out, by their own process ids, and by the kernel should this
+    process vanish. What they wrote to stderr is kept for `complaints`.
     """
 
     def __init__(
-        self, cell: Cell, statistics: Path | None = None, boxes: Path | None = None
+        self,
+        cell: Cell,
+        statistics: Path | None = None,
+        boxes: Path | None = None,
+        endpoint: str | None = None,
     ) -> None:
         """Build it; the daemon's black boxes go to `boxes`, None: they are not kept."""
         self._boxes = boxes
-        self.cell = private(cell)
+        self.cell = private(cell, endpoint)
         self.rig_endpoint = self.cell.config.zenoh.endpoint
         """Endpoint of the rig's faults and truth: the daemon's router by default."""
         self.rig: subprocess.Popen[bytes] | None = None
         self.daemon: subprocess.Popen[bytes] | None = None
         self.vision: subprocess.Popen[bytes] | None = None
+        self.console: subprocess.Popen[bytes] | None = None
         self._statistics = statistics
+        self._page: tuple[list[str], dict[str, str]] = ([], {})
+        self._started_s: dict[str, float] = {}
         self._folder = tempfile.TemporaryDirectory()
         self._errors: list[tuple[str, Path]] = []
 
@@ -83,6 +95,29 @@ class LocalPlant:
         """Start looking through the cell's cameras. A machine that can't goes on without."""
         self.vision = self._start("vision", self.cell, [])
 
+    def start_console(self, arguments: list[str], environment: dict[str, str]) -> None:
+        """Start the operators' page, by further arguments and environment variables."""
+        self._page = (arguments, environment)
+        self.console = self._start("console", self.cell, arguments, environment)
+
+    def revive(self, say: Callable[[str], None]) -> None:
+        """Start again what has ended, and say so. Raises `ChildDied` for what ends at once."""
+        starts = (
+            ("rig", self.rig, self.start_rig),
+            ("daemon", self.daemon, self.start_daemon),
+            ("console", self.console, lambda: self.start_console(*self._page)),
+        )
+        for name, child, start in starts:
+            code = None if child is None else child.poll()
+            if code is None:
+                continue
+            now_s = time.monotonic()
+            if now_s - self._started_s.get(name, -math.inf) < AT_ONCE_S:
+                raise ChildDied(f"the {name} ended with code {code}, again")
+            self._started_s[name] = now_s
+            say(f"the {name} ended with code {code}: it is started again")
+            start()
+
     def answers(self) -> bool:
         """Return whether somebody listens on the daemon's endpoint."""
         host, port = _host_and_port(self.cell.config.zenoh.endpoint)
@@ -113,8 +148,9 @@ class LocalPlant:
 
         Return whether rig and daemon ended well; pictures are something to do without.
         """
-        if self.vision is not None:
-            end(self.vision)
+        for child in (self.console, self.vision):
+            if child is not None:
+                end(child)
         codes = [end(child) for child in (self.daemon, self.rig) if child is not None]
         return all(code == 0 for code in codes)
 
@@ -126,12 +162,16 @@ class LocalPlant:
             lines += [f"{name}: {line}\n" for line in text.splitlines()]
         return "".join(lines)
 
-    def _start(self, command: str, cell: Cell, extra: list[str]) -> "subprocess.Popen[bytes]":
+    def _start(
+        self, command: str, cell: Cell, extra: list[str], environment: dict[str, str] | None = None
+    ) -> "subprocess.Popen[bytes]":
+        arguments = options(cell, bus=command != "console")
         path = Path(self._folder.name) / f"{len(self._errors)}-{command}"
         self._errors.append((command, path))
         with path.open("wb") as errors:
             return subprocess.Popen(
-                [sys.executable, "-m", CLI, command, *options(cell), *extra],
+                [sys.executable, "-m", CLI, command, *arguments, *extra],
+                env={**os.environ, **(environment or {})},
                 stdin=subprocess.DEVNULL,
                 stdout=errors,
                 stderr=errors,
@@ -140,8 +180,11 @@ class LocalPlant:
             )
 
 
-def private(cell: Cell) -> Cell:
-    """Return a cell on a multicast group, UDP ports and an endpoint that nobody else uses."""
+def private(cell: Cell, endpoint: str | None = None) -> Cell:
+    """Return a cell on a multicast group, UDP ports and an endpoint that nobody else uses.
+
+    With an `endpoint`, the daemon listens there.
+    """
     zenoh = cell.config.zenoh.model_copy(update={"router": None})
     cell = replace(cell, config=cell.config.model_copy(update={"zenoh": zenoh}))
     protocol = "tcp" if zenoh.security.directory is None else "tls"
@@ -149,7 +192,7 @@ def private(cell: Cell) -> Cell:
     names = [bus.name for bus in cell.config.fieldbuses]
     return moved(
         cell,
-        endpoint=f"{protocol}/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
+        endpoint=endpoint or f"{protocol}/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
         channels=[f"{name}={group}" for name in names],
         ports=[f"{name}={free_port(socket.SOCK_DGRAM)}" for name in names],
     )

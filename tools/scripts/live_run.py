@@ -13,7 +13,7 @@ from ...server.control.spatial import Pose, rotation_log
 from ..operator.client.connection import POLL_S, ignore
 from ..operator.client.operator import Operator
 from ..operator.client.session import NotCertified
-from ..operator.terminal.teleop import event_line
+from ..operator.words.events import event_line
 from .player import Phase, Player
 from .script import Script
 

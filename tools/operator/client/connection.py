@@ -8,7 +8,6 @@ from ....config.load import Cell, load_cell
 from ....drivers.network.identity import identity_of
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode_as, encode
-from ....protocols.messages import messages as m
 from ....protocols.messages.moving import RigMotion
 from ....protocols.messages.reflection import Reflection
 from ....protocols.messages.rig import RigFault
@@ -22,8 +21,8 @@ from .session import NotCertified, Session
 POLL_S = 0.002
 
 
-def ignore(_message: m.Message) -> None:
-    """Take in a message, and do nothing."""
+def ignore(_told: object) -> None:
+    """Take in what is told, and do nothing."""
 
 
 class OperatorError(Exception):

@@ -10,11 +10,12 @@ from typing import Any
 
 from ....protocols import topics as t
 from ....protocols.messages import requests
-from ....protocols.messages.telemetry import Event, TaskDescription
+from ....protocols.messages.telemetry import TaskDescription
 from ..client.operator import Operator
 from ..client.protocol_client import NoLease, OnReply
 from .hands import led
 from .keyboard import HeldKeys
+from .status import Link, arm_lines, link_words
 from .stick import AXES, DRIVES, JOINT_SIGNS, Stick, opposites
 
 HELP = """\
@@ -24,7 +25,7 @@ HELP = """\
  m  enable, or go on after HOLD     h  hold           n     drives off
  x or space      protective stop    c  clear it       R     reset after a fault
  p  ready posture    P or 0  park   t  tare           g     force source on, off
- L  take the lease                  q  quit           ?     this help"""
+ L  take the lease, or give it back q  quit           ?     this help"""
 
 HANDS, TUNNELS = " y  next arm", " v b  insert, withdraw while held"
 """Where the cell has several arms, and where an arm goes through tunnels."""
@@ -33,9 +34,6 @@ STREAMS = (t.JOYSTICK, t.JOG, t.DRIVE)
 
 SILENT_S = 0.3
 """Telemetry older than this is shown as missing [s]."""
-
-ECHO_SHOWN_S = 1.0
-"""A round trip older than this is not shown [s]."""
 
 
 class KeyboardTeleop:
@@ -64,7 +62,7 @@ class KeyboardTeleop:
             "0": lambda: self._posture("park"),
             "t": lambda: self._request("tare", t.TARE, **self._mechanism),
             "g": self._toggle_force,
-            "L": self.acquire,
+            "L": self._toggle_lease,
             "y": self._change_hands,
             "+": lambda: self.stick.faster(1),
             "=": lambda: self.stick.faster(1),
@@ -97,14 +95,13 @@ class KeyboardTeleop:
         for line in (*HELP.splitlines(), *more):
             self._say(line)
 
-    def acquire(self) -> None:
-        """Ask for the lease."""
-        if self._operator.holds_lease:
-            self._say("you hold the lease already")
-            return
+    def acquire(self, then: Callable[[], None] | None = None) -> None:
+        """Ask for the lease; with it, do something."""
 
         def answered(reply: requests.Reply) -> None:
-            if reply.ok:
+            if reply.ok and then is not None:
+                then()
+            elif reply.ok:
                 self._say(f"lease granted to {self._client.name}: m enables the arm, ? helps")
             else:
                 self._say(f"no lease: {reply.detail or reply.reason}; watching, L asks again")
@@ -218,7 +215,16 @@ class KeyboardTeleop:
     # --- requests ----------------------------------------------------------------------------
 
     def _enable(self) -> None:
-        self._mode("enable")
+        if self._operator.holds_lease:
+            self._mode("enable")
+        else:
+            self.acquire(then=lambda: self._mode("enable"))
+
+    def _toggle_lease(self) -> None:
+        if self._operator.holds_lease:
+            self._client.release(self._answered("release"))
+        else:
+            self.acquire()
 
     def _mode(self, action: str) -> None:
         self._request(action, t.MODE, action=action)
@@ -249,52 +255,29 @@ class KeyboardTeleop:
 
     # --- what is seen ------------------------------------------------------------------------
 
-    def lines(self, now_s: float) -> tuple[str, str]:
-        """Return the status: what the arm does, and what the operator does."""
+    def lines(self, now_s: float) -> tuple[str, ...]:
+        """Return the status: what the arm does and why, and what the operator does."""
         operator, state = self._operator, self._operator.state
         since = operator.state_since_s
         if state is None or since is None:
             return f"no telemetry of {operator.cell} yet from {operator.endpoint}", self._stick()
         if now_s - since > SILENT_S:
             return f"no telemetry for {now_s - since:.1f} s", self._stick()
-        led = state.of(self._task.get("task"))
-        x, y, z, roll, pitch, yaw = led.pose_mrf
-        arm = [
-            state.mode.upper(),
-            *self._task.values(),
-            f"xyz {x:+.3f} {y:+.3f} {z:+.3f} m",
-            f"rpy {roll:+.2f} {pitch:+.2f} {yaw:+.2f}",
-        ]
-        if led.wrench_mrf is not None:
-            arm.append(f"|f| {math.hypot(*led.wrench_mrf[:3]):5.1f} N")
-        if state.protective_stop:
-            arm.append("PROTECTIVE STOP")
-        if led.limits:
-            arm.append("limit " + " ".join(led.limits))
-        mine = " (you)" if operator.holds_lease else ""
-        link = [f"lease {state.lease_holder or 'free'}{mine}"]
-        trip = operator.round_trip
-        if trip.seconds is not None and trip.heard_s is not None:
-            fresh = now_s - trip.heard_s < ECHO_SHOWN_S
-            link.append(f"round trip {1e3 * trip.seconds:3.0f} ms" if fresh else "no echo")
-        link.append(f"overruns {state.overruns}")
-        if operator.description is not None and operator.description.network == "insecure":
-            link.append("INSECURE: anybody may command")
-        if state.speed_factor < 1.0:
-            link.append(f"speed limit {state.speed_factor:.0%}")
-        return " | ".join(arm), " | ".join([self._stick(), *link])
+        led, trip = state.of(self._task.get("task")), operator.round_trip
+        jogged = self._tasks[self.hand].joints if self.stick.joint is not None else ()
+        first = sum(len(task.joints) for task in self._tasks[: self.hand])
+        link = Link(
+            mine=operator.holds_lease,
+            round_trip_s=trip.seconds,
+            echo_age_s=now_s - (trip.heard_s or -math.inf),
+            insecure=operator.description is not None
+            and operator.description.network == "insecure",
+        )
+        arm = arm_lines(state, led, tuple(self._task.values()), jogged, first)
+        return *arm, " | ".join([self._stick(), *link_words(state, link)])
 
     def _stick(self) -> str:
         stick, held = self.stick, " ".join(sorted(self._moving))
         if stick.joint is not None:
             return f"joint {stick.joint + 1} {stick.turn:.2f} rad/s {held}"
         return f"{stick.frame} {stick.speed:g} m/s {held}"
-
-
-def event_line(event: Event) -> str:
-    """Return an event as one line."""
-    shown = {key: value for key, value in event.values.items() if str(value) not in event.detail}
-    values = "".join(f" {key}={value}" for key, value in shown.items())
-    mark = {"info": " ", "warning": "!", "error": "#"}[event.severity]
-    said = f": {event.detail}" if event.detail else ""
-    return f"{mark} {event.time_s:9.2f} s {event.name}{said}{values}"

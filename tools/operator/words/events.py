@@ -114,3 +114,16 @@ def _after(reason: str) -> str:
     if "asked" in reason:
         return "Resume to go on." if "hold" in reason else "Enable to go on."
     return "Mend the cause, then resume."
+
+
+def event_line(event: Event) -> str:
+    """Return an event as one line for the terminal: its sentence, its values, what to do next."""
+    words = event_words(event)
+    said = words["sentence"]
+    if event.detail not in said and event.name != "mode":
+        said += f" ({event.detail})"
+    shown = {key: value for key, value in event.values.items() if str(value) not in said}
+    values = "".join(f" {key}={value}" for key, value in shown.items())
+    mark = {"info": " ", "warning": "!", "error": "#"}[event.severity]
+    after = f" -> {words['next']}" if words["next"] else ""
+    return f"{mark} {event.time_s:9.2f} s {event.name}: {said}{values}{after}"

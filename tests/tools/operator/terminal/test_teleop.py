@@ -4,15 +4,16 @@ from types import SimpleNamespace
 
 import pytest
 from telerobot.protocols.messages.telemetry import Description, Event, TaskDescription
-from telerobot.tools.operator.terminal.teleop import KeyboardTeleop, event_line
+from telerobot.tools.operator.terminal.teleop import KeyboardTeleop
+from telerobot.tools.operator.words.events import event_line
 
 
 @pytest.mark.parametrize(
     ("detail", "values", "line"),
     [
-        ("", {}, "2.50 s posture_reached"),
-        ("ready -> enabled", {"mode": "enabled"}, "2.50 s posture_reached: ready -> enabled"),
-        ("", {"epoch": 1}, "2.50 s posture_reached epoch=1"),
+        ("", {}, "The posture is reached."),
+        ("by ann", {"by": "ann"}, "The posture is reached. (by ann)"),
+        ("", {"epoch": 1}, "The posture is reached. epoch=1"),
     ],
 )
 def test_an_event_is_a_line_that_says_nothing_twice(detail, values, line):
@@ -25,7 +26,7 @@ def test_an_event_is_a_line_that_says_nothing_twice(detail, values, line):
         detail=detail,
         values=values,
     )
-    assert event_line(event).strip() == line
+    assert event_line(event).strip() == f"2.50 s posture_reached: {line}"
 
 
 class Client:

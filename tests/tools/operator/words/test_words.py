@@ -1,0 +1,86 @@
+"""Events, limits and refusals in words: whatever is told becomes a sentence."""
+
+import re
+from pathlib import Path
+
+import pytest
+from telerobot.drivers.device import Cause
+from telerobot.protocols.messages import requests
+from telerobot.protocols.messages.telemetry import Event, State
+from telerobot.server.refusals import Why
+from telerobot.tools.operator.words.events import event_words
+from telerobot.tools.operator.words.limits import limit_words
+from telerobot.tools.operator.words.refusals import refusal_words
+from telerobot.tools.operator.words.why import why
+
+SERVER = Path(__file__).resolve().parents[4] / "server"
+
+
+def event(name, severity="warning", detail="Ann: 3 mm", **values):
+    return Event(
+        id=1, tick=1, time_s=0.0, name=name, severity=severity, detail=detail, values=values
+    )
+
+
+def told_by_the_server():
+    text = "".join(path.read_text() for path in SERVER.rglob("*.py"))
+    return sorted(set(re.findall(r'\.(?:info|warning|error|standing)\(\s*"([a-z_]+)"', text)))
+
+
+def test_the_server_tells_of_something():
+    assert {"lease_expired", "touched", "mode"} <= set(told_by_the_server())
+
+
+@pytest.mark.parametrize("name", told_by_the_server())
+def test_every_event_of_the_server_is_a_sentence(name):
+    words = event_words(event(name, mode="enabled"))
+    assert re.fullmatch(r"[A-Z][^{}]*\.", words["sentence"]), words
+    assert "_" not in words["sentence"]
+    assert words["next"] == "" or re.fullmatch(r"[A-Z][^{}]*[.?]", words["next"])
+
+
+@pytest.mark.parametrize("cause", list(Cause))
+def test_every_fault_says_what_to_do_next(cause):
+    words = event_words(event("drive_trouble", "error", cause=str(cause)))
+    assert "Ann: 3 mm" in words["sentence"]
+    assert "eset" in words["next"]
+
+
+def test_a_refusal_says_why_and_what_to_do_next():
+    reply = requests.Reply(ok=False, reason=Why.LEASE_TAKEN, detail="held by ann")
+    assert (
+        refusal_words(reply)
+        == "Held by ann. Ask its holder to release it, or wait until it runs out."
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("joint_limit:s1", "Joint s1 is near the end of its range."),
+        ("tool_speed", "The tool is at its speed bound."),
+        ("of_tomorrow:w2", "Limited: of tomorrow (w2)."),
+    ],
+)
+def test_a_limit_is_a_sentence(name, words):
+    assert limit_words(name) == words
+
+
+@pytest.mark.parametrize(
+    ("mode", "cause", "said", "after"),
+    [
+        ("hold", "lease_expired", "lease_expired", "Take the lease, then resume."),
+        ("hold", "hold asked", "hold asked", "Resume to go on."),
+        ("ready", "hold asked", "The drives are off.", "Take the lease, then enable."),
+    ],
+)
+def test_why_names_the_cause_of_a_stop_and_the_way_on(mode, cause, said, after):
+    state = State.model_construct(mode=mode, protective_stop=False, lease_holder=None)
+    words = why(state, event("stopping", detail=cause))
+    assert said in words["sentence"]
+    assert words["next"] == after
+
+
+def test_a_protective_stop_comes_before_every_other_reason():
+    state = State.model_construct(mode="hold", protective_stop=True, lease_holder="ann")
+    assert why(state, None)["next"] == "Clear it, then resume."
