@@ -38,9 +38,10 @@ $(STAMP): pyproject.toml constraints.txt $(LOCK)
 demo: venv ## Virtual arm and daemon on this machine, ready to drive
 	@exec $(BIN)/telerobot demo pa10
 
-test: venv ## All tests: first those in parallel, then those that start processes
-	@$(BIN)/pytest -q -m "not hil" -n $(JOBS)
+test: venv ## All tests: in parallel, then those that start processes, then the browser's
+	@$(BIN)/pytest -q -m "not hil and not browser" -n $(JOBS)
 	@$(BIN)/pytest -q -m hil || { code=$$?; test $$code -eq 5 && echo "no hil tests"; }
+	@$(BIN)/pytest -q -m browser || { code=$$?; test $$code -eq 5 && echo "no browser tests"; }
 
 check: venv ## Format, lint, types and import rules
 	@$(BIN)/ruff format --check --quiet . || { echo "run: make format" >&2; exit 1; }

@@ -1,0 +1,193 @@
+"""The console in a real Chromium, against a rig, a daemon and a console that are real processes.
+
+One plant serves all tests, since starting it takes most of the time; each test has pages of its
+own, and begins with the arm in HOLD or READY and nobody holding the lease. What moves is judged by
+the rig's truth. Nothing here sleeps: `Site.until` waits for a state.
+"""
+
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.host.address import options
+from telerobot.tools.host.local_plant import free_port
+
+HOST = "127.0.0.2"
+"""The console's own address; that of the same port on 127.0.0.1 is the tests' to cut."""
+
+SECRET, WATCHER = "for-operators", "for-observers"
+FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script>"
+PATIENCE_S = 60.0
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Return a browser; skip, with the reason, where there is none."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no chromium here: apt-get install chromium")
+    from telerobot.tools.operator.web.vendor import missing
+
+    if missing():
+        pytest.skip("the page's JavaScript is not fetched: make venv")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+class Console:
+    """The console's process."""
+
+    def __init__(self, cell):
+        self.port = free_port(socket.SOCK_STREAM)
+        self._cell = cell
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen(
+            [
+                sys.executable, "-m", "telerobot.tools.cli", "console",
+                *options(self._cell, bus=False), f"--listen={HOST}:{self.port}",
+            ],
+            env={**os.environ, "TELEROBOT_CONSOLE_KEYS": f"{SECRET},{WATCHER}"},
+            stdout=subprocess.PIPE,
+            text=True,
+        )  # fmt: skip
+        for _ in range(2):
+            assert self.process.stdout.readline(), "the console did not start"
+
+    def address(self, key=SECRET, host=HOST):
+        return f"http://{host}:{self.port}/?key={key}"
+
+    def close(self):
+        self.process.send_signal(signal.SIGCONT)
+        self.process.terminate()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+class Site:
+    """A plant with a console, and pages that are open on it."""
+
+    def __init__(self, plant, browser):
+        self.plant, self.browser = plant, browser
+        self.console = Console(plant.cell)
+        self._contexts = []
+
+    def page(self, key=SECRET, name="ann", host=HOST, script="", **context):
+        """Return a page that has come in, and shows a state."""
+        opened = self.browser.new_context(**{"viewport": {"width": 1280, "height": 720}, **context})
+        self._contexts.append(opened)
+        page = opened.new_page()
+        page.errors = []
+        page.on("pageerror", lambda error: page.errors.append(str(error)))
+        page.on("console", lambda told: told.type == "error" and page.errors.append(told.text))
+        page.add_init_script(f"localStorage.setItem('name', {name!r})")
+        if script:
+            page.add_init_script(script)
+        page.goto(self.console.address(key, host))
+        page.wait_for_selector("body[data-ready]", timeout=1000 * PATIENCE_S)
+        self.until(lambda: self.mode(page) not in ("…", "no daemon"), "the page shows no state")
+        return page
+
+    def enabled(self, **more):
+        """Return a page that holds the lease of an arm that is enabled."""
+        page = self.page(**more)
+        self.click(page, "Take the lease")
+        self.until(lambda: self.mode(page) in ("ready", "hold"), "not ready")
+        self.click(page, "Enable" if self.mode(page) == "ready" else "Resume")
+        self.until(lambda: self.mode(page) == "enabled", "not enabled")
+        return page
+
+    def click(self, page, name):
+        page.get_by_role("button", name=name, exact=True).first.click(timeout=1000 * PATIENCE_S)
+
+    def mode(self, page):
+        return page.text_content(".mode").lower()
+
+    def until(self, done, why):
+        """Wait until something holds; the browser and the plant go on meanwhile."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not done():
+            self.plant.turn()
+            assert time.monotonic() < deadline_s, f"{why}; {self.plant.told()}"
+
+    def speed(self):
+        """Return how fast the arm's joints move, in truth [rad/s]."""
+        self.plant.turn()
+        return max(abs(rate) for rate in self.plant.truth.dq)
+
+    def until_moving(self):
+        self.until(lambda: self.speed() > 0.01, "the arm does not move")
+
+    def until_still(self):
+        self.until(lambda: self.speed() < 0.002, "the arm does not stop")
+
+    def events(self):
+        """Return the names of the daemon's events that the test's own operator has read."""
+        return [event.name for event in self.plant.operators[0].events]
+
+    def forget(self):
+        self.plant.operators[0].events.clear()
+
+    def leave(self):
+        """Close all pages, and wait until nobody holds the lease."""
+        for context in self._contexts:
+            context.close()
+        self._contexts.clear()
+        watcher = self.plant.operators[0]
+        self.until(
+            lambda: watcher.state.lease_holder is None and watcher.state.mode in ("ready", "hold"),
+            "a page that has gone still holds the lease",
+        )
+        if watcher.state.protective_stop:
+            watcher.acquire()
+            watcher.clear_protective_stop()
+            watcher.release()
+
+    def close(self):
+        for context in self._contexts:
+            context.close()
+        self.console.close()
+
+
+def plant_type():
+    """Return the `Plant` of the tests on processes; conftest files cannot import each other."""
+    path = Path(__file__).resolve().parents[1] / "hil" / "conftest.py"
+    spec = importlib.util.spec_from_file_location("plant_of_processes", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.Plant
+
+
+@pytest.fixture(scope="session")
+def running(chromium, tmp_path_factory):
+    """Return a PA-10 with a console, for the whole session; its cell's description is hostile."""
+    path = tmp_path_factory.mktemp("cell") / "pa10.toml"
+    text = load_cell("pa10").path.read_text()
+    path.write_text(re.sub(r"^description = .*$", f"description = '{HOSTILE}'", text, flags=re.M))
+    with plant_type()(load_cell(path)) as plant:
+        plant.operator("watcher")
+        site = Site(plant, chromium)
+        yield site
+        site.close()
+
+
+@pytest.fixture
+def site(running):
+    """Return the console with no page open and nobody driving."""
+    running.forget()
+    yield running
+    running.leave()

@@ -1,0 +1,171 @@
+"""A motion lasts as long as it is held by a page that is alive and looked at."""
+
+import os
+import signal
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.browser
+
+HUNG = "for (const since = performance.now(); performance.now() - since < 8000;);"
+
+
+class Cable:
+    """Address of the same port that passes everything on to the console, until it is cut."""
+
+    def __init__(self, host, port):
+        self._far = (host, port)
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self._cut = threading.Event()
+        self._sockets = [self._listener]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        while not self._cut.is_set():
+            try:
+                near, _ = self._listener.accept()
+            except OSError:
+                return
+            far = socket.create_connection(self._far)
+            self._sockets += [near, far]
+            for pair in ((near, far), (far, near)):
+                threading.Thread(target=self._carry, args=pair, daemon=True).start()
+
+    def _carry(self, source, sink):
+        try:
+            while (data := source.recv(65536)) and not self._cut.is_set():
+                sink.sendall(data)
+            if not self._cut.is_set():
+                sink.shutdown(socket.SHUT_WR)
+        except OSError:
+            return
+
+    def cut(self):
+        """Pass nothing on any more, and close nothing: as a cable that was pulled."""
+        self._cut.set()
+
+    def close(self):
+        self.cut()
+        for each in self._sockets:
+            each.close()
+
+
+def renderers():
+    """Return the processes of our own browser that run pages."""
+    parents, found = {}, []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            parents[int(path.name)] = int((path / "stat").read_text().rpartition(")")[2].split()[1])
+            if "--type=renderer" in (path / "cmdline").read_text():
+                found.append(int(path.name))
+        except OSError:
+            continue  # it has ended meanwhile
+
+    def ours(pid):
+        return pid == os.getpid() or (pid in parents and ours(parents[pid]))
+
+    return [pid for pid in found if ours(pid)]
+
+
+def hold(site, page):
+    site.forget()
+    page.keyboard.down("r")
+    site.until_moving()
+
+
+def test_a_held_key_moves_the_tool_until_it_is_released(site):
+    page = site.enabled()
+    before = site.plant.truth.pose_mrf
+    hold(site, page)
+    page.keyboard.up("r")
+    site.until_still()
+    site.plant.turn()
+    assert max(abs(a - b) for a, b in zip(site.plant.truth.pose_mrf, before, strict=True)) > 1e-3
+    assert site.mode(page) == "enabled"
+    assert "stream_expired" not in site.events(), "the stop was found out, not told"
+    assert page.errors == []
+
+
+@pytest.mark.parametrize("ending", ["blur", "hidden"])
+def test_a_page_that_is_not_looked_at_lets_go_of_everything(site, ending):
+    page = site.enabled()
+    hold(site, page)
+    if ending == "blur":
+        page.evaluate("window.dispatchEvent(new Event('blur'))")
+    else:
+        page.evaluate(
+            "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+            "document.dispatchEvent(new Event('visibilitychange'));"
+        )
+    site.until_still()
+    assert site.mode(page) == "enabled"
+    assert "lease_expired" not in site.events()
+
+
+def test_a_page_that_is_closed_gives_the_lease_back_and_the_arm_holds(site):
+    page = site.enabled()
+    hold(site, page)
+    page.close()
+    site.until_still()
+    watcher = site.plant.operators[0]
+    site.until(lambda: watcher.state.lease_holder is None, "the lease was not given back")
+    assert "lease_released" in site.events()
+
+
+@pytest.mark.parametrize("ending", ["frozen", "hung"])
+def test_a_page_that_hangs_stops_the_arm_and_loses_the_lease(site, ending):
+    page = site.enabled()
+    hold(site, page)
+    stopped = renderers() if ending == "frozen" else []
+    for pid in stopped:
+        os.kill(pid, signal.SIGSTOP)
+    if ending == "hung":
+        page.evaluate(f"setTimeout(() => {{ {HUNG} }})")
+    try:
+        site.until_still()
+        watcher = site.plant.operators[0]
+        site.until(lambda: "lease_expired" in site.events(), "the lease lives on")
+        assert watcher.state.lease_holder is None
+    finally:
+        for pid in stopped:
+            os.kill(pid, signal.SIGCONT)
+    site.until(lambda: site.mode(page) == "hold", "the page does not come back")
+    site.until_still()
+
+
+def test_a_cut_cable_stops_the_arm_and_the_page_says_so(site):
+    cable = Cable("127.0.0.2", site.console.port)
+    try:
+        page = site.enabled(host="127.0.0.1")
+        hold(site, page)
+        cable.cut()
+        site.until_still()
+        site.until(lambda: page.is_visible("#over p"), "the page does not say that it is cut off")
+    finally:
+        cable.close()
+
+
+def test_a_page_that_is_loaded_again_in_motion_lets_go(site):
+    page = site.enabled()
+    hold(site, page)
+    page.reload()
+    site.until_still()
+    page.wait_for_selector("body[data-ready]")
+    site.until(lambda: site.mode(page) == "hold", "the page shows no state")
+    site.click(page, "Take the lease")
+    site.click(page, "Resume")
+    site.until(lambda: site.mode(page) == "enabled", "it cannot go on")
+
+
+def test_a_console_that_is_killed_is_said_and_the_arm_holds(site):
+    page = site.enabled()
+    hold(site, page)
+    site.console.process.kill()
+    site.console.process.wait()
+    site.until_still()
+    site.until(lambda: page.is_visible("#over p"), "the page does not say so")
+    site.console.start()
+    site.until(lambda: site.mode(page) == "hold", "the page does not find the console again")

@@ -1,0 +1,85 @@
+"""What a hand can hold: pads, sliders, a gamepad with its deadman button; and postures."""
+
+import pytest
+
+pytestmark = pytest.mark.browser
+
+GAMEPAD = """
+window.pad = {id: "made up", connected: true, axes: [0, 0, 0, 0],
+  buttons: [...Array(17)].map(() => ({pressed: false}))};
+navigator.getGamepads = () => [window.pad];
+"""
+
+
+def test_a_gamepad_moves_the_tool_only_with_its_deadman_held(site):
+    page = site.enabled(script=GAMEPAD)
+    site.until(lambda: page.locator("text=made up").count() == 1, "the gamepad is not seen")
+    page.evaluate("window.pad.axes[3] = -1")
+    site.until(lambda: page.locator("svg.mapping circle.lit").count() == 1, "not shown")
+    seen = site.plant.operators[0].state.tick
+    site.until(lambda: site.plant.operators[0].state.tick > seen + 30, "no telemetry")
+    assert site.speed() < 0.002, "the stick moves the tool without the button"
+    page.evaluate("window.pad.buttons[5].pressed = true")
+    site.until_moving()
+    page.evaluate("window.pad.buttons[5].pressed = false")
+    site.until_still()
+    assert site.mode(page) == "enabled"
+
+
+def test_a_pad_is_held_by_the_finger_and_springs_back(site):
+    page = site.enabled()
+    box = page.locator(".pad .strip").first.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 8)
+    site.until_moving()
+    page.mouse.up()
+    site.until_still()
+    assert page.locator(".pad .held").count() == 0
+
+
+def test_a_joint_slider_jogs_one_joint_and_springs_back(site):
+    page = site.enabled()
+    slider = page.get_by_label("Jog s1")
+    slider.scroll_into_view_if_needed()
+    box = slider.bounding_box()
+    before = site.plant.truth.q
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] * 0.8, box["y"] + box["height"] / 2)
+    site.until_moving()
+    page.mouse.up()
+    site.until_still()
+    moved = [abs(a - b) for a, b in zip(site.plant.truth.q, before, strict=True)]
+    assert moved[0] > 1e-3
+    assert max(moved[1:]) < 1e-3
+    assert slider.input_value() == "0"
+
+
+def test_a_target_is_reached_to_a_millimetre(site):
+    page = site.enabled()
+    page.get_by_role("tab", name="Set").click()
+    form = page.locator("details[data-topic='cmd/position']")
+    form.locator("summary").click()
+    start = site.plant.operators[0].state.pose_mrf
+    wanted = [start[0] - 0.02, start[1], start[2] + 0.03, *start[3:]]
+    for i in range(3):
+        form.get_by_label(f"xyz {i + 1}").fill(repr(wanted[i]))
+        form.get_by_label(f"rpy {i + 1}").fill(repr(wanted[3 + i]))
+    form.get_by_label("relative to").select_option("world")
+    form.get_by_role("button", name="Send").click()
+
+    def off():
+        site.plant.turn()
+        pairs = zip(site.plant.truth.pose_mrf[:3], wanted[:3], strict=True)
+        return max(abs(a - b) for a, b in pairs)
+
+    site.until(lambda: off() < 1e-3, "the target is not reached to 1 mm")
+
+
+def test_letters_in_a_field_are_text_and_move_nothing(site):
+    page = site.enabled()
+    page.get_by_label("Your name").focus()
+    page.keyboard.press("r")
+    assert page.get_by_label("Your name").input_value().endswith("r")
+    assert site.speed() < 0.002
