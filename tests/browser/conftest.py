@@ -103,13 +103,24 @@ class Site:
         return page
 
     def enabled(self, **more):
-        """Return a page that holds the lease of an arm that is enabled."""
+        """Return a page that holds the lease of an arm that is enabled.
+
+        It does what the page offers to do next: on a busy machine a lease may run out meanwhile.
+        """
         page = self.page(**more)
-        self.click(page, "Take the lease")
-        self.until(lambda: self.mode(page) in ("ready", "hold"), "not ready")
-        self.click(page, "Enable" if self.mode(page) == "ready" else "Resume")
-        self.until(lambda: self.mode(page) == "enabled", "not enabled")
+        self.go_on(page)
         return page
+
+    def go_on(self, page):
+        """Press what the page offers next, until the arm is enabled."""
+
+        def enabled():
+            offered = page.locator(".actions button.next:visible")
+            if self.mode(page) != "enabled" and offered.count():
+                offered.first.click()
+            return self.mode(page) == "enabled" and not offered.count()
+
+        self.until(enabled, "not enabled")
 
     def click(self, page, name):
         page.get_by_role("button", name=name, exact=True).first.click(timeout=1000 * PATIENCE_S)

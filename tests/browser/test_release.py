@@ -155,9 +155,7 @@ def test_a_page_that_is_loaded_again_in_motion_lets_go(site):
     site.until_still()
     page.wait_for_selector("body[data-ready]")
     site.until(lambda: site.mode(page) == "hold", "the page shows no state")
-    site.click(page, "Take the lease")
-    site.click(page, "Resume")
-    site.until(lambda: site.mode(page) == "enabled", "it cannot go on")
+    site.go_on(page)
 
 
 def test_a_console_that_is_killed_is_said_and_the_arm_holds(site):

@@ -8,7 +8,7 @@ second else. Motion stops when beats stop: after `HELD_S` the streams are told z
 import asyncio
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from pydantic import ValidationError
@@ -39,8 +39,17 @@ _ANYBODYS: Final = (t.PROTECTIVE_STOP, t.PROTECTIVE_CLEAR)
 class Page:
     """What one page holds, is told and asks for; its socket is the server's."""
 
-    def __init__(self, name: str, role: Role, cell: str, put: Put, ask: Ask) -> None:
+    def __init__(
+        self,
+        name: str,
+        role: Role,
+        cell: str,
+        put: Put,
+        ask: Ask,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.role = role
+        self._clock = clock
         self.client = ProtocolClient(name, cell, self._put, ask)
         self.round_trip = RoundTrip()
         self.outbox: asyncio.Queue[str] = asyncio.Queue(WAITING)
@@ -50,7 +59,7 @@ class Page:
         self.overrun = False
         """True once the page reads too slowly to be told everything."""
         self._send_on = put
-        self._beat_s = time.monotonic()
+        self._beat_s = clock()
         self._held: dict[tuple[t.Topic, str], dict[str, Any]] = {}
         self._lapsed = False
 
@@ -71,7 +80,7 @@ class Page:
             self.tell({"type": "complaint", "detail": str(error)[:200]})
 
     def _beat(self, message: Mapping[str, Any]) -> None:
-        self._beat_s = time.monotonic()
+        self._beat_s = self._clock()
         held = {} if self.role is not Role.OPERATOR else dict(message.get("held") or {})
         if self._lapsed and held:
             held = {}  # what was held when the page fell silent has to be let go of first
@@ -139,7 +148,7 @@ class Page:
         held = self.client.secret is not None
         self.client.on_state(state)
         self.client.watch_lease(state)
-        self.round_trip.echoed(state.last_seq, time.monotonic())
+        self.round_trip.echoed(state.last_seq, self._clock())
         if self.client.secret is None or state.mode != "enabled":
             for topic in STREAMS:
                 self.client.end_stream(topic)
@@ -174,10 +183,10 @@ class Page:
                 self._held[name] = still
                 changed = True
         if changed:
-            self.client.send_streams(time.monotonic())
+            self.client.send_streams(self._clock())
 
     def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
-        self.round_trip.sent(topic.key, self.client.seq, time.monotonic())
+        self.round_trip.sent(topic.key, self.client.seq, self._clock())
         self._send_on(topic, payload, proof)
 
     # --- what the page is told ---------------------------------------------------------------

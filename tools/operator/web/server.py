@@ -17,6 +17,7 @@ from .login import LOGIN, welcome
 from .page import Page
 
 STATIC: Final = Path(__file__).resolve().parent / "static"
+ROLE: Final = web.RequestKey("role", Role)
 LARGEST: Final = 65536
 """Longest message that is read from a page [B]."""
 
@@ -64,7 +65,7 @@ class Server:
         if role is None:
             page = web.Response(status=401, text=LOGIN, content_type="text/html")
             return self._seal(request, page)
-        request["role"] = role
+        request[ROLE] = role
         try:
             return self._seal(request, await handler(request))
         except web.HTTPException as refused:
@@ -146,7 +147,7 @@ class Server:
         await socket.prepare(request)
         self._visitors += 1
         name = request.query.get("name", "").strip()[:48] or f"page {self._visitors}"
-        role: Role = request["role"]
+        role: Role = request[ROLE]
         page = self._hub.open_page(name, role, self._cell.config.name)
         writer = asyncio.create_task(_write(page, socket))
         try:

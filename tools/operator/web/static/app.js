@@ -48,9 +48,15 @@ let newest = null;
 let newestAt = 0;
 
 const mode = (action) => () => ask("operator/mode", { action });
+
+// Where nobody has the lease, enabling takes it first: as in the terminal.
+async function enable() {
+  if (holds || (await ask("operator/lease", {})).ok) ask("operator/mode", { action: "enable" });
+}
+
 steerByKeys(held, choices, {
   stop: stop.press,
-  m: mode("enable"), h: mode("hold"), n: mode("disable"), R: mode("reset"),
+  m: enable, h: mode("hold"), n: mode("disable"), R: mode("reset"),
   c: () => ask("operator/protective_clear", {}), L: () => ask("operator/lease", {}),
   t: () => ask("operator/tare", choices.mechanism),
   e: () => choices.choose({ frame: FRAMES[(FRAMES.indexOf(choices.frame) + 1) % FRAMES.length] }),

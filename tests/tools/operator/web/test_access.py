@@ -1,0 +1,148 @@
+"""Who comes in to the page: secrets, cookies, host, origin, certificates, HTTPS beyond loopback."""
+
+import asyncio
+
+import pytest
+from aiohttp.test_utils import TestClient, TestServer
+from telerobot.config.errors import ConfigError
+from telerobot.config.load import load_cell
+from telerobot.protocols.topics import Role
+from telerobot.tools.operator.client.connection import OperatorError
+from telerobot.tools.operator.web.access import Access, Listen, same_origin, tls_context
+from telerobot.tools.operator.web.hub import Hub
+from telerobot.tools.operator.web.server import Server
+
+
+def nobody():
+    raise OperatorError("no_daemon", "nobody answers")
+
+
+def visit(steps):
+    """Run `steps(client, access, origin)` against a server of the cell pa10, without a daemon."""
+
+    async def run():
+        access = Access("pa10")
+        listen = Listen("127.0.0.1", 0)
+        server = Server(load_cell("pa10"), Hub(nobody), access, listen, secure=False)
+        async with TestClient(TestServer(server.application())) as client:
+            server.port = client.port
+            await steps(client, access, f"http://{client.host}:{client.port}")
+
+    asyncio.run(run())
+
+
+def test_a_secret_opens_the_page_and_leaves_a_cookie_in_its_place():
+    async def steps(client, access, origin):
+        assert (await client.get("/")).status == 401
+        assert (await client.get("/?key=guess")).status == 401
+        came = await client.get("/", params={"key": access.keys[Role.OPERATOR]})
+        assert came.status == 200
+        assert "url=/" in await came.text()
+        assert access.keys[Role.OPERATOR] not in await came.text()
+        page = await client.get("/")
+        assert page.status == 200
+        assert "app.js" in await page.text()
+        assert "'unsafe-inline'" not in page.headers["Content-Security-Policy"]
+        assert page.headers["Content-Security-Policy"].startswith(
+            "default-src 'none'; script-src 'self'"
+        )
+
+    visit(steps)
+
+
+def test_the_form_of_the_login_is_heard_from_its_own_page_only():
+    async def steps(client, access, origin):
+        key = {"key": access.keys[Role.OBSERVER]}
+        assert (await client.post("/login", data=key)).status == 403
+        foreign = {"Origin": "http://evil.example"}
+        assert (await client.post("/login", data=key, headers=foreign)).status == 403
+        assert (await client.post("/login", data=key, headers={"Origin": origin})).status == 200
+        assert (await client.get("/catalogue.json")).status == 200
+
+    visit(steps)
+
+
+def test_another_name_of_the_host_leads_nowhere():
+    async def steps(client, access, origin):
+        key = {"key": access.keys[Role.OPERATOR]}
+        reply = await client.get("/", params=key, headers={"Host": "evil.example:80"})
+        assert reply.status == 421
+        assert "Set-Cookie" not in reply.headers
+
+    visit(steps)
+
+
+def test_a_socket_is_opened_by_the_page_itself_and_says_who_one_is():
+    async def steps(client, access, origin):
+        await client.get("/", params={"key": access.keys[Role.OBSERVER]})
+        for headers in ({}, {"Origin": "http://evil.example"}):
+            assert (await client.get("/ws", headers=headers)).status == 403
+        async with client.ws_connect("/ws?name=eve", headers={"Origin": origin}) as socket:
+            link = await socket.receive_json()
+            assert (link["type"], link["you"], link["role"]) == ("link", "eve", "observer")
+
+    visit(steps)
+
+
+def test_what_lies_beside_the_page_is_not_served():
+    async def steps(client, access, origin):
+        await client.get("/", params={"key": access.keys[Role.OPERATOR]})
+        for path in ("/../cli.py", "/..%2fcli.py", "/meshes/../../cli.py", "/package.json"):
+            assert (await client.get(path)).status == 404
+
+    visit(steps)
+
+
+def test_cookies_and_secrets_of_one_role_do_not_open_the_other():
+    access = Access("pa10")
+    assert access.role_of_cookie(access.cookie(Role.OBSERVER)) is Role.OBSERVER
+    assert access.role_of_cookie(access.cookie(Role.OPERATOR)) is Role.OPERATOR
+    assert access.role_of_cookie(access.keys[Role.OPERATOR]) is None
+    assert access.role_of_key("") is None
+    assert Access("pa10").role_of_cookie(access.cookie(Role.OPERATOR)) is None
+
+
+@pytest.mark.parametrize(
+    ("uris", "role"),
+    [
+        (("telerobot:pa10/operator",), Role.OPERATOR),
+        (("telerobot:pa10/observer",), Role.OBSERVER),
+        (("telerobot:ur5e/operator", "telerobot:pa10/observer"), Role.OBSERVER),
+        (("telerobot:pa10/rig",), None),
+        (("telerobot:pa10/sensor/vision",), None),
+        ((), None),
+    ],
+)
+def test_a_certificate_has_the_role_that_it_grants_in_this_cell(uris, role):
+    shown = {"subjectAltName": tuple(("URI", uri) for uri in uris)}
+    assert Access("pa10").role_of_certificate(shown) is role
+    assert Access("pa10").role_of_certificate(None) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "beyond"),
+    [("127.0.0.1:8080", False), ("localhost:80", False), ("[::1]:0", False), ("0.0.0.0:80", True),
+     ("10.0.0.7:8080", True), ("arm.example:443", True)],
+)  # fmt: skip
+def test_beyond_loopback_is_known(text, beyond):
+    assert Listen.parse(text).beyond is beyond
+
+
+@pytest.mark.parametrize("text", ["8080", ":8080", "127.0.0.1", "127.0.0.1:http", "h:70000"])
+def test_an_address_that_is_none_is_refused_in_one_line(text):
+    with pytest.raises(ConfigError, match=r"--listen: value .*: write HOST:PORT"):
+        Listen.parse(text)
+
+
+def test_beyond_loopback_without_a_certificate_the_console_does_not_start():
+    with pytest.raises(ConfigError, match="HTTPS"):
+        tls_context(None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("origin", "same"),
+    [("http://127.0.0.1:8080", True), ("https://127.0.0.1:8080", False), (None, False),
+     ("null", False), ("http://127.0.0.1:8081", False), ("http://127.0.0.1:8080.evil", False)],
+)  # fmt: skip
+def test_an_origin_is_the_same_only_in_scheme_host_and_port(origin, same):
+    assert same_origin(origin, "http", "127.0.0.1:8080") is same
