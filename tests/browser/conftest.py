@@ -28,6 +28,10 @@ SECRET, WATCHER = "for-operators", "for-observers"
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script>"
 PATIENCE_S = 60.0
+OFFERED = ".actions button.next:not([hidden])"
+AGAIN_S = 3.0
+"""A button is pressed again if the page still offers it by then [s]."""
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
@@ -114,11 +118,16 @@ class Site:
     def go_on(self, page):
         """Press what the page offers next, until the arm is enabled."""
 
+        pressed, pressed_s = "", 0.0
+
         def enabled():
-            offered = page.locator(".actions button.next:visible")
-            if self.mode(page) != "enabled" and offered.count():
-                offered.first.click()
-            return self.mode(page) == "enabled" and not offered.count()
+            nonlocal pressed, pressed_s
+            offered = page.evaluate(f"document.querySelector('{OFFERED}')?.textContent ?? ''")
+            again = offered != pressed or time.monotonic() - pressed_s > AGAIN_S
+            if offered and again:
+                pressed, pressed_s = offered, time.monotonic()
+                page.evaluate(f"document.querySelector('{OFFERED}')?.click()")
+            return self.mode(page) == "enabled" and not offered
 
         self.until(enabled, "not enabled")
 

@@ -17,9 +17,9 @@ from ..host.local_plant import ChildDied, LocalPlant
 from ..operator.client.connection import OperatorError
 from ..operator.client.operator import Operator
 from ..operator.terminal.console import is_terminal
+from ..operator.web.of_demo import start_page
 from ..scripts.live_run import LiveRun
 from ..scripts.script import Script, load_script
-from .demo_page import start_page
 from .drive import drive
 
 READY_WITHIN_S = 90.0

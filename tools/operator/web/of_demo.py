@@ -6,8 +6,8 @@ import socket
 import webbrowser
 from importlib.util import find_spec
 
-from ..host.claim import Claims
-from ..host.local_plant import LocalPlant, free_port
+from ...host.claim import Claims
+from ...host.local_plant import LocalPlant, free_port
 
 PORT = 8080
 """The page's port, if it is free."""
@@ -17,8 +17,8 @@ def start_page(plant: LocalPlant, claims: Claims) -> list[str]:
     """Start the console of a demo; return what to tell about it."""
     if find_spec("aiohttp") is None:
         return ["no page in the browser: pip install 'telerobot[console]'"]
-    from ..operator.web.cli import KEYS
-    from ..operator.web.vendor import missing
+    from .cli import KEYS
+    from .vendor import missing
 
     if missing():
         return ["no page in the browser: its JavaScript is not there (make venv fetches it)"]
