@@ -14,7 +14,9 @@ from .replay import Replay
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
-    parser.add_argument("run", metavar="RUN.mcap", type=Path, help="a recorded run, or a black box")
+    parser.add_argument(
+        "file", metavar="RUN.mcap", type=Path, help="a recorded run, or a black box"
+    )
     parser.add_argument(
         "--until",
         metavar="T",
@@ -30,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay; return 0 where every output is the recorded one, else 1. Raises `OSError`."""
     try:
-        return _replay(args.run, args.until, args.explain)
+        return _replay(args.file, args.until, args.explain)
     except RecordError as error:
         print(f"telerobot: {error}", file=sys.stderr)
         return 1
