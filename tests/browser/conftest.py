@@ -28,6 +28,9 @@ SECRET, WATCHER = "for-operators", "for-observers"
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script>"
 PATIENCE_S = 60.0
+SMALL = {"width": 960, "height": 620}
+"""Drawn by the processor alone, a picture takes its time; the fewer points, the less."""
+
 OFFERED = ".actions button.next:not([hidden])"
 AGAIN_S = 3.0
 """A button is pressed again if the page still offers it by then [s]."""
@@ -92,7 +95,7 @@ class Site:
 
     def page(self, key=SECRET, name="ann", host=HOST, script="", **context):
         """Return a page that has come in, and shows a state."""
-        opened = self.browser.new_context(**{"viewport": {"width": 1280, "height": 720}, **context})
+        opened = self.browser.new_context(**{"viewport": SMALL, **context})
         self._contexts.append(opened)
         page = opened.new_page()
         page.errors = []

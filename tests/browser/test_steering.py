@@ -77,6 +77,29 @@ def test_a_target_is_reached_to_a_millimetre(site):
     site.until(lambda: off() < 1e-3, "the target is not reached to 1 mm")
 
 
+def test_the_handle_that_is_dragged_leads_the_tool_to_where_it_is_let_go_of(site):
+    page = site.enabled()
+    page.get_by_role("button", name="top", exact=True).click()
+    page.get_by_role("button", name="Move", exact=True).click()
+    before = site.plant.operators[0].state.target_mrf
+    x, y = page.evaluate("document.getElementById('scene').handleOnScreen()")
+    box = page.locator("#scene").bounding_box()
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + x + 12, box["y"] + y - 9, steps=4)
+    page.mouse.up()
+    watcher = site.plant.operators[0]
+    site.until(lambda: watcher.state.target_mrf not in (None, before), "no target was sent")
+    target = watcher.state.target_mrf
+
+    def off():
+        site.plant.turn()
+        pairs = zip(site.plant.truth.pose_mrf[:3], target[:3], strict=True)
+        return max(abs(a - b) for a, b in pairs)
+
+    site.until(lambda: off() < 1e-3, "the target is not reached to 1 mm")
+
+
 def test_letters_in_a_field_are_text_and_move_nothing(site):
     page = site.enabled()
     page.get_by_label("Your name").focus()

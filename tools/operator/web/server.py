@@ -33,7 +33,6 @@ class Server:
         self.port = listen.port
         """The port that is listened on, once it is."""
         self._visitors = 0
-        self._meshes = scene.mesh_files(cell)
 
     def application(self) -> web.Application:
         """Return the application."""
@@ -48,7 +47,7 @@ class Server:
         app.router.add_get("/ws", self._socket)
         app.router.add_get("/scene.json", self._scene)
         app.router.add_get("/catalogue.json", self._catalogue)
-        app.router.add_get("/meshes/{name}", self._mesh)
+        scene.add_routes(app, self._cell)
         app.router.add_static("/", STATIC)
         return app
 
@@ -130,12 +129,6 @@ class Server:
 
     async def _scene(self, _request: web.Request) -> web.StreamResponse:
         return web.json_response(scene.describe(self._cell))
-
-    async def _mesh(self, request: web.Request) -> web.StreamResponse:
-        file = self._meshes.get(request.path)
-        if file is None:
-            raise web.HTTPNotFound
-        return web.FileResponse(file)
 
     async def _catalogue(self, _request: web.Request) -> web.StreamResponse:
         return web.json_response(catalogue(self._cell))
