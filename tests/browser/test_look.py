@@ -1,4 +1,4 @@
-"""Everybody can use the page: contrast, names and order, on a desk as on a tablet, dark and light."""
+"""Everybody can use the page: contrast, names, order; on a desk and a tablet, dark and light."""
 
 import pytest
 from telerobot.tools.operator.web.vendor import PACKAGES
@@ -38,7 +38,8 @@ def test_what_matters_is_in_sight(site, viewport):
         assert box["y"] >= 0, what
         assert box["y"] + box["height"] <= height + 1, what
     areas = page.evaluate(
-        "[...document.querySelectorAll('button')].map((b) => [b.id, b.offsetWidth * b.offsetHeight])"
+        "[...document.querySelectorAll('button')]"
+        ".map((each) => [each.id, each.offsetWidth * each.offsetHeight])"
     )
     assert max(areas, key=lambda each: each[1])[0] == "stop-button", "the stop is not the largest"
     assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -167,3 +167,15 @@ def test_a_console_that_is_killed_is_said_and_the_arm_holds(site):
     site.until(lambda: page.is_visible("#over p"), "the page does not say so")
     site.console.start()
     site.until(lambda: site.mode(page) == "hold", "the page does not find the console again")
+
+
+def test_a_daemon_that_is_killed_is_said_and_found_again(site):
+    page = site.enabled()
+    hold(site, page)
+    site.plant.kill9_daemon()
+    site.until_still()
+    site.until(lambda: "silent" in page.text_content("#over p"), "the page does not say so")
+    page.keyboard.up("r")
+    site.plant.start_daemon()
+    site.until(lambda: not page.is_visible("#over p"), "the page does not find the daemon again")
+    site.go_on(page)
