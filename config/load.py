@@ -25,6 +25,7 @@ from .sweep import with_sweep
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot
 from .validated import under, validated
+from .wheels import with_wheels
 
 __all__ = [
     "Cell",
@@ -184,9 +185,11 @@ def _part(path: Path, part: Part) -> Cell:
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: {place}.urdf: ")
     robot = read_robot(urdf, mechanism.tip_link, f"{path}: {place}.tip_link")
     config, robot = with_sweep(path, config, robot, part.words)
+    config, robot = with_wheels(path, config, robot, part.words)
     check_agreement(path, config, robot, part.words)
     _find("scripts", config.default_script, path.parent, f"{path}: default_script: ")
     order = {joint.name: i for i, joint in enumerate(robot.joints)}
+    mechanism = config.mechanism
     drives = tuple(sorted(mechanism.drives, key=lambda drive: order[drive.joint]))
     mechanism = mechanism.model_copy(update={"drives": drives})
     config = config.model_copy(update={"mechanism": mechanism})

@@ -131,6 +131,12 @@ def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
     return Robot(urdf, tuple(reversed(joints)))
 
 
+def axis_of(urdf: Path, joint: str) -> tuple[float, ...]:
+    """Return the axis of a joint in its own frame. Raises `ConfigError`."""
+    found = _parse(urdf).find(f"joint[@name='{joint}']/axis")
+    return tuple(map(float, ("1 0 0" if found is None else found.get("xyz", "")).split()))
+
+
 def _parse(urdf: Path) -> ET.Element:
     try:
         size = urdf.stat().st_size

@@ -43,7 +43,8 @@ def _servo(drive: Drive, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device
         cell.config.timing,
         lower=joint.lower,
         upper=joint.upper,
-        mode=OperationMode[cell.config.mechanism.operation_mode.upper()],
+        mode=OperationMode[cell.config.mechanism.mode_of(drive).upper()],
+        endless=drive.joint in cell.config.mechanism.wheels,
         eds=EDS / "simulated_drive.eds",
     )
 

@@ -47,7 +47,7 @@ class _Dummy:
         commands = Commands.from_cell(part)
         every = ObjectiveGains(dict.fromkeys(OBJECTIVES, 0.1), self.q)
         self._settings = replace(commands.control_settings(), objectives=every)
-        self._moved = commands.frames.moved if part.config.frames.moving else None
+        self._moved = commands.frames.moved if commands.frames.may_move else None
         self._stick = StickCommand(np.full(6, 0.01), np.eye(3))
 
     def inputs(self, memory: Memory, intent: Intent, way: float) -> Inputs:

@@ -35,7 +35,8 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from _pairing(config.mechanism.drives, robot)
     joints = {joint.name: joint for joint in robot.joints}
     for i, drive in enumerate(config.mechanism.drives):
-        yield from _drive(f"mechanism.{drive.key(i)}", drive, joints[drive.joint])
+        endless = drive.joint in config.mechanism.wheels
+        yield from _drive(f"mechanism.{drive.key(i)}", drive, joints[drive.joint], endless)
     yield from _postures(config, robot)
     yield from _gripper(config)
     yield from _payloads(config.mechanism)
@@ -91,7 +92,7 @@ def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:
             yield f"mechanism.drives: joint '{name}' of {robot.urdf} has no drive"
 
 
-def _drive(where: str, drive: Drive, joint: UrdfJoint) -> Iterator[str]:
+def _drive(where: str, drive: Drive, joint: UrdfJoint, endless: bool) -> Iterator[str]:
     if drive.max_velocity > joint.velocity:
         yield (
             f"{where}.max_velocity: value {drive.max_velocity:g}: must be at most "
@@ -102,7 +103,7 @@ def _drive(where: str, drive: Drive, joint: UrdfJoint) -> Iterator[str]:
             f"{where}.position_margin: value {drive.position_margin:g}: leaves nothing of joint "
             f"'{joint.name}' ({joint.lower:g} to {joint.upper:g})"
         )
-    for angle in (joint.lower, joint.upper):
+    for angle in () if endless else (joint.lower, joint.upper):
         counts = drive.direction * (angle - drive.zero_rad) * drive.counts_per_radian
         if abs(counts) > INT32_MAX:
             yield (

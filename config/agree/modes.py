@@ -8,6 +8,11 @@ from ..schema.cell import CellConfig
 def mode_disagreements(config: CellConfig) -> Iterator[str]:
     """Yield what does not fit, each in one line with its key."""
     mechanism = config.mechanism
+    if mechanism.base is not None and mechanism.operation_mode == "cst":
+        yield (
+            "mechanism.operation_mode: value 'cst': the law takes Base to stand, but there is "
+            "[mechanism.base]"
+        )
     if mechanism.operation_mode == "cst":
         if config.frames.base is not None:
             yield (

@@ -5,6 +5,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from .backbone import Backbone
+from .base import DifferentialBase
 from .on_bus import BusFrames, CanId, CanOpenNode, OnBus
 from .section import Name, Pose, Section, Vector6
 from .sweep import Sweep
@@ -216,14 +217,26 @@ class Mechanism(Section):
     sweep: Sweep | None = Field(
         None, description="axis beside the chain that goes to and fro; absent: there is none"
     )
+    base: DifferentialBase | None = Field(
+        None, description="wheels that carry the arm; absent: it stands where T_world_base says"
+    )
     payloads: dict[Name, Payload] = Field(
         default_factory=dict, description="named payloads to switch to, as a whole"
     )
     postures: dict[Name, tuple[float, ...]] = Field(
-        description="named joint postures [rad]; 'start' and 'ready' are required"
+        description="named postures of the chain's joints [rad]; 'start' and 'ready' are required"
     )
 
     @property
     def beside_chain(self) -> tuple[str, ...]:
         """Joints that move the tool not at all, or all of the arm."""
-        return () if self.sweep is None else (self.sweep.joint,)
+        return (*self.wheels, *(() if self.sweep is None else (self.sweep.joint,)))
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Joints of the wheels, left and right; none of an arm that stands."""
+        return () if self.base is None else (self.base.wheels.left, self.base.wheels.right)
+
+    def mode_of(self, drive: Drive) -> str:
+        """Return the operation mode of one of its drives: wheels run at speeds."""
+        return "csv" if drive.joint in self.wheels else self.operation_mode

@@ -19,6 +19,7 @@ from ..fieldbus import Fieldbus
 from ..roles import JointDrive
 from ..servo_status import Sent, ServoReading, wrong_emergency, wrong_status
 from . import servo_setup
+from .position import Position
 from .setpoint import Setpoint
 from .standstill import Standstill
 
@@ -41,7 +42,7 @@ class ServoDrive(JointDrive):
     """One joint's drive; keeps the contract of `device.py`.
 
     `lower` and `upper` are the joint's limits [rad] (607Dh); `mode` says what a setpoint is: rad in
-    CSP, rad/s in CSV, N·m in CST; `eds` names the drive's objects.
+    CSP, rad/s in CSV, N·m in CST; `eds` names the drive's objects. A wheel is `endless`.
     `read` judges by what `Fieldbus.receive` dispatched and by its `now`. The first trouble stays
     until `request_fault_reset` finds its cause gone; a node that restarted has lost its
     configuration and needs `open` again.
@@ -57,13 +58,15 @@ class ServoDrive(JointDrive):
         upper: float,
         mode: OperationMode = OperationMode.CSP,
         eds: Path | None = None,
+        endless: bool = False,
     ) -> None:
         self.drive, self.name = drive, drive.joint
         self._mode = mode
         self._setpoint = Setpoint(drive, mode)
         self._bus, self.bus = fieldbus, fieldbus.name
         self._timing = timing
-        self._limits = (lower, upper)
+        self._position = Position(drive, endless)
+        self._limits = lower, upper = self._position.limits(lower, upper)
         dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
         self.answer_stamp = 0.0
         """The bus' stamp of the newest TPDO1, which a SYNC asked for [s], on the bus' own clock."""
@@ -145,7 +148,7 @@ class ServoDrive(JointDrive):
             fresh=age == 0,
             age_syncs=age,
             sampled_s=self._sampled_s,
-            position_rad=servo_setup.to_radians(drive, last.position),
+            position_rad=self._position.rad,
             torque_nm=torque,
             velocity_rad_s=None,
             state=self._state,
@@ -162,8 +165,7 @@ class ServoDrive(JointDrive):
         """
         if self._feedback is None:
             return False
-        q = servo_setup.to_radians(self.drive, self._feedback.position)
-        return self._standstill.write(q, torque)
+        return self._standstill.write(self._position.in_range, torque)
 
     def request_enable(self) -> None:
         """Step towards *Operation enabled* with the coming writes; not after a stop or trouble."""
@@ -214,8 +216,7 @@ class ServoDrive(JointDrive):
 
     def close(self) -> None:
         """Take the voltage off and leave the node in *Pre-operational*. Never raises."""
-        word = Control.DISABLE_VOLTAGE.to_bytes(2, "little")
-        self._opened = False
+        word, self._opened = Control.DISABLE_VOLTAGE.to_bytes(2, "little"), False
         with suppress(SdoError, can.CanError, OSError):
             self._node.sdo.download(Object.CONTROLWORD, 0, word)
         with suppress(can.CanError, OSError):
@@ -278,6 +279,7 @@ class ServoDrive(JointDrive):
     def _on_feedback(self, data: bytes, stamp: float) -> None:
         self.answer_stamp = stamp
         self._feedback = feedback = cia402_pdo.unpack_feedback(data)
+        self._position.take(feedback.position)
         # After a SYNC without an answer this may be the one to that, late.
         in_turn = self._bus.sync_count - self._answered_sync <= 1
         self._sampled_s = self._bus.sync_s if in_turn else None

@@ -69,6 +69,12 @@ def to_radians(drive: Drive, counts: int) -> float:
     return drive.zero_rad + drive.direction * counts / drive.counts_per_radian
 
 
+def whole_range(drive: Drive) -> tuple[float, float]:
+    """Return the joint angles [rad] at both ends of 607Dh, which then bounds nothing."""
+    half = (2**31 - 2) / drive.counts_per_radian
+    return drive.zero_rad - half, drive.zero_rad + half
+
+
 def steps(
     drive: Drive, timing: Timing, lower: float, upper: float, mode: OperationMode
 ) -> Iterator[Step]:

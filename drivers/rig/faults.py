@@ -11,6 +11,7 @@
 | emcy | joint | one emergency message with this code, 4310h by default; nothing else |
 | block | joint | stands still mechanically, whatever the motor does |
 | stick | joint | extra Coulomb friction [N·m], half the drive's torque by default |
+| slip | wheel | its friction on the floor, 0.05 by default |
 | freeze | force_torque | 0: repeats its last sample (default); 1: sends none |
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |

@@ -164,7 +164,7 @@ class Rig:
     def frames(self) -> dict[str, Vector6]:
         """Where Base and Carrier truly are in World, where these may move."""
         poses: dict[str, Vector6] = {}
-        if "platform" in self._movers.by_name:
+        if self.world.rolls or "platform" in self._movers.by_name:
             poses["base"] = _six(*self.world.base_pose())
         carrier = self._movers.by_name.get("carrier")
         if carrier is not None:

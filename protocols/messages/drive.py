@@ -1,4 +1,4 @@
-"""Messages that drive a mechanism as a whole: a hyper-redundant arm into its tunnels.
+"""Messages that drive a mechanism as a whole: an arm into its tunnels, a base on wheels.
 
 The envelope, units and conventions are those of `messages.py`.
 """
@@ -11,9 +11,10 @@ from .messages import MechanismCommand, Speed
 
 
 class Drive(MechanismCommand):
-    """Speeds that a mechanism is driven at, a stream: of an arm in tunnels the insertion [m/s].
+    """Speeds that a mechanism is driven at, a stream.
 
-    Positive inserts, negative withdraws.
+    Of an arm in tunnels the insertion [m/s]: positive inserts, negative withdraws. Of a base on
+    wheels v ahead [m/s] and ω about its z axis [rad/s].
     """
 
     rates: Annotated[tuple[Speed, ...], Field(min_length=1, max_length=2)]

@@ -26,6 +26,8 @@ class FrameNews(Message):
     twist: Twist | None = None
     seen_from: Literal["world", "base"] = "world"
     quality: float = Field(1.0, ge=0, le=1)
+    heading: bool = False
+    """Only the yaw of `rpy` was measured, as by a gyroscope on a base with wheels."""
 
     @model_validator(mode="after")
     def _not_from_itself(self) -> "FrameNews":

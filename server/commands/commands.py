@@ -21,12 +21,12 @@ from ..control.task.paths.goals import Goal, PathGoal, Pursuit
 from ..reflection.force_reflection import Reflector
 from ..refusals import Refused, Why
 from .clutch import Master
+from .driving import DriveCommands, drive_commands
 from .frames.frame_set import FrameSet
 from .frames.placement import path_goal, placed
 from .goals import Goals
 from .haptic_handle import HapticHandle, reflector_of
 from .in_force import InForce
-from .insertion import InsertionCommands
 from .joint_commands import JointCommands
 from .settings import CellSettings, OperatorSettings
 from .streams import Stream
@@ -44,7 +44,7 @@ class Commands:
     def __init__(
         self,
         joints: JointCommands,
-        insertion: InsertionCommands,
+        insertion: DriveCommands,
         settings: OperatorSettings,
         frames: FrameSet,
         stream_timeout_s: float,
@@ -83,7 +83,7 @@ class Commands:
         config = cell.config
         return cls(
             JointCommands.from_cell(cell),
-            InsertionCommands.from_cell(cell),
+            drive_commands(cell),
             OperatorSettings.from_cell(cell, shared or CellSettings.from_config(config)),
             FrameSet(config.mechanism, config.frames, config.T_world_crf),
             config.timing.stream_timeout_s,

@@ -1,7 +1,7 @@
 """The joints of one cell: their names and the bounds of what they may be commanded."""
 
 from collections.abc import Sequence
-from itertools import chain
+from itertools import accumulate, chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -39,3 +39,14 @@ class Joints(NamedTuple):
     def n(self) -> int:
         """Number of joints."""
         return len(self.names)
+
+
+def parts_of(counts: Sequence[int]) -> tuple[slice, ...]:
+    """Return where each of several is among all, one after the other."""
+    ends = list(accumulate(counts, initial=0))
+    return tuple(slice(a, b) for a, b in pairwise(ends))
+
+
+def joined(arrays: Sequence[Array], axis: int = 0) -> Array:
+    """Return arrays as one; the only one as it is."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)

@@ -20,10 +20,10 @@ import numpy as np
 
 from ...config.load import Cell
 from .arm.arm import Arm
-from .barriers.barriers import Allow, Allowed, Clear, Surroundings, joined
+from .barriers.barriers import Allow, Allowed, Clear, Surroundings
 from .barriers.collision import Guard, Watch
 from .joint_task.several import JointTasks, On, finish, members_of
-from .joints import Joints
+from .joints import Joints, joined
 from .spatial import Array
 from .state import Inputs, Intent, Memory, Output
 from .stop.gate import Gate
@@ -180,6 +180,11 @@ class Control:
         grouped = {i for group in groups for i in group}
         curved = {i for i, arm in enumerate(self.arms) if arm.stages.slither is not None}
         groups += tuple((i,) for i in sorted(curved - grouped))
+        wheels = [
+            [self.parts[i].start, self.parts[i].start + 1]
+            for i, arm in enumerate(self.arms)
+            if arm.stages.rolling is not None
+        ]
         joints = Joints.of_all([arm.p.joints for arm in self.arms])
         every = np.arange(joints.n)
         return Limiter(
@@ -188,7 +193,8 @@ class Control:
             joints.acceleration,
             joints.jerk,
             self.arms[0].p.period_s,
-            [np.concatenate([every[self.parts[i]] for i in group]).tolist() for group in groups],
+            [np.concatenate([every[self.parts[i]] for i in group]).tolist() for group in groups]
+            + wheels,
             self.parts,
         )
 

@@ -17,7 +17,8 @@ from ...config.schema.moving import Frames, MovingFrame
 from ...config.schema.section import Pose as Place
 from ...protocols.messages.moving import FrameNews
 from ..control.frame_tree import Body, Moved
-from ..control.spatial import Pose, rotate_twist, rotation_exp
+from ..control.spatial import Array, Pose, rotate_twist, rotation_exp
+from ..control.state import Memory
 from ..refusals import Refused, Why
 from ..runtime.events import Events
 from .filters.follower import Follower, FollowerState
@@ -28,6 +29,7 @@ from .filters.frame_tracking import (
     Track,
     update_track,
 )
+from .wheels.base_tracker import BaseTracker
 
 LEAD_PERIODS = 1.0
 """The pose that a tick starts from is reached at the next SYNC [periods]."""
@@ -51,10 +53,20 @@ class FrameTracker:
     """Tracks all frames of a cell that may move."""
 
     def __init__(
-        self, frames: Frames, T_world_base: Place, limits: Limits, period: float, events: Events
+        self,
+        frames: Frames,
+        T_world_base: Place,
+        limits: Limits,
+        period: float,
+        events: Events,
+        base: BaseTracker | None = None,
     ) -> None:
-        """Begin with frames that stand; `limits` bound the jerk at which they are followed."""
+        """Begin with frames that stand; `limits` bound the jerk at which they are followed.
+
+        `base` tracks a Base that rolls; None for one that does not.
+        """
         self._events = events
+        self.base = base
         self._lead_s = LEAD_PERIODS * period + frames.drive_lag_s
         self._standing = {
             "base": Pose.from_xyz_rpy(T_world_base.xyz, T_world_base.rpy),
@@ -71,26 +83,34 @@ class FrameTracker:
     def from_cell(cls, cell: Cell, events: Events) -> Self:
         """Return the tracker of a loaded cell."""
         c = cell.config
-        return cls(c.frames, c.mechanism.T_world_base, c.limits, c.timing.period_s, events)
+        return cls(
+            c.frames, c.mechanism.T_world_base, c.limits, c.timing.period_s, events,
+            BaseTracker.from_cell(cell, events),
+        )  # fmt: skip
 
     @property
     def watching(self) -> bool:
         """True in a cell with frames that may move."""
-        return bool(self._tracked)
+        return bool(self._tracked) or self.base is not None
 
     @property
     def names(self) -> tuple[str, ...]:
         """The frames that may move."""
-        return tuple(self._tracked)
+        rolls = self.base is not None and "base" not in self._tracked
+        return (*(("base",) if rolls else ()), *self._tracked)
 
     def age(self, name: str, tick: int) -> int | None:
         """Return how many ticks old the newest news of a frame is, None when stale."""
-        track = self._tracked[name].track
+        tracked = self._tracked.get(name)
+        track = None if tracked is None else tracked.track
         return None if track is None else tick - track.tick
 
     def take(self, news: FrameNews, tick: int) -> None:
         """Take in where a frame was. Raises `Refused` for one that does not move in this cell."""
         tracked = self._tracked.get(news.name)
+        if news.name == "base" and news.heading and self.base is not None and tick >= news.tick:
+            self.base.take_heading(news.tick, news.rpy[2])
+            return
         if tracked is None:
             known = ", ".join(self._tracked) or "none"
             raise Refused(Why.UNKNOWN_FRAME, f"{news.name!r} does not move here; there is: {known}")
@@ -105,9 +125,17 @@ class FrameTracker:
         if tracked.track is None:
             self._events.info("frame_found", news.name, frame=news.name)
         tracked.track, tracked.doubt = believed, None
+        if news.name == "base" and self.base is not None:
+            self.base.take_pose(believed.tick, believed.T)
 
-    def step(self, tick: int, *, moving: bool) -> Moved:
-        """Return where the frames are for the command of `tick`; `moving`: sources lead the arm."""
+    def step(
+        self, tick: int, *, moving: bool, memory: Memory | None = None, q: Array | None = None
+    ) -> Moved:
+        """Return where the frames are for the command of `tick`; `moving`: sources lead the arm.
+
+        A Base that rolls is where its wheels say: by the last tick's `memory`, and joints that are
+        measured at q (n,) [rad].
+        """
         for name, w in self._tracked.items():
             if w.track is not None and tick - w.track.tick > w.timeout:
                 w.track = None
@@ -117,6 +145,10 @@ class FrameTracker:
             w.followed = w.follower.step(w.followed, w.track, tick, self._lead_s, not moving)
         if self._tracked:
             self.moved = self._moved()
+        if self.base is not None and q is not None:
+            rolled = self.base.step(tick, memory, q)
+            measured = self.base.odometry.measured
+            self.moved = Moved(rolled, self.body("carrier"), measured)
         return self.moved
 
     def _moved(self) -> Moved:
@@ -130,6 +162,8 @@ class FrameTracker:
 
     def body(self, name: str) -> Body:
         """Return where Base or Carrier is, for this tick's command."""
+        if name == "base" and self.base is not None:
+            return self.base.odometry.body(self.base.twist)
         tracked = self._tracked.get(name)
         return Body.standing(self._standing[name]) if tracked is None else tracked.followed.now
 
@@ -175,6 +209,8 @@ class FrameTracker:
     def _base_at(self, then: int, tick: int) -> Body:
         """Return Base as it was at a tick, a little while before `tick`."""
         tracked = self._tracked.get("base")
+        if self.base is not None:
+            return self.body("base")
         if tracked is None:
             return Body.standing(self._standing["base"])
         period = tracked.plausible.period_s

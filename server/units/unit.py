@@ -66,7 +66,9 @@ class Unit:
     def follow_frames(self, tick: int, mode: Mode) -> None:
         """Bring the frames that may move up to this tick."""
         moving = mode in (Mode.ENABLED, Mode.STOPPING)
-        self.commands.frames.moved = self.perception.moving_frames.step(tick, moving=moving)
+        self.commands.frames.moved = self.perception.moving_frames.step(
+            tick, moving=moving, memory=self.memory, q=self.q
+        )
 
     def inputs(
         self,
@@ -87,6 +89,10 @@ class Unit:
             moved.base.T if perception.moving_frames.watching else None,
         )
         asked = commands.in_force(now_s, T_world_mrf)
+        if asked.posture is not None and self.cell.config.mechanism.base is not None:
+            # A posture is the arm's: wheels stay where they are.
+            wheels = memory.motion.q[:2]
+            asked = asked._replace(posture=np.concatenate((wheels, asked.posture[2:])))
         return tick_inputs(mode, tick, now_s, reading, q, asked, perception, obstacles, moved)
 
     def keep(self, tick: int, memory: Memory, output: Output) -> None:

@@ -34,7 +34,8 @@ def _load(cell: Cell, bus: Bus, devices: list[Entry]) -> Iterator[Finding]:
     burst, free = worst_case_bits(0), {}
     for entry in devices:
         arm = cell.parts[entry.part or 0].config.mechanism
-        frames = entry.section.frames(arm.operation_mode)
+        drive = entry.section if isinstance(entry.section, Drive) else None
+        frames = entry.section.frames(arm.mode_of(drive) if drive else arm.operation_mode)
         bits = [(f.rate_hz, f.count * worst_case_bits(f.data_bytes)) for f in frames]
         burst += sum(b for rate, b in bits if rate is None)
         paced = sum(rate * b for rate, b in bits if rate is not None)

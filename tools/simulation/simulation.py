@@ -28,6 +28,7 @@ from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
 from ..scripts.script import Script, load_script
 from .frame_sensors import SimulatedFrameSensors
+from .judges.base import base_figures
 from .judges.observer import Observer
 from .judges.payload import beam_figures
 from .judges.tool import ToolJudge
@@ -265,6 +266,7 @@ class Simulation:
             "command_hash": self._hash.hexdigest(),
         }
         summary |= beam_figures(self.truths, period)
+        summary |= base_figures(self.cell, self.states, self.truths)
         return Result(summary, tuple(self.states), tuple(self.truths))
 
 

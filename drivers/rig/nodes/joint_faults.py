@@ -3,6 +3,7 @@
 from ....config.schema.mechanism import Drive
 from ....protocols.messages.rig import RigFault
 from ..fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
+from ..physics.chassis import GRIP
 from ..physics.world import World
 
 
@@ -14,6 +15,9 @@ def inject_at_joint(fault: RigFault, world: World, joint: int, drive: Drive) -> 
         half = drive.max_torque / 2
         torque = value_of(fault, 0.0, MOST_FRICTION, "N·m", default=half)
         world.set_extra_friction(joint, torque if fault.on else 0.0)
+    elif fault.kind == "slip":
+        friction = value_of(fault, 0.0, GRIP, "", default=0.05)
+        world.set_grip(joint, friction if fault.on else GRIP)
     elif fault.kind == "push":
         world.push_joint(joint, vector_of(fault, MOST_FORCE, "N") if fault.on else None)
     else:

@@ -23,6 +23,7 @@ from ....protocols.canopen.cia402 import (
     OperationMode,
     Status,
 )
+from ....protocols.canopen.counter import wrapped
 from ....protocols.messages.rig import RigFault
 from ..fault_values import value_of
 from ..physics.world import World
@@ -123,7 +124,7 @@ class SimulatedDrive(CanNode):
         return max(-_I16, min(_I16, round(share * 1000)))
 
     def _to_counts(self, angle: float) -> int:
-        return round(self._scale * (angle - self.drive.zero_rad))
+        return wrapped(round(self._scale * (angle - self.drive.zero_rad)))
 
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the power off; a fault outlives a reset of the communication only."""

@@ -61,7 +61,8 @@ class Movers:
         rig, frames = cell.config.rig, cell.config.frames
         if rig is None:
             raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
-        there = {"platform": frames.base, "carrier": frames.carrier}
+        rolls = cell.config.mechanism.base is not None
+        there = {"platform": None if rolls else frames.base, "carrier": frames.carrier}
         self.by_name = {
             name: Mover(rig.physics_step_s, rig.frames.acceleration)
             for name, frame in there.items()

@@ -10,6 +10,7 @@ from ....config.schema.rig.rig import Rig, Wall
 from ....config.schema.section import Pose
 from .beam import add_beam
 from .bridge import add_bridge, add_person
+from .chassis import add_floor, put_on_wheels
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
 from .peg import add_hole, add_peg
 from .sight import add_probe
@@ -69,7 +70,9 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10
-    if cell.config.frames.base is not None:
+    if cell.config.mechanism.base is not None:
+        add_floor(spec)
+    elif cell.config.frames.base is not None:
         _put_on_platform(spec, spec.worldbody.first_body(), rig.frames.platform_mass)
     surfaces = [] if rig.wall is None else [_add_wall(spec, rig.wall)]
     for box in rig.boxes:
@@ -113,6 +116,8 @@ def _arm_of(part: Cell) -> mujoco.MjSpec:
         raise ValueError(f"cell {part.config.name} has no [rig]: nothing to simulate")
     arm = mujoco.MjSpec.from_file(str(part.robot.urdf))
     _furnish_arm(arm, mechanism, rig)
+    if mechanism.base is not None:
+        put_on_wheels(arm, mechanism.base)
     root = arm.worldbody.first_body()
     root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
     return arm

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ....config.load import Cell
 from ....config.schema.rig.rig import RigGripper
 from .beam import Beam
+from .chassis import GRIP, ROLLS
 from .distances import WorldDistances
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 from .solids import place
@@ -47,8 +48,11 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.dt = float(self.model.opt.timestep)
         joints = [self.model.joint(name) for name in cell.joints]
-        self.n = len(joints)
-        self._first = len(PLATFORM) if cell.config.frames.base is not None else 0
+        self.n, self._names = len(joints), cell.joints
+        self.rolls = cell.config.mechanism.base is not None
+        """The arm stands on a base that drives."""
+        on_platform = cell.config.frames.base is not None and not self.rolls
+        self._first = len(PLATFORM) if on_platform or self.rolls else 0
         if [j.dofadr[0] for j in joints] != list(range(self._first, self._first + self.n)):
             raise ValueError("the cell's drives must stand in the order of the chain's joints")
         self._bodies = [int(j.bodyid[0]) for j in joints]
@@ -68,7 +72,7 @@ class World:
         roots = [arm.root for arm in self._arms]
         self.distances = WorldDistances(self.model, self.data, self._fixed, roots)
         """Of arms from what stands around them, and from each other."""
-        self.q: Vector = self.data.qpos[arm]
+        self.q: Vector = self.data.qpos[self._first + self.rolls :][: self.n]
         self.dq: Vector = self.data.qvel[arm]
         self.q[:] = [q for part in cell.parts for q in part.config.mechanism.postures["start"]]
         for joint in range(self.n):
@@ -133,6 +137,17 @@ class World:
     def set_extra_friction(self, joint: int, torque: float) -> None:
         """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
         self.model.dof_frictionloss[self._first + joint] = self._friction[joint] + torque
+
+    def set_grip(self, joint: int, friction: float = GRIP) -> None:
+        """Change how a wheel grips the floor: its friction [1]. Raises `ValueError` for another."""
+        tyre = mujoco.mj_name2id(
+            self.model,
+            mujoco.mjtObj.mjOBJ_GEOM,
+            f"{self.model.joint(self._names[joint]).name}_tyre",
+        )
+        if tyre < 0:
+            raise ValueError(f"fault slip: {self._names[joint]} is no wheel")
+        self.model.geom_friction[tyre, 0] = friction
 
     def grasp(self, closed: bool, arm: int = 0) -> None:
         """Take hold of an arm's object, where it is, or let go of it."""
@@ -254,7 +269,8 @@ class World:
         """Return the greatest force between two parts of arms that touch [N], 0 for none."""
         most, wrench = 0.0, np.zeros(6)
         for i in range(self.data.ncon):
-            if not self._fixed.intersection(self.data.contact[i].geom.tolist()):
+            pair = self.data.contact[i].geom.tolist()
+            if not self._fixed.intersection(pair) and self.model.geom_contype[pair].max() < ROLLS:
                 mujoco.mj_contactForce(self.model, self.data, i, wrench)
                 most = max(most, float(np.linalg.norm(wrench[:3])))
         return most

@@ -27,11 +27,17 @@ class FrameSet:
         """How often MRF or CRF were redefined."""
         self.lens: Callable[[], Mount | None] = lambda: None
         """Returns the mount of the Lens whose view is kept."""
-        self._movable = frozenset(frames.moving)
+        rolls = ("base",) if mechanism.base is not None else ()
+        self._movable = frozenset((*rolls, *frames.moving))
         self._T_wrist_sensor = None
         if sensor is not None:
             place = sensor.T_wrist_sensor
             self._T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)
+
+    @property
+    def may_move(self) -> bool:
+        """True in a cell with frames that may move."""
+        return bool(self._movable)
 
     @property
     def T_world_crf(self) -> Pose:

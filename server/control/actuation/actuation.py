@@ -77,6 +77,19 @@ class BySpeed:
         return Actuated(command, None, _beyond(self._joints, command, self._most, "speed", "rad/s"))
 
 
+class OnWheels:
+    """CSV for the two wheels of a base, CSP for its arm."""
+
+    def __init__(self, by_speed: BySpeed) -> None:
+        self._by_speed = by_speed
+
+    def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
+        """Return the wheels' speeds [rad/s], and the arm's posture [rad] (n,)."""
+        found = self._by_speed(state, now)
+        command = np.concatenate((found.command[:2], now.after.q[2:]))
+        return found._replace(command=command)
+
+
 class ByTorque:
     """CST: the torques of the law, inside the bounds of torque and of its rate."""
 

@@ -8,6 +8,7 @@ cell together (`tick.py`).
 from typing import Self
 
 from ....config.load import Cell
+from ....config.schema.base import DifferentialBase
 from ..actuation.actuation import Now
 from ..barriers.barriers import Allowed, BarrierInputs, Clear
 from ..evolve import evolve
@@ -39,19 +40,23 @@ class Arm:
     """The control computation of one mechanism and its task."""
 
     def __init__(
-        self, p: Parameters, mechanism: Mechanism, backbone: Backbone | None = None
+        self,
+        p: Parameters,
+        mechanism: Mechanism,
+        backbone: Backbone | None = None,
+        base: DifferentialBase | None = None,
     ) -> None:
-        """Build it; with a `backbone` the joints follow a curve through tunnels."""
+        """Build it; with a `backbone` the joints follow a curve, with a `base` it has wheels."""
         self.p = p
         self.mechanism = mechanism
-        self.stages = Stages(p, mechanism, backbone)
+        self.stages = Stages(p, mechanism, backbone, base)
         self.asking = Asking(p, mechanism, self.stages)
 
     @classmethod
     def of(cls, cell: Cell) -> Self:
         """Build that of a cell's only mechanism. Raises `ConfigError`."""
         p, mechanism = Parameters.from_cell(cell), Mechanism.from_cell(cell)
-        return cls(p, mechanism, Backbone.from_cell(cell))
+        return cls(p, mechanism, Backbone.from_cell(cell), cell.config.mechanism.base)
 
     def seed(self, q: Array) -> Memory:
         """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
@@ -81,6 +86,10 @@ class Arm:
             may_move=memory.moving_since_s is not None,
             T_wrist_mrf=inputs.settings.T_wrist_mrf,
             together=asked.together,
+            led=asked.led,
+            path=None
+            if self.stages.rolling is None
+            else self.stages.rolling.path(seen.kinematics, inputs.ground == "base"),
             by_joint=asked.by_joint,
             ordered=not beside or self.asking.ordered(asked.twists, inputs),
         )

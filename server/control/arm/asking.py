@@ -44,6 +44,8 @@ class Wanted(NamedTuple):
     """The joints follow a curve: one that is held up holds up all."""
     insertion: Insertion | None = None
     """Where along its curve the arm is."""
+    led: bool = False
+    """The wheels of its base go as they are driven."""
 
 
 class ArmReading(NamedTuple):
@@ -202,6 +204,12 @@ class Asking:
             joint_rates = self.stages.joint_motion.rates(
                 q, inputs.jog, inputs.posture, inputs.settings.speed_factor
             )
+        wheels = np.zeros(2)
+        if self.stages.rolling is not None and inputs.intent is Intent.MOVE:
+            drive, factor = inputs.drive, inputs.settings.speed_factor
+            wheels = self.stages.rolling.driven(drive.speed, drive.turn, factor)
+            if joint_rates is not None and inputs.jog is None:
+                joint_rates[:2] = wheels
         if joint_rates is not None:
             twists = dict.fromkeys(twists, NO_TWIST)
             twist = k.J @ joint_rates
@@ -219,8 +227,11 @@ class Asking:
             off_path,
             inputs.goal is not None,
         )
-        slither, together = self.stages.slither, False
-        if slither is None:
+        slither, together, led = self.stages.slither, False, False
+        if self.stages.rolling is not None:
+            on_base = inputs.ground == "base" or inputs.intent is not Intent.MOVE
+            found, led = self.stages.rolling.rates(q, k, wish, around, on_base, wheels)
+        elif slither is None:
             found = self.stages.resolver.rates(q, k, wish, around)
         elif inputs.intent is Intent.SEED:
             found, insertion, together, _ = slither.at_rest(q)
@@ -243,6 +254,7 @@ class Asking:
             found.give_way,
             together=together,
             insertion=insertion,
+            led=led,
         )
 
     def _giving_way(

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ..actuation.actuation import Actuation, BySpeed, ByTorque, by_position
+from ....config.schema.base import DifferentialBase
+from ..actuation.actuation import Actuation, BySpeed, ByTorque, OnWheels, by_position
 from ..actuation.holding import HoldingTorque
 from ..actuation.torque import TorqueLaw
 from ..barriers.joint_limits import JointRoom
@@ -15,6 +16,7 @@ from ..mechanism.joint_rates import Resolver
 from ..mechanism.kinematics import Mechanism
 from ..mechanism.null_space.potential_field import Field
 from ..mechanism.null_space.redundancy import Redundancy
+from ..mechanism.wheels.rates import BaseRates
 from ..mechanism.wrist import Wrist
 from ..parameters import Parameters
 from ..rigid_body import wrench_to
@@ -27,7 +29,11 @@ class Stages:
     """Stages of one arm in a tick. Holds constants and scratch memory only."""
 
     def __init__(
-        self, p: Parameters, mechanism: Mechanism, backbone: Backbone | None = None
+        self,
+        p: Parameters,
+        mechanism: Mechanism,
+        backbone: Backbone | None = None,
+        base: DifferentialBase | None = None,
     ) -> None:
         T, joints = p.period_s, p.joints
         self.task = Task(p.sources, p.schedules, p.shaping)
@@ -48,6 +54,12 @@ class Stages:
         self.slither = None
         if backbone is not None:
             self.slither = Slither(backbone, self.resolver, self.redundancy, mechanism.rank)
+        self.rolling = None
+        if base is not None and mechanism.rolling is not None:
+            self.rolling = BaseRates(
+                base, mechanism.rolling, joints, p.resolve, (mechanism.arm_rank, mechanism.rank),
+                self.redundancy, field, p.priority,
+            )  # fmt: skip
         room = JointRoom.of(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
@@ -63,6 +75,8 @@ def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
     if p.operation_mode == "csv":
         return BySpeed(p.joints, p.torque.speed_gain)
     if p.operation_mode != "cst":
+        if mechanism.rolling is not None:
+            return OnWheels(BySpeed(p.joints, p.torque.speed_gain))
         return by_position
     law = TorqueLaw(
         Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor),

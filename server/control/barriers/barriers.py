@@ -6,13 +6,12 @@ along which the tool would stop: it slides on along the barrier.
 """
 
 from collections.abc import Sequence
-from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from ..frame_tree import Body
-from ..joints import Joints
+from ..joints import Joints, joined, parts_of
 from ..mechanism.kinematics import Kinematics
 from ..proximity.capsules import Placed
 from ..scene import Scene
@@ -50,6 +49,10 @@ class BarrierInputs(NamedTuple):
     """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
     ordered: bool = True
     """Somebody tells the arm to move."""
+    led: bool = False
+    """The first two joints, wheels, are driven: they may be slowed, together, and nothing else."""
+    path: Array | None = None
+    """Jacobian (6, n) of the motion that a tool on a driven base keeps; None: `kinematics`' own."""
 
 
 class Surroundings(NamedTuple):
@@ -176,10 +179,13 @@ class Allow:
             J = joined([arm.kinematics.J for arm in arms], axis=1)
             beyond = pulled_apart(J, self._tool, dq, ATTITUDE * self._length, links)
         if beyond:
-            J = joined([arm.kinematics.J for arm in arms], axis=1)
+            J = joined([a.kinematics.J if a.path is None else a.path for a in arms], axis=1)
             low, high = joined([b.low for b in bounded]), joined([b.high for b in bounded])
             V = factor * self._velocity
-            found = nearest(dq, J, low, high, V, self._length, rows, self._tool, links)
+            wheels = [part.start for part, arm in zip(self.parts, arms, strict=True) if arm.led]
+            found = nearest(
+                dq, J, low, high, V, self._length, rows, self._tool, links, tuple(wheels)
+            )
             for i, b in enumerate(bounded):
                 # Rates that all bounds of joints allow are inside the leash, and slower ones too.
                 held = b.leash is not None and bool(b.leash.left_by(dq[self.parts[i]]))
@@ -257,17 +263,6 @@ def _part_within(dq: Array, low: Array, high: Array) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = np.where(dq == 0.0, 1.0, bound / dq)
     return min(1.0, max(0.0, float(parts.min())))
-
-
-def parts_of(counts: Sequence[int]) -> tuple[slice, ...]:
-    """Return where each of several is among all, one after the other."""
-    ends = list(accumulate(counts, initial=0))
-    return tuple(slice(a, b) for a, b in pairwise(ends))
-
-
-def joined(arrays: Sequence[Array], axis: int = 0) -> Array:
-    """Return arrays as one; the only one as it is."""
-    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)
 
 
 def _situation(

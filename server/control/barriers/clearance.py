@@ -138,9 +138,12 @@ class Clearance:
         capsules, still = self.capsules, base is None and (scene is None or not scene.moves)
         if placed is None:
             placed = capsules.place(q[None], None if base is None else base.T)
+        gear, acceleration = capsules.forest.gear, self.braking.acceleration
+        if gear is not None:
+            fastest, acceleration = gear * fastest, gear * acceleration
         lever, around = surroundings(
             placed[:], capsules.moves, capsules.forest.tree.prismatic, fastest,
-            self.braking.acceleration, factor, self.braking.lag(factor), BESIDE + self._margin,
+            acceleration, factor, self.braking.lag(factor), BESIDE + self._margin,
         )  # fmt: skip
         near = self.search.find(placed, scene, around, HORIZON_S)
         if base is not None:
@@ -160,6 +163,12 @@ class Clearance:
 
         `way` (n,) [rad] bounds how far joints go from where they are; `postures` gives them.
         """
+        if self.capsules.forest.gear is not None:
+            way = self.capsules.forest.gear * way
+        return self._short(sight, duration_s, way, postures)
+
+    def _short(self, sight: NearGaps, duration_s: float, way: Array, postures: Postures) -> float:
+        """Return the shortfall, given how far at most the joints turn what they move (n,) [rad]."""
         near, most = sight.near, sight.needed
         if not sight.still:
             end_s = duration_s + (1.0 + LATENCY) * self._period_s
@@ -167,7 +176,7 @@ class Clearance:
         leaves, pairs, closer = doubtful(sight.lever, way, sight.around, near[:2], near.gap, most)
         if leaves:
             sight = self._farther(sight, travel(sight.lever, way))
-            return self.shortfall(sight, duration_s, way, postures)
+            return self._short(sight, duration_s, way, postures)
         if not len(pairs):
             return 0.0
         return self._sampled(sight, pairs, closer, duration_s, postures)

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
+from ..mechanism.wheels.led import Led
 from ..scene import Index
 from ..spatial import Array
 from .least_distance import KEPT, settled, shortfall
@@ -95,18 +96,27 @@ def nearest(
     rows: tuple[Array, Array] | None = None,
     tool: Index | None = None,
     links: Sequence[PayloadLink] = (),
+    wheels: Sequence[int] = (),
 ) -> NearestRates:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
     `tool` (n,) tells which of t tools each joint moves, all the same one if None; the columns of
     J (6, n) are that tool's Jacobian. `velocity` (n,) are the joint speed bounds; `rows` are
     A (m, n) and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. `links`
-    are tools on one payload. There always are such rates; raises `BarrierError` where an argument
-    is not finite.
+    are tools on one payload. Of driven `wheels`, by the places of the left ones, each pair keeps
+    its proportion. There always are such rates; raises `BarrierError` where an argument is not
+    finite.
     """
     n = len(dq)
     tool = np.zeros(n, dtype=np.int64) if tool is None else tool
     slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
+    if wheels:
+        led = Led.of(dq, low, high, wheels)
+        found_led = nearest(
+            led.asked, J @ led.whole, led.low, led.high, velocity[led.kept], characteristic_length,
+            (slopes @ led.whole, least), tool[led.kept], links,
+        )  # fmt: skip
+        return found_led._replace(dq=led.whole @ found_led.dq)
     length = ATTITUDE * characteristic_length
     H, f, A, upper, lower, sense = _programme(
         dq, J, tool, low, high, velocity, slopes, least, length

@@ -9,6 +9,7 @@ import pinocchio as pin
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
+from ..rolling import Rolling
 from ..spatial import GRAVITY, Array, Pose
 
 _POSTURES = 12
@@ -24,7 +25,7 @@ class Kinematics(NamedTuple):
     T_world_mrf: Pose
     J: Array
     """Jacobian (6, n) of the MRF: joint rates to `[v; ω]` at its origin, World axes, as seen from
-    Base."""
+    Base; of a Base that rolls, as seen from World."""
 
 
 class Mechanism:
@@ -34,12 +35,22 @@ class Mechanism:
     """
 
     def __init__(
-        self, description: str, joints: tuple[str, ...], tip_link: str, T_world_base: Pose
+        self,
+        description: str,
+        joints: tuple[str, ...],
+        tip_link: str,
+        T_world_base: Pose,
+        rolling: Rolling | None = None,
     ) -> None:
-        """Build from a URDF's text; raises `ValueError` where the joints are not its own."""
+        """Build from a URDF's text; raises `ValueError` where the joints are not its own.
+
+        With `rolling` the first two joints are the wheels of a base, which moves as they turn.
+        """
         full = pin.buildModelFromXML(description)
         others = [i for i in range(1, full.njoints) if full.names[i] not in joints]
         model = pin.buildReducedModel(full, others, pin.neutral(full)) if others else full
+        if rolling is not None:
+            model = _reordered(model, joints)
         order = tuple(model.names[i] for i in range(1, model.njoints))
         if order != joints:
             raise ValueError(f"in order {order}, the cell says {joints}")
@@ -50,12 +61,15 @@ class Mechanism:
         self.T_world_base = T_world_base
         self._data = model.createData()
         self.tip = model.getFrameId(tip_link)
-        self.rank = self._reached()
-        """How many of a task's axes the chain reaches anywhere: 3 for a planar one [1]."""
+        self.rolling = rolling
         self._base_is_world = bool(
             np.array_equal(T_world_base.R, np.eye(3)) and not T_world_base.p.any()
         )
         self._align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        self.arm_rank = self._reached(alone=True) if rolling is not None else 0
+        """The same of the arm alone, on a base that rolls [1]."""
+        self.rank = self._reached()
+        """How many of a task's axes the chain reaches anywhere: 3 for a planar one [1]."""
 
     @classmethod
     def from_cell(cls, cell: Cell) -> "Mechanism":
@@ -67,7 +81,7 @@ class Mechanism:
         joints = tuple(j.name for j in cell.robot.joints)
         base = Pose.from_xyz_rpy(m.T_world_base.xyz, m.T_world_base.rpy)
         try:
-            return cls(cell.robot.description(), joints, m.tip_link, base)
+            return cls(cell.robot.description(), joints, m.tip_link, base, Rolling.from_cell(cell))
         except (ValueError, RuntimeError) as error:
             raise ConfigError(f"{cell.robot.urdf}: {error}") from None
 
@@ -84,6 +98,9 @@ class Mechanism:
         if T_world_base is not None or not self._base_is_world:
             turn = self.T_world_base.R if T_world_base is None else T_world_base.R
             J = np.matmul(turn, J.reshape(2, 3, self.n)).reshape(6, self.n)
+        if self.rolling is not None:
+            J = J.copy()
+            J[:, :2] = self.rolling.columns(T_world_base or self.T_world_base, p)
         T_world_mrf, moved = Pose(np.zeros((3, 3)), np.empty(3)), np.empty(J.shape)
         _move_to_mrf(J, R, p, T_wrist_mrf.R, T_wrist_mrf.p, *T_world_mrf, moved)
         return Kinematics(T_world_wrist, T_world_mrf, moved)
@@ -106,12 +123,14 @@ class Mechanism:
         slope = pin.computeGeneralizedGravityDerivatives(self.model, self._data, q)
         return self._data.g.copy(), np.array(slope)
 
-    def _reached(self) -> int:
+    def _reached(self, alone: bool = False) -> int:
         """Return the greatest rank that the Jacobian has at some postures, whatever its point."""
         draw, most = np.random.default_rng(0), 0
         for _ in range(_POSTURES):
             q = draw.uniform(-math.pi, math.pi, self.n)
             J = pin.computeFrameJacobian(self.model, self._data, q, self.tip)
+            if self.rolling is not None and not alone:
+                J = self.kinematics(q, Pose.identity(), Pose.identity()).J
             s = np.linalg.svd(J, compute_uv=False)
             most = max(most, int((s > _REACHED * s[0]).sum()))
         return most
@@ -123,6 +142,28 @@ class Mechanism:
         if T_world_base is not None:
             return T_world_base @ pose
         return pose if self._base_is_world else self.T_world_base @ pose
+
+
+def _reordered(model: "pin.Model", joints: tuple[str, ...]) -> "pin.Model":
+    """Return a model with its joints in an order in which parents still come before children.
+
+    Pinocchio has the branches of a tree in the order of their names.
+    """
+    found, place = pin.Model(), [0] * model.njoints
+    for name in joints:
+        j = model.getJointId(name)
+        if j >= model.njoints:
+            raise ValueError(f"no joint {name}")
+        parent = place[model.parents[j]]
+        place[j] = found.addJoint(parent, model.joints[j], model.jointPlacements[j], name)
+        found.appendBodyToJoint(place[j], model.inertias[j], pin.SE3.Identity())
+    found.inertias[0] = model.inertias[0]
+    for frame in model.frames[1:]:
+        own = pin.Frame(
+            frame.name, place[frame.parentJoint], 0, frame.placement, frame.type, frame.inertia
+        )
+        found.addFrame(own, False)
+    return found
 
 
 @compiled(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR, TABLE, ROW, TABLE)

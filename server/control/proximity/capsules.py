@@ -61,6 +61,8 @@ class Capsules:
         ]
         self._steps = np.array(steps) + forest.stroke
         """From each joint's origin to that of its parent, at most (n,) [m]."""
+        self._from_root = _length(origins - forest.branches[0].T_world_base.p)
+        """From each joint's origin to the first root, at zero (n,) [m]."""
 
     def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
         """Return where the capsules are at postures q (s, n) [rad]."""
@@ -85,6 +87,9 @@ class Capsules:
             while (parent := int(forest.tree.parent[joint])) >= 0:
                 lever[parent] = way = way + self._steps[joint]
                 joint = parent
+            if forest.rolling is not None and forest.gear is not None:
+                far = way + float(self._from_root[joint]) + 0.5 * forest.rolling.track
+                lever[:2] = far * forest.gear[:2]
         prismatic = forest.tree.prismatic
         lever[prismatic] = np.minimum(lever[prismatic], 1.0)
         return lever

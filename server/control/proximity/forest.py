@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....config.load import Cell
+from ..rolling import Rolled, Rolling
 from ..scene import Flags, Index
 from ..spatial import Array, Pose
 from .forward_kinematics import axes_at, frames_at, placed_at
@@ -46,6 +47,8 @@ class Branch:
         pin.forwardKinematics(model, self._data, pin.neutral(model))
         self._ids = [model.getJointId(joint.name) for joint in part.robot.joints]
         self.n = len(self._ids)
+        self.rolling = Rolling.from_cell(part)
+        """The wheels that the root rolls on, its first two joints; None for one that stands."""
         self.tree = self._tree()
         base = part.config.mechanism.T_world_base
         self.T_world_base = Pose.from_xyz_rpy(base.xyz, base.rpy)
@@ -77,7 +80,9 @@ class Branch:
     def _carrier(self, joint: int) -> int:
         """Return which of the own bodies carries a joint of the URDF, or is moved by it."""
         supports = self.model.supports[joint].tolist()
-        return max((self._ids.index(j) + 1 for j in supports if j in self._ids), default=0)
+        # What is on a wheel is as good as on the root: it turns in its own place.
+        first = 0 if self.rolling is None else 2
+        return max((self._ids.index(j) + 1 for j in supports if j in self._ids[first:]), default=0)
 
     def _tree(self) -> Tree:
         """Read the tree of the joints; Base is their root."""
@@ -97,6 +102,12 @@ class Branch:
             parts[i, 0] = placement[:3]
             if prismatic[i]:
                 parts[i, 1, :, 3] = placement[:3, :3] @ linear
+            elif self.rolling is not None and i < 2:
+                # The wheel turns all that the root carries about the other one's place.
+                side = 1.0 if i else -1.0
+                parts[i, 0] = np.eye(3, 4)
+                parts[i, 0, 1, 3] = side * 0.5 * self.rolling.track
+                axes[i] = 0.0, 0.0, side * self.rolling.turn
             else:
                 K = pin.skew(angular)
                 parts[i, 1, :, :3] = placement[:3, :3] @ K
@@ -123,14 +134,22 @@ class Forest:
         self.stroke = np.concatenate([branch.stroke for branch in self.branches])
         """How far each prismatic joint may be out (n,) [m]; zero for the others."""
         self._standing = _roots([branch.T_world_base for branch in self.branches])
-        self._moves = np.zeros((self.n + 1, self.n), dtype=bool)
+        self.rolling = self.branches[0].rolling if len(self.branches) == 1 else None
+        """The wheels that an only root rolls on."""
+        self.gear = None if self.rolling is None else np.ones(self.n)
+        """Angle of what a joint moves per angle of the joint (n,) [1]; None: 1 for all."""
+        roots = len(self.branches)
+        self._moves = np.zeros((roots + self.n, self.n), dtype=bool)
+        if self.gear is not None and self.rolling is not None:
+            self.gear[:2] = self.rolling.turn
+            self._moves[roots - 1, :2] = True
         for j, parent in enumerate(self.tree.parent.tolist()):
-            self._moves[j + 1] = self._moves[max(parent + 1, 0)]
-            self._moves[j + 1, j] = True
+            self._moves[roots + j] = self._moves[roots + parent]
+            self._moves[roots + j, j] = True
 
     def frames(self, q: Array, T_world_base: Pose | None = None) -> Array:
         """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
-        return frames_at(self.tree[:], q, self._roots(T_world_base))
+        return frames_at(self.tree[:], q, self._roots(T_world_base, q))
 
     def axes(self, frames: Array) -> Array:
         """Return the joints' axes (s, n, 3) in World, given their frames (s, n, 3, 4)."""
@@ -143,11 +162,11 @@ class Forest:
 
         With the joints' frames (s, n, 3, 4) and axes (s, n, 3).
         """
-        return placed_at(self.tree[:], q, self._roots(T_world_base), body, segments)
+        return placed_at(self.tree[:], q, self._roots(T_world_base, q), body, segments)
 
     def moves(self, body: Index) -> Flags:
         """Return which joints move bodies (c,): (c, n)."""
-        return np.asarray(self._moves[np.maximum(body, 0)])
+        return np.asarray(self._moves[len(self.branches) - 1 + body])
 
     def root(self, body: int) -> int:
         """Return the root that carries a body."""
@@ -167,9 +186,17 @@ class Forest:
                 return branch.body_of(own)
         raise KeyError(link)
 
-    def _roots(self, T_world_base: Pose | None) -> Roots:
-        """Return where the roots are; `T_world_base` is that of an only Base, which moves."""
-        return self._standing if T_world_base is None else _roots([T_world_base])
+    def _roots(self, T_world_base: Pose | None, q: Array) -> Roots:
+        """Return where the roots are; `T_world_base` is that of an only Base, which moves.
+
+        One that rolls gets there as its wheels turn from one posture of q (s, n) to the next.
+        """
+        if T_world_base is None:
+            return self._standing
+        if self.rolling is None or not isinstance(T_world_base, Rolled):
+            return _roots([T_world_base])
+        R, p = self.rolling.places(T_world_base, q[:, :2])
+        return R[:, None], p[:, None]
 
 
 def _roots(poses: Sequence[Pose]) -> Roots:

@@ -24,6 +24,9 @@ from .records import PAIRS, PLACED, Pairs, Placed
 CURVED: Final = 1e-9
 """Below this sum of ways a lever does not grow [1]."""
 
+_UNIT: Final = 1e-9
+"""An axis of a length that differs from 1 by less is of unit length; wheels have shorter ones."""
+
 
 def levers(placed: Placed, moves: Flags, prismatic: Flags) -> Array:
     """Return the levers (c, n) [m] of capsules at the first posture, as `Capsules.levers` says.
@@ -45,14 +48,18 @@ def _lever(placed: Placed, moves: Flags, prismatic: Flags, lever: Array) -> None
             if prismatic[j]:
                 lever[c, j] = 1.0
                 continue
-            farthest = 0.0
+            farthest, axis2 = 0.0, 0.0
+            for i in range(3):
+                axis2 += axes[0, j, i] ** 2
+            if abs(axis2 - 1.0) < _UNIT:
+                axis2 = 1.0
             for e in range(2):
                 length2, along = 0.0, 0.0
                 for i in range(3):
                     arm = ends[0, c, e, i] - frames[0, j, i, 3]
                     length2 += arm * arm
                     along += arm * axes[0, j, i]
-                farthest = max(farthest, length2 - along * along)
+                farthest = max(farthest, length2 - along * along / axis2)
             lever[c, j] = math.sqrt(farthest)
 
 

@@ -227,7 +227,7 @@ def _joint(entry: Entry, part: Cell) -> _Joint:
     joint = next(j for j in part.robot.joints if j.name == drive.joint)
     return _Joint(
         name=entry.name,
-        mode=part.config.mechanism.operation_mode,
+        mode=part.config.mechanism.mode_of(drive),
         scale=drive.direction / drive.counts_per_radian,
         zero=drive.zero_rad,
         lower=joint.lower,

@@ -41,12 +41,14 @@ WINDOW = 1.5
 
 
 class DriveRequest(NamedTuple):
-    """How the operator drives the arm as a whole."""
+    """How the operator drives the arm as a whole: into its tunnels, or on its wheels."""
 
     speed: float = 0.0
-    """Of the insertion [m/s]; at most, where it is to a depth."""
+    """Of the insertion [m/s]; at most, where it is to a depth. Of a base, ahead."""
     depth: float | None = None
     """The tip's way from the entrance to go to [m]; None: at the speed."""
+    turn: float = 0.0
+    """Of a base [rad/s]."""
 
 
 STILL = DriveRequest()

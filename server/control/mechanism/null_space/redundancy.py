@@ -89,6 +89,7 @@ class Redundancy:
         objectives: ObjectiveGains,
         factor: float,
         outside: Mapping[str, Array] = NOTHING,
+        scale: Array | None = None,
     ) -> SelfMotion:
         """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
 
@@ -96,6 +97,9 @@ class Redundancy:
         reduced-speed setting, which scales the bound of the self-motion; `outside` holds what the
         objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
         s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
+
+        Joints that share the work unequally, as `scale` D (n,) says, have `null` of J D: then the
+        projector is the oblique D nullᵀ null D⁻¹. Wheels of a base have no wishes of their own.
         """
         names, gains = self._act(objectives)
         if not self._spare or not names:
@@ -104,7 +108,13 @@ class Redundancy:
         asked, dq, norms = np.empty((len(names), len(q))), np.zeros(len(q)), np.zeros(len(names))
         for i, name in enumerate(names):
             asked[i] = self._objectives[name].rate(view)
-        _compose(asked, gains, null, dq_task, self._velocity, self._bound, factor, dq, norms)
+        if scale is None:
+            _compose(asked, gains, null, dq_task, self._velocity, self._bound, factor, dq, norms)
+        else:
+            asked[:, :2] = 0.0
+            task, most, bound = dq_task / scale, self._velocity / scale, self._bound / scale
+            _compose(asked / scale, gains, null, task, most, bound, factor, dq, norms)
+            dq *= scale
         return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
 
     def _act(self, objectives: ObjectiveGains) -> tuple[list[str], Array]:

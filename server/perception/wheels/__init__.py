@@ -1,0 +1,1 @@
+"""Where a base on wheels is: odometry, corrected by news."""
