@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
-from ..mechanism.wheels.led import Led
 from ..scene import Index
 from ..spatial import Array
+from ..wheels.led import Led
 from .least_distance import KEPT, settled, shortfall
 from .together import PayloadLink, keep
 

@@ -9,8 +9,8 @@ import pinocchio as pin
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
-from ..rolling import Rolling
 from ..spatial import GRAVITY, Array, Pose
+from ..wheels.rolling import Rolling
 
 _POSTURES = 12
 """So many are tried to find the axes that a chain reaches [1]."""

@@ -7,9 +7,9 @@ import numpy as np
 import pinocchio as pin
 
 from ....config.load import Cell
-from ..rolling import Rolled, Rolling
 from ..scene import Flags, Index
 from ..spatial import Array, Pose
+from ..wheels.rolling import Rolled, Rolling
 from .forward_kinematics import axes_at, frames_at, placed_at
 from .records import Roots
 

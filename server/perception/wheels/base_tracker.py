@@ -14,10 +14,10 @@ import numpy as np
 from ....config.load import Cell
 from ....config.schema.base import DifferentialBase
 from ...control.frame_tree import Body
-from ...control.mechanism.wheels.odometry import Odometry
-from ...control.rolling import Rolling
 from ...control.spatial import Array, Pose, rotation_exp
 from ...control.state import Memory
+from ...control.wheels.odometry import Odometry
+from ...control.wheels.rolling import Rolling
 from ...runtime.events import Events
 
 REMEMBERED_S: Final = 2.0

@@ -1,1 +1,1 @@
-"""A base on wheels: its odometry, the columns of its wheels, and joint rates of base and arm."""
+"""Joint rates of an arm on a base with wheels."""

@@ -18,8 +18,8 @@ from .....config.schema.base import DifferentialBase
 from .....config.schema.cell import Resolve
 from ...joints import Joints
 from ...rigid_body import jacobian_at, twist_at
-from ...rolling import Rolling
 from ...spatial import Array, Pose, sizes
+from ...wheels.rolling import Rolling
 from ..joint_rates import Around, JointRates, Wish
 from ..kinematics import Kinematics
 from ..null_space.potential_field import Field, shifted

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frame_tree import Body
-from ...rolling import Rolled, Rolling
-from ...spatial import Array, Pose, pose_error, rotation_exp, sizes
+from ..frame_tree import Body
+from ..spatial import Array, Pose, pose_error, rotation_exp, sizes
+from .rolling import Rolled, Rolling
 
 
 class Odometry(NamedTuple):

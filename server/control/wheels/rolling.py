@@ -10,9 +10,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ...config.load import Cell
-from .compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
-from .spatial import Array, Pose
+from ....config.load import Cell
+from ..compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
+from ..spatial import Array, Pose
 
 
 class Rolled(Pose):

@@ -9,8 +9,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ...scene import Index
-from ...spatial import Array
+from ..scene import Index
+from ..spatial import Array
 
 
 class Led(NamedTuple):
