@@ -25,7 +25,8 @@ HOST = "127.0.0.2"
 """The console's own address; that of the same port on 127.0.0.1 is the tests' to cut."""
 
 SECRET, WATCHER = "for-operators", "for-observers"
-FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+PLAIN = ("--disable-3d-apis", "--disable-gpu")
+DRAWING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script>"
 PATIENCE_S = 60.0
 SMALL = {"width": 960, "height": 620}
@@ -39,8 +40,11 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="session")
-def chromium():
-    """Return a browser; skip, with the reason, where there is none."""
+def browsers():
+    """Return a browser without a scene, and one with; skip, with the reason, where none is.
+
+    Most tests do without the scene: to draw it without a graphics card takes a core.
+    """
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
         pytest.skip("no chromium here: apt-get install chromium")
@@ -49,9 +53,13 @@ def chromium():
     if missing():
         pytest.skip("the page's JavaScript is not fetched: make venv")
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-        yield browser
-        browser.close()
+        each = [
+            playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *flags])
+            for flags in (PLAIN, DRAWING)
+        ]
+        yield tuple(each)
+        for browser in each:
+            browser.close()
 
 
 class Console:
@@ -88,14 +96,14 @@ class Console:
 class Site:
     """A plant with a console, and pages that are open on it."""
 
-    def __init__(self, plant, browser):
-        self.plant, self.browser = plant, browser
+    def __init__(self, plant, browsers):
+        self.plant, self._browsers = plant, browsers
         self.console = Console(plant.cell)
         self._contexts = []
 
-    def page(self, key=SECRET, name="ann", host=HOST, script="", **context):
-        """Return a page that has come in, and shows a state."""
-        opened = self.browser.new_context(**{"viewport": SMALL, **context})
+    def page(self, key=SECRET, name="ann", host=HOST, script="", drawn=False, **context):
+        """Return a page that has come in, and shows a state; its scene only if `drawn`."""
+        opened = self._browsers[drawn].new_context(**{"viewport": SMALL, **context})
         self._contexts.append(opened)
         page = opened.new_page()
         page.errors = []
@@ -196,14 +204,14 @@ def plant_type():
 
 
 @pytest.fixture(scope="session")
-def running(chromium, tmp_path_factory):
+def running(browsers, tmp_path_factory):
     """Return a PA-10 with a console, for the whole session; its cell's description is hostile."""
     path = tmp_path_factory.mktemp("cell") / "pa10.toml"
     text = load_cell("pa10").path.read_text()
     path.write_text(re.sub(r"^description = .*$", f"description = '{HOSTILE}'", text, flags=re.M))
     with plant_type()(load_cell(path)) as plant:
         plant.operator("watcher")
-        site = Site(plant, chromium)
+        site = Site(plant, browsers)
         yield site
         site.close()
 

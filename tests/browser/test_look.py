@@ -13,7 +13,7 @@ DESK, TABLET = {"width": 1280, "height": 720}, {"width": 820, "height": 1180}
 def test_axe_finds_no_serious_issue(site, scheme):
     if not AXE.is_file():
         pytest.skip("axe-core is not fetched: make venv")
-    page = site.page(viewport=DESK, color_scheme=scheme)
+    page = site.page(drawn=True, viewport=DESK, color_scheme=scheme)
     page.evaluate(AXE.read_text(encoding="utf-8"))
     for tab in ("Steer", "Now", "Set", "Log"):
         page.get_by_role("tab", name=tab).click()
@@ -28,7 +28,7 @@ def test_axe_finds_no_serious_issue(site, scheme):
 
 @pytest.mark.parametrize("viewport", [DESK, TABLET], ids=["desk", "tablet"])
 def test_what_matters_is_in_sight(site, viewport):
-    page = site.page(viewport=viewport, has_touch=True)
+    page = site.page(drawn=True, viewport=viewport, has_touch=True)
     width, height = viewport["width"], viewport["height"]
     for what in ("#stop button", ".mode", ".why", "#scene canvas", ".pad .field", ".tabs"):
         box = page.locator(what).first.bounding_box()

@@ -78,7 +78,7 @@ def test_a_target_is_reached_to_a_millimetre(site):
 
 
 def test_the_handle_that_is_dragged_leads_the_tool_to_where_it_is_let_go_of(site):
-    page = site.enabled()
+    page = site.enabled(drawn=True)
     page.get_by_role("button", name="top", exact=True).click()
     page.get_by_role("button", name="Move", exact=True).click()
     before = site.plant.operators[0].state.target_mrf

@@ -2,7 +2,7 @@
 
 The page sends a beat every 10 ms while something is held, with all that is held in it, and ten a
 second else. Motion stops when beats stop: after `HELD_S` the streams are told zero, after
-`ALIVE_S` the lease is no longer kept alive, and what was held has to be let go of first.
+`LAPSED_S` what was held has to be let go of first, after `ALIVE_S` the lease is not renewed.
 """
 
 import asyncio
@@ -26,8 +26,11 @@ from .neutral import STREAMS, neutral, stream_name
 HELD_S: Final = 0.05
 """Motion of a page that is silent for longer ends [s]."""
 
-ALIVE_S: Final = 0.25
-"""The lease of a page that is silent for longer is not renewed [s]."""
+LAPSED_S: Final = 0.25
+"""What a page held that was silent for longer has to be let go of before it counts again [s]."""
+
+ALIVE_S: Final = 1.0
+"""The lease of a page that is silent for longer is not renewed [s]: so long may a page stutter."""
 
 WAITING: Final = 256
 """Messages that wait for a page that reads slowly, beside the newest state [1]."""
@@ -132,8 +135,9 @@ class Page:
         silent_s = now_s - self._beat_s
         if silent_s > HELD_S:
             self._hold({})
-        if silent_s > ALIVE_S:
+        if silent_s > LAPSED_S:
             self._lapsed = True
+        if silent_s > ALIVE_S:
             return  # the lease runs out, as that of any operator who hangs
         self.client.run(now_s)
 

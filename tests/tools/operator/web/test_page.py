@@ -5,7 +5,7 @@ import json
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.topics import Role
-from telerobot.tools.operator.web.page import ALIVE_S, HELD_S, Page
+from telerobot.tools.operator.web.page import ALIVE_S, HELD_S, LAPSED_S, Page
 
 STICK = {"cmd/joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "crf"}}
 PERIOD_S = 0.01
@@ -111,7 +111,7 @@ def test_a_page_that_hangs_on_loses_its_keepalive(browser, daemon):
 def test_a_page_that_stutters_goes_on_but_one_that_froze_has_to_let_go_first(browser, daemon):
     browser.hold(STICK)
     browser.run(0.1)
-    for pause_s, last in ((0.1, 0.05), (ALIVE_S + 0.1, 0.0)):
+    for pause_s, last in ((0.1, 0.05), (LAPSED_S + 0.1, 0.0)):
         browser.beats = False
         browser.run(pause_s)
         assert twists(daemon)[-1] == 0.0

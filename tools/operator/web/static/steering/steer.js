@@ -11,7 +11,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
   const refusal = el("span", { className: "refusal", role: "status" });
   const frame = el("select", { "aria-label": "Axes of the stick", onchange: () => choices.choose({ frame: frame.value }) },
     ...FRAMES.map((name) => el("option", { value: name }, name.toUpperCase())));
-  const level = el("input", { type: "range", min: 0, max: SPEEDS.length - 1, step: 1, "aria-label": "Speed of the stick",
+  const level = el("input", { type: "range", min: 0, max: SPEEDS.length - 1, step: 1, "aria-label": "Speed of the stick", className: "grow",
     oninput: () => choices.choose({ level: Number(level.value) }) });
   const speed = el("output", { className: "mono" });
   const arm = el("select", { "aria-label": "Arm that is led", onchange: () => {
