@@ -23,7 +23,7 @@ from ..simulation.simulation import Simulation
 
 STATIC: Final = Path(__file__).resolve().parents[1] / "operator/web/static"
 PICTURES: Final = Path(__file__).resolve().parents[2] / "config" / "pictures"
-SIZE: Final = (960, 600)
+SIZE: Final = (880, 550)
 TRAIL_S: Final = 6.0
 """So much of the run before the moment is shown as the tool's trail [s]."""
 PATIENCE_MS: Final = 240_000
@@ -35,14 +35,37 @@ COLOURS: Final = 256
 class Moment(NamedTuple):
     """When a cell's picture is taken, and from where."""
 
+    time_s: float = 7.0
     script: str | None = None
     """The cell's own where none is named."""
-    time_s: float = 7.0
     view: str = "home"
     theme: str = "dark"
 
 
-MOMENTS: Final[Mapping[str, Moment]] = {}
+MOMENTS: Final[Mapping[str, Moment]] = {
+    "pa10": Moment(20.0),
+    "pa10_all": Moment(11.0),
+    "pa10_hand": Moment(4.5),
+    "pa10_hand_pole": Moment(6.0),
+    "pa10_pair": Moment(9.0),
+    "pa10_peg": Moment(9.0),
+    "pa10_platform": Moment(9.0),
+    "pa10_reflect": Moment(8.0),
+    "pa10_scene": Moment(7.0),
+    "pa10_trio": Moment(6.0),
+    "pa10_two": Moment(6.0),
+    "pa10_vision": Moment(8.0),
+    "ranger": Moment(7.0),
+    "snake": Moment(13.0),
+    "snake30": Moment(5.0),
+    "snake_blocked": Moment(7.0),
+    "snake_gap": Moment(12.5),
+    "snake_space": Moment(13.0),
+    "snake_tail": Moment(15.0),
+    "ur5e": Moment(12.0),
+    "ur5e_scene": Moment(5.0),
+}
+"""Of the shipped cells; of any other, the default."""
 
 
 def run_of(cell: Cell, moment: Moment) -> dict[str, Any]:

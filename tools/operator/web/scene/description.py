@@ -32,6 +32,7 @@ def describe(cell: Cell) -> dict[str, Any]:
         ],
         "obstacles": described_obstacles(cell),
         "avoidance": {
+            "told": config.keeps_clear,
             "clearance": config.avoidance.clearance,
             "self_clearance": config.avoidance.self_clearance,
             "near": config.avoidance.near_distance,

@@ -17,18 +17,19 @@ export function createArms(description, materials, invalidate) {
     `bound ${role}`, () => new THREE.MeshStandardMaterial({ roughness: 0.5 }), (t) => t[role],
   ));
   const roots = description.links.flatMap((link, i) => (link.parent < 0 ? [i] : []));
-  const lastMoved = description.tasks.map(({ tip }) => {
-    let i = tip;
+  const carrierOf = (link) => {
+    let i = link;
     while (i >= 0 && description.links[i].joint < 0) i = description.links[i].parent;
     return i;
-  });
+  };
+  const hands = new Set(description.tasks.map(({ tip }) => carrierOf(tip)));
   let arm = -1;
   const links = description.links.map((link, i) => {
     if (roots.includes(i)) arm += 1;
     const own = new THREE.Group();
     const ghost = new THREE.Group();
     const caps = jointCaps(description, i);
-    const tool = lastMoved.includes(i) || lastMoved.includes(link.joint < 0 ? link.parent : -1);
+    const tool = hands.has(carrierOf(i));
     const bare = tool ? materials.joint() : materials.shell();
     dress(own, link, () => invalidate(), (shape) => (
       shape.colour ? materials.painted(shape.colour) : bare), true);

@@ -15,6 +15,7 @@ import { THREE, createMaterials } from "./kit.js";
 import { createLabels } from "./labels.js";
 import { createPaths } from "./paths.js";
 import { createPictures } from "./pictures.js";
+import { attitude, turned } from "./poses.js";
 import { createStage } from "./stage.js";
 import { createSurroundings } from "./surroundings.js";
 import { THEMES, themeName } from "./theme.js";
@@ -41,7 +42,8 @@ export function createScene(element, description) {
   const paths = createPaths(description, materials, labels, scale);
   const handle = createHandle(description, materials, stage, scale);
   const pictures = createPictures(element, description);
-  const views = createViews(stage, stage.invalidate);
+  const wall = description.rig?.wall;
+  const views = createViews(stage, stage.invalidate, wall && turned(attitude(wall.pose), [0, 0, 1]));
   const parts = { arms, surroundings, tunnels, frames, gaps, forces, paths, handle };
   for (const part of Object.values(parts)) stage.scene.add(part.object);
   const bodies = [arms, surroundings, tunnels];

@@ -14,7 +14,8 @@ const EASE_S = 0.45;
 /** Things fill the picture less by this factor. */
 const ROOM = 1.12;
 
-export function createViews(stage, invalidate) {
+/** Views of a stage; where a wall faces `normal`, the first one looks at its face. */
+export function createViews(stage, invalidate, normal = null) {
   const { camera, controls } = stage;
   let goal = null;
   let following = false;
@@ -52,7 +53,9 @@ export function createViews(stage, invalidate) {
     go(name, easing = true) {
       following = name === "follow";
       if (!(name in FROM)) return;
-      const to = seen(FROM[name]);
+      const [x, y, z] = FROM[name];
+      const behind = name === "home" && normal && normal[0] * x + normal[1] * y < 0;
+      const to = seen(behind ? [-0.6 * x, y, z] : [x, y, z]);
       if (!easing) {
         camera.position.copy(to.position);
         controls.target.copy(to.target);
