@@ -2,6 +2,9 @@
 
 import sys
 
-from .stills import main
+try:
+    from .stills import main
+except ImportError as error:
+    sys.exit(f"telerobot: pictures of the page need the package {error.name}")
 
 sys.exit(main())

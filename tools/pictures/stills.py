@@ -16,26 +16,32 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
+from playwright.sync_api import Browser, sync_playwright
+
 from ...config.load import Cell, ConfigError, load_cell, shipped
 from ..operator.web.scene import describe, mesh_files
 from ..scripts.script import load_script
 from ..simulation.simulation import Simulation
 
 STATIC: Final = Path(__file__).resolve().parents[1] / "operator/web/static"
-PICTURES: Final = Path(__file__).resolve().parents[2] / "config" / "pictures"
-SIZE: Final = (880, 550)
+PICTURES: Final = Path(__file__).resolve().parents[2] / "config/pictures/console"
+FLAGS: Final = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+"""Chromium without a graphics processor, and in a container."""
+SIZE: Final = (800, 500)
 TRAIL_S: Final = 6.0
 """So much of the run before the moment is shown as the tool's trail [s]."""
 PATIENCE_MS: Final = 240_000
 """Without a graphics processor a picture may take long."""
-COLOURS: Final = 256
-"""A picture is written with so many colours: it stays below 100 kB [1]."""
+COLOURS: Final = (256, 128, 64, 32)
+LARGEST: Final = 100_000
+"""A picture is smaller than this, with the most of those colours [B]."""
 
 
 class Moment(NamedTuple):
     """When a cell's picture is taken, and from where."""
 
-    time_s: float = 7.0
+    time_s: float = 0.0
+    """Since the run's begin; 0: the arms at rest, nothing is simulated [s]."""
     script: str | None = None
     """The cell's own where none is named."""
     view: str = "home"
@@ -44,32 +50,25 @@ class Moment(NamedTuple):
 
 MOMENTS: Final[Mapping[str, Moment]] = {
     "pa10": Moment(20.0),
-    "pa10_all": Moment(11.0),
-    "pa10_hand": Moment(4.5),
-    "pa10_hand_pole": Moment(6.0),
+    "pa10_all": Moment(14.0),
+    "pa10_hand_pole": Moment(7.0),
     "pa10_pair": Moment(9.0),
     "pa10_peg": Moment(9.0),
-    "pa10_platform": Moment(9.0),
-    "pa10_reflect": Moment(8.0),
     "pa10_scene": Moment(7.0),
     "pa10_trio": Moment(6.0),
-    "pa10_two": Moment(6.0),
-    "pa10_vision": Moment(8.0),
+    "pa10_vision": Moment(7.0),
     "ranger": Moment(7.0),
-    "snake": Moment(13.0),
-    "snake30": Moment(5.0),
-    "snake_blocked": Moment(7.0),
-    "snake_gap": Moment(12.5),
-    "snake_space": Moment(13.0),
-    "snake_tail": Moment(15.0),
-    "ur5e": Moment(12.0),
-    "ur5e_scene": Moment(5.0),
+    "snake": Moment(7.0),
+    "snake_space": Moment(7.0),
+    "ur5e": Moment(7.0),
 }
-"""Of the shipped cells; of any other, the default."""
+"""Of cells whose script shows more than the cell at rest does."""
 
 
 def run_of(cell: Cell, moment: Moment) -> dict[str, Any]:
     """Return the states of a run up to a moment, and the truth at its end."""
+    if moment.time_s <= 0.0:
+        return {"states": [], "truth": None}
     script = load_script(moment.script or cell.default_script)
     simulation = Simulation(cell, script, cameras=_Blind)
     simulation.run(until=lambda: simulation.clock.time_s >= moment.time_s)
@@ -117,10 +116,8 @@ class _Handler(SimpleHTTPRequestHandler):
         """Say nothing: what is missing shows in the page's own messages."""
 
 
-def take(cell: Cell, moment: Moment, picture: Path, chromium: str) -> list[str]:
+def take(browser: Browser, cell: Cell, moment: Moment, picture: Path) -> list[str]:
     """Write the picture of a cell; return what the page complained of."""
-    from playwright.sync_api import sync_playwright
-
     told = {
         "/description.json": json.dumps(describe(cell)).encode(),
         "/run.json": json.dumps(run_of(cell, moment)).encode(),
@@ -131,35 +128,37 @@ def take(cell: Cell, moment: Moment, picture: Path, chromium: str) -> list[str]:
     )
     threading.Thread(target=server.serve_forever, daemon=True).start()
     complaints: list[str] = []
+    page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
     try:
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(
-                executable_path=chromium,
-                args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-            )
-            page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
-            page.set_default_timeout(PATIENCE_MS)
-            page.on("console", lambda m: complaints.append(m.text) if m.type != "log" else None)
-            page.on("pageerror", lambda error: complaints.append(str(error)))
-            port = server.server_address[1]
-            page.goto(f"http://127.0.0.1:{port}/?view={moment.view}&theme={moment.theme}")
-            page.wait_for_selector("body[data-ready]")
-            page.screenshot(path=str(picture))
-            browser.close()
+        page.set_default_timeout(PATIENCE_MS)
+        page.on("console", lambda m: complaints.append(m.text) if m.type != "log" else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        port = server.server_address[1]
+        page.goto(f"http://127.0.0.1:{port}/?view={moment.view}&theme={moment.theme}")
+        page.wait_for_selector("body[data-ready]")
+        page.screenshot(path=str(picture))
     finally:
+        page.close()
         server.shutdown()
     _shrink(picture)
     return complaints
 
 
 def _shrink(picture: Path) -> None:
-    """Write a picture with fewer colours, dithered, where Pillow is there to do so."""
+    """Write a picture with as many colours as `LARGEST` allows, where Pillow is there to do so."""
     try:
         from PIL import Image
     except ImportError:
         return
     with Image.open(picture) as image:
-        image.convert("RGB").quantize(COLOURS).save(picture, optimize=True)
+        whole = image.convert("RGB")
+    for colours in COLOURS:
+        palette = whole.quantize(colours, method=Image.Quantize.FASTOCTREE)
+        whole.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(
+            picture, optimize=True
+        )
+        if picture.stat().st_size < LARGEST:
+            return
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -173,21 +172,25 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--at", metavar="SECONDS", type=float, help="moment of the run [s]")
     parser.add_argument("--chromium", metavar="FILE", default="/usr/bin/chromium")
     args = parser.parse_args(arguments)
-    failed = 0
-    for name in args.cells or shipped("cells"):
-        given = {"script": args.script, "time_s": args.at, "view": args.view, "theme": args.theme}
-        moment = MOMENTS.get(name, Moment())._replace(
-            **{key: value for key, value in given.items() if value is not None}
-        )
-        try:
-            cell = load_cell(name)
-        except ConfigError as error:
-            print(error, file=sys.stderr)
-            return 2
-        picture = args.to / f"{cell.config.name}.png"
-        complaints = take(cell, moment, picture, args.chromium)
-        print(f"{picture}: {picture.stat().st_size // 1024} kB")
-        for complaint in complaints:
-            print(f"  {complaint}", file=sys.stderr)
-        failed += bool(complaints)
+    given = {"script": args.script, "time_s": args.at, "view": args.view, "theme": args.theme}
+    asked = {key: value for key, value in given.items() if value is not None}
+    try:
+        cells = [load_cell(name) for name in args.cells or shipped("cells")]
+    except ConfigError as error:
+        print(error, file=sys.stderr)
+        return 2
+    args.to.mkdir(parents=True, exist_ok=True)
+    failed = False
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=args.chromium, args=FLAGS)
+        for cell in cells:
+            name = cell.config.name
+            picture = args.to / f"{name}.png"
+            moment = MOMENTS.get(name, Moment())._replace(**asked)
+            complaints = take(browser, cell, moment, picture)
+            print(f"{picture}: {picture.stat().st_size // 1000} kB", flush=True)
+            for complaint in complaints:
+                print(f"  {complaint}", file=sys.stderr)
+            failed = failed or bool(complaints)
+        browser.close()
     return 1 if failed else 0

@@ -3,12 +3,21 @@
 import json
 import subprocess
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from telerobot.config.load import load_cell
+from telerobot.tools.operator.web.scene import describe
 
 STATIC = Path(__file__).resolve().parents[4] / "tools/operator/web/static"
+
+
+@pytest.fixture(scope="session")
+def described() -> Callable[[str], dict[str, Any]]:
+    """Return the description of a shipped cell by its name; each is made once."""
+    return cache(lambda name: describe(load_cell(name)))
 
 
 @pytest.fixture(scope="session")

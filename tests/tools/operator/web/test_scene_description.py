@@ -12,12 +12,12 @@ from telerobot.tools.oracle.tunnel import Tunnel
 
 
 @pytest.mark.parametrize("name", shipped("cells"))
-def test_every_shipped_cell_is_described_in_the_order_of_its_joints(name):
-    cell = load_cell(name)
-    told = json.loads(json.dumps(describe(cell), allow_nan=False))
-    assert [joint["name"] for joint in told["joints"]] == list(cell.joints)
+def test_every_shipped_cell_is_described_in_the_order_of_its_joints(described, name):
+    told = json.loads(json.dumps(described(name), allow_nan=False))
+    joints = [joint["name"] for joint in told["joints"]]
+    assert joints == list(load_cell(name).joints)
     moved = [link["joint"] for link in told["links"] if link["joint"] >= 0]
-    assert sorted(moved) == list(range(len(cell.joints)))
+    assert sorted(moved) == list(range(len(joints)))
     assert all(link["parent"] < i for i, link in enumerate(told["links"]))
     assert any(link["shapes"] for link in told["links"])
     quaternions = [link["pose"][3:] for link in told["links"]]

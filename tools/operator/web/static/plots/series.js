@@ -47,7 +47,7 @@ export function chartsOf(description) {
     title: "Joints in their range", unit: "%", range: [-105, 105], bound: 100, thin: joints.length > 8, tells: "farthest",
     series: joints.map((joint, i) => ({ name: joint.name, colour: COLOURS[i % COLOURS.length] })),
     row: (state) => joints.map(({ lower, upper }, i) => (
-      number((200 * (state.q[i] - lower)) / (upper - lower) - 100))),
+      Number.isFinite(state.q[i]) ? (200 * (state.q[i] - lower)) / (upper - lower) - 100 : null)),
   });
   const names = new Set(obstacles.map((each) => each.name));
   if (description.avoidance.told) charts.push({
