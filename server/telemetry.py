@@ -24,7 +24,7 @@ from .operators.exposure import network
 from .operators.link import Link
 from .plant import PlantReading
 from .runtime.events import Events
-from .units.insertion import described_insertion, told_insertion
+from .units.insertion import described_base, described_insertion, told_insertion
 from .units.joint_unit import JointUnit
 from .units.unit import Unit
 from .units.units import Units
@@ -69,6 +69,7 @@ def _described(part: Cell) -> dict[str, Any]:
         "lower": bounds.lower,
         "upper": bounds.upper,
         "insertion": described_insertion(part),
+        "base": described_base(part),
         "max_velocity": tuple(d.max_velocity for d in drives),
         "postures": config.mechanism.postures,
         "sources": SOURCES,

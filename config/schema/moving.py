@@ -101,6 +101,12 @@ class RigFrames(Section):
         (2e-4, 3e-4), description="standard deviation of each axis of a pose [m], [rad]"
     )
     twists: bool = Field(False, description="true: the news has the frame's twist, too")
+    gyroscope: bool = Field(
+        False, description="true: of a base on wheels only the heading is measured, by a gyroscope"
+    )
+    gyroscope_bias: float = Field(
+        0.0, ge=-0.1, le=0.1, description="that its heading drifts by [rad/s]"
+    )
 
 
 __all__ = ["Frames", "MovingFrame", "RigFrames", "RigMotion"]

@@ -148,6 +148,8 @@ class TaskDescription(Message):
     max_velocity: JointVector
     insertion: dict[str, float] | None = None
     """Of an arm in tunnels: its greatest `speed` [m/s] and greatest `depth` [m]."""
+    base: dict[str, float] | None = None
+    """Of a base on wheels: its greatest `speed` [m/s] and `angular_speed` [rad/s]."""
 
 
 class Description(TaskDescription):

@@ -1,4 +1,4 @@
-"""Telemetry of an arm in its tunnels."""
+"""Telemetry of what is driven as a whole: an arm in its tunnels, a base on wheels."""
 
 from ...config.load import Cell
 from ..control.arm.arm import Arm
@@ -25,3 +25,11 @@ def described_insertion(part: Cell) -> dict[str, float] | None:
     if backbone is None:
         return None
     return {"speed": backbone.speed, "depth": Chain.from_cell(part).length - backbone.least}
+
+
+def described_base(part: Cell) -> dict[str, float] | None:
+    """Return how fast a base may be driven [m/s], [rad/s]; None for one that has no wheels."""
+    base = part.config.mechanism.base
+    if base is None:
+        return None
+    return {"speed": base.speed, "angular_speed": base.angular_speed}

@@ -1,11 +1,14 @@
 """An arm on a base with two driven wheels, by the physics' truth."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from telerobot.config.load import load_cell
+from telerobot.config.schema.moving import MovingFrame
+from telerobot.config.schema.obstacles import Obstacle
 from telerobot.tools.simulation.simulation import simulate
-
-WORLD = {"at_s": 0.2, "operator/frame": {"frame": "crf", "moves_with": "world"}}
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +68,118 @@ def test_a_stop_keeps_wheels_on_their_arc(play, rover):
     assert run.states[-1].mode == "hold"
     assert np.ptp(places[moved[-40] :, 0]) < 1e-3
     assert np.linalg.norm(centre[moved] - centre[moved[0]], axis=1).max() < 0.004
+
+
+def with_config(cell, **sections):
+    """Return a cell with other sections."""
+    return dataclasses.replace(cell, config=cell.config.model_copy(update=sections))
+
+
+def with_frames(cell, rig=None, **frames):
+    """Return the rover with news of where it is."""
+    told = MovingFrame(speed=1.0, angular_speed=2.0, acceleration=3.0, angular_acceleration=6.0)
+    section = cell.config.frames.model_copy(update={"base": told, **frames})
+    update = {"frames": section}
+    if rig is not None:
+        moved = cell.config.rig.frames.model_copy(update=rig)
+        update["rig"] = cell.config.rig.model_copy(update={"frames": moved})
+    return with_config(cell, **update)
+
+
+def test_wheels_that_slip_are_told_and_news_brings_the_odometry_back(play, rover):
+    ice = [
+        {"at_s": 0.3, "rig/fault": {"kind": "slip", "target": f"wheel_{side}", "value": 0.01}}
+        for side in ("left", "right")
+    ]
+    grip = [
+        {"at_s": 2.0, "rig/fault": {"kind": "slip", "target": f"wheel_{side}", "on": False}}
+        for side in ("left", "right")
+    ]
+    drive = {"at_s": 0.4, "cmd/drive": {"rates": [0.4, 0.0]}}
+    stand = {"at_s": 2.0, "cmd/drive": {"rates": [0.0, 0.0]}}
+    blind = play(*ice, drive, *grip, stand, seconds=4.0, cell=rover)
+    assert blind.summary["odometry_error_m"] > 0.2
+    assert blind.events("wheels_slip") == []
+    run = play(*ice, drive, *grip, stand, seconds=12.0, cell=with_frames(rover))
+    (slip,) = run.events("wheels_slip")
+    assert slip.values["distance_m"] > 0.05
+    assert "not held in World" in slip.detail
+    assert len(run.events("wheels_grip")) == 1
+    assert run.summary["odometry_error_m"] < 0.01
+    assert run.summary["limit_violations"] == 0
+
+
+def test_a_gyroscope_corrects_the_heading_that_one_slipping_wheel_spoils(play, rover):
+    steps = [
+        {"at_s": 0.3, "rig/fault": {"kind": "slip", "target": "wheel_left", "value": 0.005}},
+        {"at_s": 0.4, "cmd/drive": {"rates": [0.2, 0.0]}},
+        {"at_s": 2.0, "cmd/drive": {"rates": [0.0, 0.0]}},
+    ]
+    blind = play(*steps, seconds=4.0, cell=rover)
+    gyroscope = {"gyroscope": True, "gyroscope_bias": 0.001}
+    base = rover.config.mechanism.base.model_copy(update={"correction": (0.05, 0.5)})
+    mechanism = rover.config.mechanism.model_copy(update={"base": base})
+    cell = with_config(rover, mechanism=mechanism)
+    run = play(*steps, seconds=4.0, cell=with_frames(cell, gyroscope))
+    assert blind.summary["odometry_error_rad"] > 0.05
+    assert run.summary["odometry_error_rad"] < 0.012
+
+
+def test_a_wheel_that_is_blocked_ends_in_a_fault_and_the_base_stands(play, rover):
+    run = play(
+        {"at_s": 0.3, "cmd/drive": {"rates": [0.3, 0.0]}},
+        {"at_s": 1.5, "rig/fault": {"kind": "block", "target": "wheel_left"}},
+        seconds=3.5,
+        cell=rover,
+    )
+    assert run.summary["mode"] in ("fault", "hold", "enabled")
+    places = np.array([t.frames["base"][:2] for t in run.truths[-50:]])
+    assert np.ptp(places, axis=0).max() < 1e-3
+    told = {limit for state in run.states for limit in state.limits}
+    assert run.summary["mode"] == "fault" or "leash:wheel_left" in told
+
+
+def test_counts_of_wheels_wrap_and_nobody_notices(play, rover):
+    """2e8 counts per radian: 32 bits are 10.7 rad, 1.3 m, which are driven twice over."""
+    drives = tuple(
+        d.model_copy(update={"counts_per_radian": 2e8}) if d.joint.startswith("wheel") else d
+        for d in rover.config.mechanism.drives
+    )
+    mechanism = rover.config.mechanism.model_copy(update={"drives": drives})
+    cell = with_config(rover, mechanism=mechanism)
+    run = play(
+        {"at_s": 0.2, "cmd/drive": {"rates": [0.5, 0.0]}},
+        {"at_s": 6.0, "cmd/drive": {"rates": [0.0, 0.0]}},
+        seconds=7.0,
+        cell=cell,
+    )
+    assert run.truths[-1].q[0] > 2 * 10.7
+    assert run.states[-1].q[0] == pytest.approx(run.truths[-1].q[0], abs=1e-3)
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["base_travel_m"] == pytest.approx(0.5 * 5.8, abs=0.1)
+    assert run.summary["odometry_error_m"] < 0.005
+    assert run.summary["limit_violations"] == 0
+
+
+def test_a_base_that_drives_at_a_box_stops_short_of_it(play, rover):
+    """The verified stop rolls out the base: at full speed the promised clearance is kept."""
+    box = {
+        "name": "crate", "shape": "box", "xyz": [2.0, 0.1, 0.3], "half_size": [0.2, 0.4, 0.3],
+        "clearance": 0.05,
+    }  # fmt: skip
+    obstacle = TypeAdapter(Obstacle).validate_python(box)
+    avoidance = rover.config.avoidance.model_copy(update={"enabled": True})
+    cell = with_config(rover, obstacles=(obstacle,), avoidance=avoidance)
+    run = play(
+        {"at_s": 0.3, "cmd/drive": {"rates": [0.5, 0.05]}},
+        seconds=7.0,
+        cell=cell,
+    )
+    assert run.summary["base_travel_m"] > 0.8
+    assert 0.045 < run.summary["min_clearance_m"] < 0.12
+    assert run.summary["mode"] == "enabled"
+    # It is slowed on its arc, not turned off it.
+    base = np.array([t.frames["base"] for t in run.truths])
+    moves = np.diff(base[:, 0]) > 1e-3
+    curvature = np.diff(base[:, 5])[moves] / np.diff(base[:, 0])[moves]
+    assert np.abs(curvature - 0.1).max() < 0.03

@@ -135,3 +135,14 @@ def test_a_sequence_that_comes_in_two_parts_is_one_key():
     assert decoder.keys(b"a\x1b") == ["a"]
     assert decoder.keys(b"[") == []
     assert decoder.keys(b"Bb") == ["down", "b"]
+
+
+def test_keys_drive_a_base_while_others_move_the_tool():
+    stick, base = Stick(level=3), {"speed": 0.5, "angular_speed": 0.3}
+    held = {"v", ",", "w"}
+    assert stick.twist(held) == (SPEEDS[3], 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert stick.drive(held, base) == (2 * SPEEDS[3], 0.3)
+    assert stick.drive({"b", "."}, base) == (-2 * SPEEDS[3], -0.3)
+    assert opposites("v") == ("b",)
+    assert opposites(".") == (",",)
+    assert Stick(level=len(SPEEDS) - 1).drive({"v"}, base) == (0.4, 0.0)

@@ -33,7 +33,8 @@ class SimulatedFrameSensors:
         if config is None:
             raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
         self._config = config.frames
-        self._names = tuple(cell.config.frames.moving)
+        rolls = ("base",) if config.frames.gyroscope else ()
+        self._names = tuple(dict.fromkeys((*cell.config.frames.moving, *rolls)))
         self._rig, self._put = rig, put
         self._rng = np.random.default_rng([config.seed, 1])
         self._due_s = 0.0
@@ -64,6 +65,11 @@ class SimulatedFrameSensors:
         true = Pose.from_xyz_rpy(pose[:3], pose[3:])
         x, y, z, *rpy = Pose(rotation_exp(noise[3:]) @ true.R, true.p + noise[:3]).to_xyz_rpy()
         twist = tuple(self._rig.frame_twist(name)) if self._config.twists else None
+        if name == "base" and self._config.gyroscope:
+            rpy = [0.0, 0.0, rpy[2] + self._config.gyroscope_bias * self._rig.time_s]
+            return FrameNews.model_validate(
+                {"name": name, "tick": tick, "xyz": (0.0,) * 3, "rpy": rpy, "heading": True}
+            )
         return FrameNews.model_validate(
             {"name": name, "tick": tick, "xyz": (x, y, z), "rpy": tuple(rpy), "twist": twist}
         )

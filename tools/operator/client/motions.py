@@ -75,13 +75,14 @@ class Motions(ABC):
             self.end_stream(t.JOYSTICK)
             self.need_lease()
 
-    def drive(self, speed: float, seconds: float = 0.0) -> None:
-        """Insert an arm into its tunnels at a speed [m/s], or withdraw it with a negative one.
+    def drive(self, speed: float, turn: float | None = None, seconds: float = 0.0) -> None:
+        """Drive a mechanism as a whole: a base on wheels, or an arm into its tunnels.
 
-        For a while; with `seconds` 0, until told otherwise (and only while `spin` is called).
-        Raises as `joystick` does.
+        With a `turn`, a base goes ahead at `speed` [m/s] and turns to the left [rad/s]. Without,
+        an arm is inserted at `speed`, or withdrawn with a negative one. For a while; with `seconds`
+        0, until told otherwise (and only while `spin` is called). Raises as `joystick` does.
         """
-        self.stream(t.DRIVE, rates=(speed,))
+        self.stream(t.DRIVE, rates=(speed,) if turn is None else (speed, turn))
         if seconds > 0.0:
             self.spin(seconds)
             self.end_stream(t.DRIVE)

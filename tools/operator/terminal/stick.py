@@ -1,6 +1,6 @@
 """Stick made of held keys: a twist of the tool, or rates of one joint. Pure."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from ....protocols.messages.messages import Frame
@@ -15,7 +15,13 @@ JOINT_SIGNS = {"[": -1.0, "]": 1.0, "left": -1.0, "right": 1.0, "down": -1.0, "u
 """Key: direction in which the chosen joint moves."""
 
 DRIVES = {"v": 1.0, "b": -1.0}
-"""Key: direction in which an arm in tunnels is driven along."""
+"""Key: direction in which an arm in tunnels is driven along, or a base."""
+
+TURNS = {",": 1.0, ".": -1.0}
+"""Key: direction in which a base on wheels turns, to the left and to the right."""
+
+BASE_PER_TOOL = 2.0
+"""A base is driven so much faster than the tool [1]."""
 
 SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
 """Stick speeds to choose from [m/s]."""
@@ -33,6 +39,8 @@ def opposites(key: str) -> tuple[str, ...]:
         return tuple(k for k, other in AXES.items() if other == (axis, -sign))
     if key in DRIVES:
         return tuple(k for k in DRIVES if k != key)
+    if key in TURNS:
+        return tuple(k for k in TURNS if k != key)
     return tuple(k for k, sign in JOINT_SIGNS.items() if sign == -JOINT_SIGNS.get(key, 0.0))
 
 
@@ -75,6 +83,15 @@ class Stick:
     def insertion(self, held: Collection[str], most: float) -> float:
         """Return the insertion speed of the keys that are held, at most `most` either way [m/s]."""
         return sum(DRIVES.get(key, 0.0) for key in held) * min(self.speed, most)
+
+    def drive(self, held: Collection[str], base: Mapping[str, float]) -> tuple[float, float]:
+        """Return at which v [m/s] and ω [rad/s] held keys drive a base, within its own."""
+        ahead = sum(DRIVES.get(key, 0.0) for key in held)
+        turn = sum(TURNS.get(key, 0.0) for key in held)
+        return (
+            ahead * min(BASE_PER_TOOL * self.speed, base["speed"]),
+            turn * min(BASE_PER_TOOL * self.turn, base["angular_speed"]),
+        )
 
     def rates(self, held: Collection[str], max_velocity: Sequence[float]) -> tuple[float, ...]:
         """Return joint rates (n,) [rad/s] of the keys that are held, within (n,) bounds."""

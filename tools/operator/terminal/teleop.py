@@ -16,7 +16,7 @@ from ..client.protocol_client import NoLease, OnReply
 from .hands import led
 from .keyboard import HeldKeys
 from .status import Link, arm_lines, link_words
-from .stick import AXES, DRIVES, JOINT_SIGNS, Stick, opposites
+from .stick import AXES, DRIVES, JOINT_SIGNS, TURNS, Stick, opposites
 
 HELP = """\
  w s  a d  r f   move along x, y, z while held        + -   faster, slower
@@ -28,7 +28,8 @@ HELP = """\
  L  take the lease, or give it back q  quit           ?     this help"""
 
 HANDS, TUNNELS = " y  next arm", " v b  insert, withdraw while held"
-"""Where the cell has several arms, and where an arm goes through tunnels."""
+WHEELS = " v b  drive ahead, back while held, with  , .  turn to the left, right"
+"""Where the cell has several arms, where an arm goes through tunnels, and where it has wheels."""
 
 STREAMS = (t.JOYSTICK, t.JOG, t.DRIVE)
 
@@ -79,7 +80,10 @@ class KeyboardTeleop:
     def press(self, key: str, now_s: float) -> None:
         """Act on a key. A refusal is printed, never raised."""
         try:
-            if key in AXES or key in JOINT_SIGNS or (key in DRIVES and self._insertion):
+            driven = (key in DRIVES and self._insertion) or (
+                key in (*DRIVES, *TURNS) and self._base
+            )
+            if key in AXES or key in JOINT_SIGNS or driven:
                 self._move(key, now_s)
             elif key in "123456789":
                 self._choose_joint(int(key) - 1)
@@ -91,8 +95,9 @@ class KeyboardTeleop:
 
     def help(self) -> None:
         """Say what the keys do."""
-        more = [*([HANDS] if len(self._tasks) > 1 else []), *([TUNNELS] if self._insertion else [])]
-        for line in (*HELP.splitlines(), *more):
+        several = len(self._tasks) > 1
+        kinds = ((HANDS, several), (TUNNELS, self._insertion), (WHEELS, self._base))
+        for line in (*HELP.splitlines(), *(words for words, there in kinds if there)):
             self._say(line)
 
     def acquire(self, then: Callable[[], None] | None = None) -> None:
@@ -129,6 +134,9 @@ class KeyboardTeleop:
             if self._insertion:
                 forward = self.stick.insertion(held, self._insertion["speed"])
                 self._client.stream(t.DRIVE, rates=(forward,), **self._mechanism)
+            if self._base:
+                driven = self.stick.drive(held, self._base)
+                self._client.stream(t.DRIVE, rates=driven, **self._mechanism)
         else:
             self._client.end_stream(t.JOYSTICK)
             self._client.end_stream(t.DRIVE)
@@ -160,6 +168,10 @@ class KeyboardTeleop:
     def _insertion(self) -> dict[str, float] | None:
         return self._tasks[self.hand].insertion if self._tasks else None
 
+    @property
+    def _base(self) -> dict[str, float] | None:
+        return self._tasks[self.hand].base if self._tasks else None
+
     def _change_hands(self) -> None:
         """Lead the next arm; the one that was led stands."""
         if len(self._tasks) < 2:
@@ -176,7 +188,7 @@ class KeyboardTeleop:
         if state is None or state.mode != "enabled":
             self._say("the arm is not enabled: m enables it")
             return
-        if key in AXES or key in DRIVES:
+        if key in AXES or key in DRIVES or key in TURNS:
             self.stick.joint = None
             if self._goal:
                 # A posture in force does not hear the stick.

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from ....config.load import Cell
 from ....config.schema.mechanism import Drive
 from ....config.schema.on_bus import Entry
+from ....protocols.canopen.counter import Unwrapped
 
 STEPS = (1.0, 2.0, 4.0)
 """Encoder steps of tolerance on first, second and third differences [1]."""
@@ -64,6 +65,8 @@ class _Joint:
     low: float
     """Least angle that counts as inside [rad]: the limit, or how far outside the joint still is."""
     high: float
+    turns: Unwrapped | None = None
+    """Counts of a wheel, which wrap."""
     measured: float | None = None
     before: float | None = None
     """Setpoint at the SYNC before the last [rad]."""
@@ -137,6 +140,8 @@ class Observer:
             watched = joints.get(can_id - _TPDO1)
             if watched is not None:
                 statusword, counts = struct.unpack_from("<Hi", data)
+                if watched.turns is not None:
+                    counts = watched.turns.take(counts)
                 watched.enabled = statusword & _ENABLED_MASK == _ENABLED
                 if not watched.enabled:
                     watched.stands(watched.zero + watched.scale * counts)
@@ -239,4 +244,5 @@ def _joint(entry: Entry, part: Cell) -> _Joint:
         fastest=drive.max_velocity + part.config.torque.speed_gain * drive.following_window,
         low=joint.lower,
         high=joint.upper,
+        turns=Unwrapped() if drive.joint in part.config.mechanism.wheels else None,
     )
