@@ -4,7 +4,7 @@ import { button, el } from "../dom.js";
 
 export function createStop(element, ask) {
   const words = el("small", {}, "space bar · stops for everybody");
-  const stop = button("STOP", () => press(), { id: "stop-button", "aria-label": "Protective stop, space bar" });
+  const stop = button("STOP", () => press(), { id: "stop-button" });
   stop.append(words);
   // As soon as it is touched, and not when the finger leaves it.
   stop.addEventListener("pointerdown", (event) => {

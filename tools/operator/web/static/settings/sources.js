@@ -21,7 +21,7 @@ export function createSources(element, { ask, choices }) {
       gain: fields.map((field) => Number(field.value.replace(",", "."))) }, refusal);
     const node = el("div", { className: "card" },
       el("div", { className: "row" }, on, el("label", { htmlFor: on.id, className: "grow" }, el("b", {}, NAMES[source] ?? source.replaceAll("_", " "))),
-        button("Set gains", set), forced, el("label", { htmlFor: forced.id, className: "dim" }, "force")),
+        button("Set gains", set), forced, el("label", { htmlFor: forced.id, className: "dim", title: "even beyond the bound of stability" }, "force it")),
       el("div", { className: "gains" }, ...fields), refusal);
     return { source, node, on, fields };
   }
