@@ -3,6 +3,7 @@
 export const SPEEDS = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2];
 export const FRAMES = ["crf", "mrf", "base", "world"];
 const TURN_PER_METRE = 4;
+const BASE_PER_TOOL = 2;
 
 export class Choices extends EventTarget {
   constructor(link) {
@@ -59,6 +60,17 @@ export class Choices extends EventTarget {
   get shown() {
     if (!this.state) return null;
     return this.state.tasks[this.task.task] ?? this.own;
+  }
+
+  // Fields that drive the mechanism as a whole, into its tunnels or on its wheels; null for none.
+  drive(ahead, turn) {
+    const { base, insertion } = this.led ?? {};
+    if (!ahead && !turn) return null;
+    if (insertion && ahead) return { rates: [ahead * Math.min(this.speed, insertion.speed)], ...this.mechanism };
+    if (!base) return null;
+    const rates = [ahead * Math.min(BASE_PER_TOOL * this.speed, base.speed),
+      turn * Math.min(BASE_PER_TOOL * this.turn, base.angular_speed)];
+    return { rates, ...this.mechanism };
   }
 
   // Where the led arm's joints begin among the cell's.

@@ -4,7 +4,7 @@ export const AXES = {
   KeyW: [0, 1], KeyS: [0, -1], KeyA: [1, 1], KeyD: [1, -1], KeyR: [2, 1], KeyF: [2, -1],
   KeyU: [3, 1], KeyO: [3, -1], KeyI: [4, 1], KeyK: [4, -1], KeyJ: [5, 1], KeyL: [5, -1],
 };
-const DRIVES = { KeyV: 1, KeyB: -1 };
+const DRIVES = { KeyV: [1, 0], KeyB: [-1, 0], Comma: [0, 1], Period: [0, -1] };
 
 // A text field keeps its letters; sliders and buttons do not.
 function typing(target) {
@@ -20,11 +20,9 @@ export function steerByKeys(held, choices, acts) {
     const parts = [0, 0, 0, 0, 0, 0];
     for (const code of down) if (AXES[code]) parts[AXES[code][0]] += AXES[code][1];
     held.twist("keys", parts);
-    const insertion = choices.led?.insertion;
-    let forward = 0;
-    for (const code of down) forward += DRIVES[code] ?? 0;
-    const rates = [forward * Math.min(choices.speed, insertion?.speed ?? 0)];
-    held.stream("cmd/drive", insertion && forward ? { rates, ...choices.mechanism } : null);
+    const drive = [0, 0];
+    for (const code of down) (DRIVES[code] ?? []).forEach((part, i) => (drive[i] += part));
+    held.stream("cmd/drive", choices.drive(...drive));
   }
 
   // Captured first: whatever has the focus, the space bar stops.

@@ -20,7 +20,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
   } });
   const armRow = el("div", { className: "row" }, el("span", { className: "dim" }, "arm"), arm);
   const postures = el("div", { className: "row" });
-  const insertion = el("div", { className: "row" });
+  const driving = el("div", { className: "row" });
   const joints = el("div", {});
   const pad = el("div", {});
   const mouse = el("div", {});
@@ -31,7 +31,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
   createSpaceMouse(mouse, held);
   element.append(
     el("h2", {}, "Stick"), armRow,
-    el("div", { className: "row" }, el("span", { className: "dim" }, "axes"), frame, level, speed), insertion,
+    el("div", { className: "row" }, el("span", { className: "dim" }, "axes"), frame, level, speed), driving,
     el("h2", {}, "Target"), target, el("h2", {}, "Postures"), postures, refusal,
     el("h2", {}, "Joints"), joints, el("h2", {}, "Gamepad"), pad, el("h2", {}, "SpaceMouse"), mouse,
     el("h2", {}, "Keys"), keys(),
@@ -42,12 +42,17 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
     ask("cmd/posture", { posture, ...choices.mechanism }, refusal);
   }
 
-  function drive(sign, text) {
-    const tell = (on) => held.stream("cmd/drive", on
-      ? { rates: [sign * Math.min(choices.speed, choices.led.insertion.speed)], ...choices.mechanism } : null);
-    const act = button(text, () => {}, { onpointerdown: () => tell(true) });
+  function drive(text, ahead, turn) {
+    const tell = (on) => held.stream("cmd/drive", on ? choices.drive(ahead, turn) : null);
+    const act = button(text, () => {}, { onpointerdown: () => tell(true), title: "while held" });
     for (const name of ["pointerup", "pointercancel", "pointerleave"]) act.addEventListener(name, () => tell(false));
     return act;
+  }
+
+  function drives(led) {
+    if (led?.insertion) return [drive("Insert", 1, 0), drive("Withdraw", -1, 0)];
+    if (led?.base) return [drive("Ahead", 1, 0), drive("Back", -1, 0), drive("Left", 0, 1), drive("Right", 0, -1)];
+    return [];
   }
 
   function show() {
@@ -66,7 +71,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
     postures.replaceChildren(
       ...Object.keys(led?.postures ?? {}).map((name) => button(name, () => move(name))),
       button("Cancel goals", () => ask("cmd/cancel", choices.task, refusal)));
-    insertion.replaceChildren(...(led?.insertion ? [drive(1, "Insert (hold)"), drive(-1, "Withdraw (hold)")] : []));
+    driving.replaceChildren(...drives(led));
     show();
   });
   show();
@@ -77,7 +82,7 @@ function keys() {
   const rows = [
     ["w s · a d · r f", "move along x, y, z"], ["u o · i k · j l", "turn about x, y, z"],
     ["+ −", "faster, slower"], ["e", "next axes"], ["m · h · n", "enable, hold, drives off"],
-    ["L", "take the lease"], ["p", "ready posture"], ["v b", "insert, withdraw"], ["c · R", "clear the stop, reset"], ["space", "protective stop"],
+    ["L", "take the lease"], ["p", "ready posture"], ["v b", "insert, withdraw; drive ahead, back"], [", .", "turn the base left, right"], ["c · R", "clear the stop, reset"], ["space", "protective stop"],
   ];
   return el("div", {}, ...rows.map(([key, does]) => el("div", { className: "row" }, el("kbd", {}, key), el("span", { className: "dim" }, does))));
 }
