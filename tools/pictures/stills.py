@@ -58,6 +58,7 @@ MOMENTS: Final[Mapping[str, Moment]] = {
     "pa10_trio": Moment(6.0),
     "pa10_vision": Moment(7.0),
     "ranger": Moment(7.0),
+    "rover": Moment(8.0),
     "snake": Moment(7.0),
     "snake_space": Moment(7.0),
     "ur5e": Moment(7.0),

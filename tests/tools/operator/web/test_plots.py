@@ -44,6 +44,14 @@ def test_a_cell_has_the_charts_of_what_it_has(in_node, described, cell, titles):
     assert set(in_node(ROWS, given)["rows"]) == titles
 
 
+def test_wheels_have_no_range_to_be_in(in_node, described):
+    q = [1e5, -1e5, *(0.0,) * 7]
+    given = {"description": described("rover"), "states": [told(0, q=q)]}
+    rows = in_node(ROWS, given)["rows"]["Joints in their range"]
+    assert len(rows) == 7
+    assert all(-100.0 < row[0] < 100.0 for row in rows)
+
+
 def test_rows_hold_what_states_tell_and_nothing_where_they_tell_nothing(in_node, described):
     description = described("pa10_scene")
     joints = description["joints"]

@@ -1,6 +1,6 @@
 """Description of a cell for the page: all that does not change while it runs, as JSON."""
 
-from typing import Any
+from typing import Any, Final
 
 from .....config.joint_bounds import joint_bounds
 from .....config.load import Cell
@@ -9,6 +9,9 @@ from .links import described_links
 from .poses import of_pose
 from .surroundings import described_obstacles, described_rig
 from .tunnels import described_tunnels
+
+BOUNDLESS: Final = 1e6
+"""Joints that may turn this far turn for ever [rad]."""
 
 
 def describe(cell: Cell) -> dict[str, Any]:
@@ -46,7 +49,10 @@ def describe(cell: Cell) -> dict[str, Any]:
 
 
 def _joints(cell: Cell) -> list[dict[str, Any]]:
-    """Return name, kind, bounds and start of all joints, bounds as the daemon keeps them."""
+    """Return name, kind, bounds and start of all joints, bounds as the daemon keeps them.
+
+    Wheels turn for ever: their bounds are none.
+    """
     found = []
     for part in cell.parts:
         drives, joints = part.config.mechanism.drives, part.robot.joints
@@ -56,8 +62,8 @@ def _joints(cell: Cell) -> list[dict[str, Any]]:
             {
                 "name": f"{part.prefix}{joint.name}",
                 "kind": joint.kind,
-                "lower": float(bounds.lower[i]),
-                "upper": float(bounds.upper[i]),
+                "lower": _bound(bounds.lower[i]),
+                "upper": _bound(bounds.upper[i]),
                 "max_velocity": drives[i].max_velocity,
                 "max_torque": drives[i].max_torque,
                 "start": start[i],
@@ -65,6 +71,10 @@ def _joints(cell: Cell) -> list[dict[str, Any]]:
             for i, joint in enumerate(joints)
         ]
     return found
+
+
+def _bound(angle: float) -> float | None:
+    return None if abs(angle) >= BOUNDLESS else angle
 
 
 def _tasks(cell: Cell, links: dict[str, int]) -> list[dict[str, Any]]:

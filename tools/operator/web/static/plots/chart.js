@@ -24,16 +24,22 @@ export function createChart(element, chart, { events, times }) {
   title.textContent = `${chart.title} `;
   const unit = document.createElement("span");
   unit.textContent = chart.unit;
-  unit.style.opacity = "0.66";
+  unit.style.fontWeight = "400";
   heading.append(title, unit);
   const values = chart.series.map(({ name, colour }) => {
+    // Words in the page's own colour can be read on any ground; a mark has that of the line.
     const value = document.createElement("span");
-    Object.assign(value.style, {
-      color: INK[colour], fontVariantNumeric: "tabular-nums", fontWeight: "500",
+    const mark = document.createElement("span");
+    const words = document.createElement("span");
+    Object.assign(mark.style, {
+      display: "inline-block", width: "7px", height: "7px", borderRadius: "2px", marginRight: "3px",
+      background: INK[colour],
     });
+    Object.assign(value.style, { fontVariantNumeric: "tabular-nums", fontWeight: "500" });
     value.title = name;
+    value.append(mark, words);
     heading.append(value);
-    return value;
+    return { value, words };
   });
   const canvas = document.createElement("div");
   Object.assign(canvas.style, { flex: "1", minHeight: "0", overflow: "hidden" });
@@ -63,6 +69,7 @@ export function createChart(element, chart, { events, times }) {
       setCursor: [() => tell()],
     },
   }, [[0], ...chart.series.map(() => [null])], canvas);
+  const decimals = DECIMALS[chart.unit] ?? 1;
   let sized = "";
 
   /** Write the numbers under the cursor, else the newest. */
@@ -74,11 +81,11 @@ export function createChart(element, chart, { events, times }) {
       const x = now[k];
       const told = Number.isFinite(x) && (chart.tells === "farthest"
         ? Math.abs(x) === farthest : chart.series.length < 5 || Math.abs(x) >= 0.5);
-      values[k].hidden = !told;
+      values[k].value.hidden = !told;
       if (!told) return;
       // Adding zero takes the sign off a negative one.
-      const words = `${name} ${(Number(x.toFixed(DECIMALS[chart.unit] ?? 1)) + 0).toFixed(DECIMALS[chart.unit] ?? 1)}`;
-      if (values[k].textContent !== words) values[k].textContent = words;
+      const words = `${name} ${(Number(x.toFixed(decimals)) + 0).toFixed(decimals)}`;
+      if (values[k].words.textContent !== words) values[k].words.textContent = words;
     });
   }
 

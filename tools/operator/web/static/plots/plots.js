@@ -13,6 +13,9 @@ export function createPlots(element, description) {
   const strip = document.createElement("div");
   strip.className = "plots-strip";
   Object.assign(strip.style, { display: "flex", height: "100%", overflowX: "auto", overflowY: "hidden" });
+  strip.tabIndex = 0;
+  strip.setAttribute("role", "group");
+  strip.setAttribute("aria-label", "Charts against time");
   element.append(strip);
   const charts = kinds.map((chart) => createChart(strip, chart, { events, times: series.times }));
   let changed = false;

@@ -43,10 +43,12 @@ export function chartsOf(description) {
       ],
     });
   }
+  const bounded = joints.flatMap((joint, i) => (joint.lower === null ? [] : [{ ...joint, i }]));
   charts.push({
-    title: "Joints in their range", unit: "%", range: [-105, 105], bound: 100, thin: joints.length > 8, tells: "farthest",
-    series: joints.map((joint, i) => ({ name: joint.name, colour: COLOURS[i % COLOURS.length] })),
-    row: (state) => joints.map(({ lower, upper }, i) => (
+    title: "Joints in their range", unit: "%", range: [-105, 105], bound: 100, tells: "farthest",
+    thin: bounded.length > 8,
+    series: bounded.map(({ name }, k) => ({ name, colour: COLOURS[k % COLOURS.length] })),
+    row: (state) => bounded.map(({ lower, upper, i }) => (
       Number.isFinite(state.q[i]) ? (200 * (state.q[i] - lower)) / (upper - lower) - 100 : null)),
   });
   const names = new Set(obstacles.map((each) => each.name));

@@ -69,7 +69,7 @@ export function createArms(description, materials, invalidate) {
 
 /** Return 0 where a joint is near a bound, 1 where it is at it, else −1. */
 function boundOf(joint, way) {
-  if (!joint || joint.kind === "continuous" || !Number.isFinite(way)) return -1;
+  if (!joint || joint.lower === null || !Number.isFinite(way)) return -1;
   const room = Math.min(way - joint.lower, joint.upper - way) / (joint.upper - joint.lower);
   if (room > NEAR_BOUND) return -1;
   return room > 0.15 * NEAR_BOUND ? 0 : 1;
