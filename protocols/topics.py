@@ -18,7 +18,7 @@ from .messages.obstacles import AvoidanceRequest, ObstacleNews
 from .messages.reflection import Reflection, ReflectionRequest
 from .messages.rig import RigFault, RigTruth
 from .messages.sightings import Sighting, StoreView
-from .messages.telemetry import Description, Event, State
+from .messages.telemetry import Description, Event, RecordedTick, State
 
 PREFIX = "telerobot"
 """First part of every key."""
@@ -175,6 +175,9 @@ DESCRIPTION = Topic(
 REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)
 """Only of cells that reflect forces."""
 
+TICK = Topic("tlm/tick", RecordedTick, Flow.TELEMETRY, Life.STREAM, 100)
+"""Only while somebody listens, as a recorder does."""
+
 RIG_FAULT = Topic("rig/fault", RigFault, Flow.RIG_COMMAND, reliable=True)
 RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)
 RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, largest=65536)
@@ -185,7 +188,7 @@ TOPICS: tuple[Topic, ...] = (
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,
-    STATE, REFLECTION, EVENT, DESCRIPTION,
+    STATE, REFLECTION, EVENT, DESCRIPTION, TICK,
     RIG_FAULT, RIG_MOTION, RIG_TRUTH,
 )  # fmt: skip
 

@@ -84,6 +84,7 @@ class Cycle:
         )
         self._telemetry = Telemetry(describe(cell), link, events)
         log = FlightLog(timing.period_s, len(units.each), clock.wall_ns)
+        log.taps.append(self._telemetry.publish_tick)
         self.flight = Flight(log, events, box)
         """The last ticks: what went in, and what came out."""
 

@@ -10,14 +10,21 @@ from ..config.schema.joint_task import JointTask
 from ..config.schema.sources.sources import SOURCES
 from ..protocols.codec import encode
 from ..protocols.messages.messages import VERSION, Vector6
-from ..protocols.messages.telemetry import Description, State, TaskDescription, TaskState
-from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE
+from ..protocols.messages.telemetry import (
+    Description,
+    RecordedTick,
+    State,
+    TaskDescription,
+    TaskState,
+)
+from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE, TICK
 from .control.mechanism.null_space.potential_field import FieldReading
 from .control.mechanism.null_space.priority import Near
 from .control.mechanism.payload import Payload
 from .control.spatial import Array
 from .control.state import Output
 from .control.task.paths.leading import Progress
+from .flight.log import Row, pack_memories
 from .mode import Mode
 from .operators.admission import Admission
 from .operators.exposure import network
@@ -205,6 +212,15 @@ class Telemetry:
         """Send the events since the last call."""
         for event in self._events.take():
             self._link.publish(EVENT, encode(event))
+
+    def publish_tick(self, row: Row) -> None:
+        """Send what a tick looked at and decided, while somebody listens."""
+        if self._link.heard(TICK):
+            memory = b"" if row.memories is None else pack_memories(row.memories)
+            told = RecordedTick.model_construct(
+                tick=row.tick, stamp_ns=row.stamp_ns, data=row.data, memory=memory
+            )
+            self._link.publish(TICK, encode(told))
 
     def publish(self, record: TickRecord, units: Units, admission: Admission) -> None:
         """Send the state of a tick, forces for handles, and now and then the description."""

@@ -183,3 +183,16 @@ class Description(TaskDescription):
                 return found
         names = ", ".join(found.task for found in self.each)
         raise ValueError(f"task {task!r}: is none of {names}")
+
+
+class RecordedTick(Message):
+    """One tick as bytes, for a recording that replays: told only while somebody listens.
+
+    `data` is a row of the daemon's flight log; `memory` is there with one tick of a hundred.
+    """
+
+    tick: Count
+    stamp_ns: Count
+    """Time of day [ns since 1970]."""
+    data: bytes = Field(max_length=1 << 17)
+    memory: bytes = Field(b"", max_length=1 << 20)

@@ -8,7 +8,7 @@ loop's own runs in the daemon, and one that sends answers.
 import re
 from collections.abc import Callable
 from functools import partial
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import zenoh
 
@@ -20,6 +20,9 @@ from .answers import AnswerThread
 
 RING: Final = 128
 """Messages of a topic that wait to be sorted: 12,800 a second at 100 Hz [1]."""
+
+ASK_EVERY: Final = 50
+"""Whether anybody listens is asked once in so many calls [1]."""
 
 Answer = Callable[[bytes | None], None]
 """Answers a request; with None it ends without an answer."""
@@ -66,6 +69,10 @@ class Link(Protocol):
         """Send telemetry."""
         ...
 
+    def heard(self, topic: Topic) -> bool:
+        """Return whether anybody listens to a telemetry topic; may be late by a second."""
+        ...
+
     def close(self) -> None:
         """Let go of the network."""
         ...
@@ -109,6 +116,7 @@ class ZenohLink:
         self._answers = AnswerThread()
         self._keys = {topic.key: topic.full_key(cell) for topic in REQUESTS}
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._heard: dict[str, tuple[int, bool]] = {}
 
     def room(self, topic: Topic) -> int:
         """Return how many messages of a topic wait at most."""
@@ -125,6 +133,18 @@ class ZenohLink:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
         and event ids tell the reader that something is missing.
         """
+        self._publisher(topic).put(payload)
+
+    def heard(self, topic: Topic) -> bool:
+        """Return whether anybody listens to a telemetry topic, as of the last `ASK_EVERY` calls."""
+        calls, heard = self._heard.get(topic.key, (0, False))
+        if calls % ASK_EVERY == 0:
+            status: Any = self._publisher(topic).matching_status  # a bool, its stubs say
+            heard = bool(status.matching)
+        self._heard[topic.key] = calls + 1, heard
+        return heard
+
+    def _publisher(self, topic: Topic) -> "zenoh.Publisher":
         publisher = self._publishers.get(topic.key)
         if publisher is None:
             publisher = self._session.declare_publisher(
@@ -133,7 +153,7 @@ class ZenohLink:
                 congestion_control=zenoh.CongestionControl.DROP,
             )
             self._publishers[topic.key] = publisher
-        publisher.put(payload)
+        return publisher
 
     def close(self) -> None:
         """Close the session."""

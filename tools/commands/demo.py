@@ -14,6 +14,7 @@ from ...protocols.topics import Role
 from ..host.address import duration, moved
 from ..host.claim import Claims, own_endpoint
 from ..host.local_plant import ChildDied, LocalPlant
+from ..host.recording import recording
 from ..operator.client.connection import OperatorError
 from ..operator.client.operator import Operator
 from ..operator.terminal.console import is_terminal
@@ -48,6 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-page", action="store_true", help="without the page in the browser")
     parser.add_argument("--json", action="store_true", help="print the headless summary as JSON")
+    parser.add_argument(
+        "--record", metavar="FOLDER", type=Path, help="record the demo, and its black boxes, there"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -66,7 +70,10 @@ def run(args: argparse.Namespace) -> int:
         statistics = Path(folder) / "statistics.json"
         claims = Claims()
         endpoint, why_not = own_endpoint(cell, claims)
-        with LocalPlant(cell, statistics, endpoint=endpoint) as plant:
+        with (
+            LocalPlant(cell, statistics, args.record, endpoint=endpoint) as plant,
+            recording(plant.cell, args.record),
+        ):
             where = plant.cell.config.zenoh.listen
             _say(f"{cell.config.name} listens at {where}" + (f": {why_not}" if why_not else ""))
             try:

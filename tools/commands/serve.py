@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ...server.daemon import serve
 from ..host.address import add_cell_arguments, cell_from, duration
+from ..host.recording import recording
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,11 +25,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the last 30 s before each fault and verified stop are written, 10 files of "
         "each kind at most (default: %(default)s)",
     )
+    parser.add_argument(
+        "--record", metavar="FOLDER", type=Path, help="record the cell there, by another process"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve until told to end. Raises `ConfigError`, `DeviceError`."""
-    statistics = serve(cell_from(args), args.seconds, args.blackbox)
+    cell = cell_from(args)
+    with recording(cell, args.record):
+        statistics = serve(cell, args.seconds, args.blackbox)
     if args.statistics:
         args.statistics.write_text(json.dumps(statistics.figures()))
     print(statistics.line())

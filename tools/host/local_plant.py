@@ -176,7 +176,7 @@ class LocalPlant:
                 stdout=errors,
                 stderr=errors,
                 start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
-                preexec_fn=_end_with_parent,  # noqa: PLW1509  one system call, takes no lock
+                preexec_fn=end_with_parent,  # noqa: PLW1509  one system call, takes no lock
             )
 
 
@@ -209,7 +209,8 @@ def end(child: "subprocess.Popen[bytes]") -> int:
     return child.wait()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Ask the kernel to end this process with its parent; for a child before it begins."""
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 

@@ -51,6 +51,8 @@ class OracleArm:
     T_tool: Array
     shape: BallModel
     blocks: list[Block] = field(default_factory=list)
+    links: tuple[str, ...] = ()
+    """Names of the frames, in their order."""
 
     @classmethod
     def of(cls, cell: Cell) -> Self:
@@ -91,6 +93,7 @@ class OracleArm:
             matrix(mechanism.T_wrist_mrf),
             shape_of(root, index, cell),
             blocks_of(cell),
+            tuple(index),
         )
 
     def frames(self, q: Array) -> Array:

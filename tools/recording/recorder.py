@@ -2,6 +2,7 @@
 
 import base64
 import json
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
@@ -33,6 +34,8 @@ class Recorder:
     """Writes one MCAP file; a context manager."""
 
     def __init__(self, path: Path) -> None:
+        """Open it. Raises `OSError`."""
+        self.path = path
         self._file = path.open("wb")
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile="", library="telerobot")
@@ -53,17 +56,16 @@ class Recorder:
     def frame(self, time_s: float, can_id: int, data: bytes, sent: bool, bus: int = 0) -> None:
         """Write a CAN frame."""
         row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent, "bus": bus}
-        self._write("can", _FRAME_SCHEMA, time_s, row)
+        self._write("can", lambda: _FRAME_SCHEMA, time_s, row)
 
     def message(self, topic: str, time_s: float, message: Message) -> None:
         """Write a message of the protocol."""
-        self._write(topic, type(message).model_json_schema(), time_s, message.__dict__)
+        self._write(topic, type(message).model_json_schema, time_s, message.__dict__)
 
     def tick(self, row: Row) -> None:
         """Write what a tick looked at and decided, for `telerobot replay`."""
-        if row.memories is not None:
-            self._write_bytes(MEMORY, row.stamp_ns, pack_memories(row.memories))
-        self._write_bytes(TICK, row.stamp_ns, row.data)
+        memory = b"" if row.memories is None else pack_memories(row.memories)
+        self.ticks(row.stamp_ns, row.data, memory)
 
     def about(self, cell: Cell, **facts: str) -> None:
         """Write what is being run; the whole cell, too."""
@@ -72,6 +74,33 @@ class Recorder:
         self._writer.add_metadata(
             ABOUT, {"cell": str(cell.path.resolve()), "version": version, **facts}
         )
+
+    def proto(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """Write a message of protobuf, with its schema."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            descriptor = message.DESCRIPTOR
+            schema = self._writer.register_schema(
+                descriptor.full_name, "protobuf", _files_of(descriptor.file)
+            )
+            channel = self._writer.register_channel(topic, "protobuf", schema)
+            self._channels[topic] = channel
+        self._add(channel, stamp_ns, message.SerializeToString())
+
+    def ticks(self, stamp_ns: int, data: bytes, memory: bytes) -> None:
+        """Write a tick that is bytes already, and the memory that it began with, if any."""
+        if memory:
+            self._write_bytes(MEMORY, stamp_ns, memory)
+        self._write_bytes(TICK, stamp_ns, data)
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file by now; what is not written yet is not among them."""
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Hand what is written to the system: it survives this process. Raises `OSError`."""
+        self._file.flush()
 
     def close(self) -> None:
         """Finish the file."""
@@ -83,21 +112,23 @@ class Recorder:
         if channel is None:
             channel = self._writer.register_channel(topic, "msgpack", 0, {"telerobot": "1"})
             self._channels[topic] = channel
+        self._add(channel, stamp_ns, data)
+
+    def _add(self, channel: int, stamp_ns: int, data: bytes) -> None:
         self._sequence += 1
         self._writer.add_message(channel, stamp_ns, data, stamp_ns, self._sequence)
 
-    def _write(self, topic: str, schema: dict[str, Any], time_s: float, row: Any) -> None:
+    def _write(
+        self, topic: str, schema: Callable[[], dict[str, Any]], time_s: float, row: Any
+    ) -> None:
         channel = self._channels.get(topic)
         if channel is None:
             schema_id = self._writer.register_schema(
-                f"telerobot.{topic}", "jsonschema", json.dumps(schema).encode()
+                f"telerobot.{topic}", "jsonschema", json.dumps(schema()).encode()
             )
             channel = self._writer.register_channel(topic, "json", schema_id)
             self._channels[topic] = channel
-        self._sequence += 1
-        stamp = round(time_s * 1e9)
-        data = json.dumps(row, default=_fields_of).encode()
-        self._writer.add_message(channel, stamp, data, stamp, self._sequence)
+        self._add(channel, round(time_s * 1e9), json.dumps(row, default=_fields_of).encode())
 
 
 def _fields_of(value: object) -> dict[str, Any]:
@@ -105,3 +136,23 @@ def _fields_of(value: object) -> dict[str, Any]:
     if isinstance(value, Message):
         return value.__dict__
     raise TypeError(f"a {type(value).__name__} cannot be recorded")
+
+
+def _files_of(file: Any) -> bytes:
+    """Return a protobuf file and all that it imports, as a set of descriptors."""
+    from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+    found: dict[str, Any] = {}
+
+    def add(each: Any) -> None:
+        if each.name not in found:
+            for dependency in each.dependencies:
+                add(dependency)
+            found[each.name] = each
+
+    add(file)
+    every = FileDescriptorSet()
+    for each in found.values():
+        each.CopyToProto(every.file.add())
+    packed: bytes = every.SerializeToString()
+    return packed

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 
-from ...protocols.topics import Flow, Topic
+from ...protocols.topics import TICK, Flow, Topic
 from ...server.operators.link import RawMessage, Receive, room
 
 
@@ -50,6 +50,10 @@ class MemoryLink:
         """Send telemetry."""
         for listener in self._listeners:
             listener(topic, payload)
+
+    def heard(self, topic: Topic) -> bool:
+        """Return False for ticks: who records a simulation has them from the cycle itself."""
+        return topic is not TICK
 
     def close(self) -> None:
         """Forget everybody."""

@@ -60,6 +60,7 @@ class Session:
         """Common name of the certificate that is shown; None without one."""
         may = None if identity is None else identity.certificate.rights
         self._may = None if may is None else may.puts | may.asks
+        self._hears = None if may is None else may.hears
         try:
             config = client_config(endpoint, cell, identity)
         except zenoh.ZError:
@@ -79,6 +80,10 @@ class Session:
         ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
         key = topic.full_key(self.cell)
         return TopicBuffer(self._session.declare_subscriber(key, ring), topic.max_bytes)
+
+    def may_hear(self, topic: t.Topic) -> bool:
+        """Return whether the certificate allows to listen to a topic."""
+        return self._hears is None or topic.full_key(self.cell) in self._hears
 
     def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send a command; a congested link drops it.

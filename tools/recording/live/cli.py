@@ -1,0 +1,120 @@
+"""`telerobot record CELL`: a running cell as MCAP files, by a process of its own."""
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from ....config.load import Cell
+from ....drivers.network.identity import Identity, identity_of
+from ....protocols.topics import Role
+from ...host.address import add_cell_arguments, cell_from, duration
+from ...operator.client.session import Session
+from .files import Files
+from .listener import Listener
+from .viewer import require_schemas
+
+POLL_S: Final = 0.01
+RETRY_S: Final = 0.5
+"""While nobody answers, the daemon is dialled again after [s]."""
+
+SPLIT_MB: Final = 500.0
+"""Size of a file by default [MB]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser)
+    parser.add_argument(
+        "--out", metavar="FOLDER", type=Path, default=Path(), help="where to (default: here)"
+    )
+    parser.add_argument(
+        "--split",
+        metavar="MB",
+        type=_size,
+        default=SPLIT_MB,
+        help="begin a new file at this size (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--pictures",
+        metavar="FOLDER",
+        type=Path,
+        help="record what `vision --pictures` saves there",
+    )
+    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until told to end. Raises `ConfigError`, `OSError` for a folder that takes no file."""
+    require_schemas()
+    cell = cell_from(args)
+    identity = identity_of(cell, Role.OBSERVER, "recorder")
+    asked: list[int] = []
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        asked.append(number)
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, on_signal)
+    end_s = None if args.seconds is None else time.monotonic() + args.seconds
+
+    def over() -> bool:
+        return bool(asked) or (end_s is not None and time.monotonic() > end_s)
+
+    stem = f"{cell.config.name}_{datetime.now(UTC).strftime('%Y%m%dT%H%M%SZ')}"
+    files = Files(args.out, stem, cell, round(args.split * 1e6))
+    session = _dial(cell, identity, over)
+    if session is None:
+        files.close()
+        return 0
+    try:
+        return record(Listener(cell, session, files, args.pictures), files, over)
+    finally:
+        session.close()
+
+
+def record(listener: Listener, files: Files, over: Callable[[], bool]) -> int:
+    """Write what is heard until it is over; return 1 where it could not be written any more."""
+    for notice in listener.notices:
+        print(f"telerobot: {notice}", file=sys.stderr, flush=True)
+    print(f"telerobot: recording to {files.now.path}", flush=True)
+    try:
+        while not over():
+            listener.turn()
+            time.sleep(POLL_S)
+        listener.turn()
+        listener.close()
+    except OSError as error:
+        print(f"telerobot: recording ended: {files.now.path}: {error.strerror}", file=sys.stderr)
+        return 1
+    print(f"{listener.heard} messages and frames, the last to {files.now.path}")
+    return 0
+
+
+def _size(text: str) -> float:
+    try:
+        size = float(text)
+    except ValueError:
+        size = 0.0
+    if not 1.0 <= size <= 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be from 1 to 1000000 MB")
+    return size
+
+
+def _dial(cell: Cell, identity: Identity | None, over: Callable[[], bool]) -> Session | None:
+    """Return a session with the daemon, however long it takes to appear; None when told to end."""
+    told = False
+    while not over():
+        try:
+            return Session(cell.config.name, cell.config.zenoh.dialled, identity)
+        except ConnectionError as error:
+            if not told:
+                told = True
+                print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
+            time.sleep(RETRY_S)
+    return None
