@@ -106,19 +106,23 @@ def same_origin(origin: str | None, scheme: str, host: str) -> bool:
 
 
 def tls_context(
-    identity: Identity | None, certificate: Path | None, key: Path | None
+    cell: str, identity: Identity | None, certificate: Path | None, key: Path | None
 ) -> ssl.SSLContext:
-    """Return HTTPS with a certificate and its key, which holders of the cell's may log in to.
+    """Return HTTPS, to which holders of the cell's certificates may log in with them.
+
+    Without a `certificate` of its own the console shows the daemon's, where it runs beside it: an
+    operator's is none that a browser believes of a server.
 
     Raises `ConfigError` where there is none, or one that cannot be used.
     """
-    if certificate is None:
-        if identity is None:
-            raise ConfigError(
-                "--listen: beyond this machine the console speaks HTTPS: give --certificate and "
-                "--key, or make certificates (telerobot certify)"
-            )
-        certificate, key = identity.certificate_file, identity.key_file
+    if certificate is None and identity is not None:
+        certificate = identity.folder / f"{Role.DAEMON}-{cell}.crt"
+        key = certificate.with_suffix(".key")
+    if certificate is None or key is None or not (certificate.is_file() and key.is_file()):
+        raise ConfigError(
+            "--listen: beyond this machine the console speaks HTTPS: give --certificate and --key, "
+            "or run it where the daemon's certificate is (telerobot certify)"
+        )
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:

@@ -60,7 +60,7 @@ async def _serve(cell: Cell, listen: Listen, args: argparse.Namespace) -> int:
     identity = identity_of(cell, Role.OPERATOR, "console")
     shown = None if identity is None else identity.folder / identity.certificate.name
     secure = listen.beyond or args.certificate is not None
-    tls = tls_context(identity, args.certificate, args.key) if secure else None
+    tls = tls_context(cell.config.name, identity, args.certificate, args.key) if secure else None
     access = _access(cell.config.name)
     hub = Hub(lambda: Connection(cell, name="console", identity=shown))
     server = Server(cell, hub, access, listen, secure)

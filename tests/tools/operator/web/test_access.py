@@ -1,12 +1,19 @@
 """Who comes in to the page: secrets, cookies, host, origin, certificates, HTTPS beyond loopback."""
 
 import asyncio
+import ssl
+from datetime import UTC, datetime
 
 import pytest
+from aiohttp import ClientSession, TCPConnector, web
 from aiohttp.test_utils import TestClient, TestServer
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
+from telerobot.drivers.network.identity import identity_of
+from telerobot.protocols.roles import Grant
 from telerobot.protocols.topics import Role
+from telerobot.tools.certify.authority import Authority
+from telerobot.tools.host.address import moved
 from telerobot.tools.operator.client.connection import OperatorError
 from telerobot.tools.operator.web.access import Access, Listen, same_origin, tls_context
 from telerobot.tools.operator.web.hub import Hub
@@ -136,7 +143,7 @@ def test_an_address_that_is_none_is_refused_in_one_line(text):
 
 def test_beyond_loopback_without_a_certificate_the_console_does_not_start():
     with pytest.raises(ConfigError, match="HTTPS"):
-        tls_context(None, None, None)
+        tls_context("pa10", None, None, None)
 
 
 @pytest.mark.parametrize(
@@ -146,3 +153,35 @@ def test_beyond_loopback_without_a_certificate_the_console_does_not_start():
 )  # fmt: skip
 def test_an_origin_is_the_same_only_in_scheme_host_and_port(origin, same):
     assert same_origin(origin, "http", "127.0.0.1:8080") is same
+
+
+def test_beyond_loopback_a_certificate_of_the_cell_logs_in_over_https(tmp_path):
+    authority = Authority.make(tmp_path, datetime.now(UTC))
+    holders = {"operator-console": Role.OPERATOR, "observer-eve": Role.OBSERVER}
+    for name, role in {**holders, "daemon-pa10": Role.DAEMON}.items():
+        hosts = ["127.0.0.1"] if role is Role.DAEMON else []
+        authority.certify(name, [Grant("pa10", role)], hosts, datetime.now(UTC), 30)
+
+    async def run():
+        cell = moved(load_cell("pa10"), endpoint="tls/127.0.0.1:7447", identity=tmp_path)
+        identity = identity_of(cell, Role.OPERATOR, "console")
+        listen = Listen("0.0.0.0", 0)
+        server = Server(cell, Hub(nobody), Access("pa10"), listen, secure=True)
+        runner = web.AppRunner(server.application())
+        await runner.setup()
+        site = web.TCPSite(
+            runner, "127.0.0.1", 0, ssl_context=tls_context("pa10", identity, None, None)
+        )
+        await site.start()
+        url = f"https://127.0.0.1:{runner.addresses[0][1]}"
+        shown = ssl.create_default_context(cafile=tmp_path / "authority.crt")
+        async with ClientSession(connector=TCPConnector(ssl=shown)) as stranger:
+            assert (await stranger.get(f"{url}/")).status == 401
+        shown.load_cert_chain(tmp_path / "observer-eve.crt", tmp_path / "observer-eve.key")
+        async with ClientSession(connector=TCPConnector(ssl=shown)) as eve:
+            assert (await eve.get(f"{url}/")).status == 200
+            async with eve.ws_connect(f"{url}/ws", headers={"Origin": url}) as socket:
+                assert (await socket.receive_json())["role"] == "observer"
+        await runner.cleanup()
+
+    asyncio.run(run())

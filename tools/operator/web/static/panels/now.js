@@ -62,7 +62,7 @@ export function createNow(element, choices) {
       const said = own.limits.map((name) => words[name] ?? name);
       if (JSON.stringify(said) !== limited) {
         limited = JSON.stringify(said);
-        limits.replaceChildren(...(said.length ? said.map((text) => el("li", {}, text)) : [el("span", { className: "dim" }, "none")]));
+        limits.replaceChildren(...(said.length ? said.map((text) => el("li", {}, text)) : [el("li", { className: "none" }, "none")]));
       }
       const wrench = own.wrench_mrf;
       setText(force, wrench ? `${wrench.slice(0, 3).map((f) => fixed(f, 1)).join("  ")} N   ${wrench.slice(3).map((m) => fixed(m, 2)).join("  ")} N·m` : "no sensor");
