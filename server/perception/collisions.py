@@ -28,7 +28,12 @@ class CollisionMonitor:
     """Collision detection of one cell; without `[touch]` the tool alone is felt, by the sensor."""
 
     def __init__(
-        self, section: Touch | None, p: Parameters, mechanism: Mechanism, events: Events
+        self,
+        section: Touch | None,
+        p: Parameters,
+        mechanism: Mechanism,
+        events: Events,
+        in_tunnels: bool = False,
     ) -> None:
         self._events = events
         self._calibration = None if p.T_wrist_sensor is None else p.wrench_calibration
@@ -36,7 +41,7 @@ class CollisionMonitor:
         self._state = DetectorState()
         self._lost_after = round(LOST_S / p.period_s)
         self._blind_ticks = 0
-        self._giving = ContactRelease(p, events)
+        self._giving = ContactRelease(p, events, in_tunnels)
         self._carried_within = p.friction + (0.0 if section is None else np.array(section.torque))
         self._unwatched = Pushed(np.zeros(p.n), np.zeros(p.n), p.friction + UNWATCHED)
 
@@ -48,7 +53,12 @@ class CollisionMonitor:
     @property
     def stopping(self) -> bool:
         """True while something pushes that the arm has stopped for."""
-        return self._giving.touched
+        return self._giving.touched and not self._giving.withdraws
+
+    @property
+    def withdraws(self) -> bool:
+        """True while an arm in tunnels may move, but only back from what pushes it."""
+        return self._giving.withdraws
 
     @property
     def carried(self) -> bool:

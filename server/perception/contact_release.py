@@ -50,11 +50,15 @@ class _Push(NamedTuple):
 class ContactRelease:
     """Decides what a contact means in each mode."""
 
-    def __init__(self, p: Parameters, events: Events) -> None:
+    def __init__(self, p: Parameters, events: Events, in_tunnels: bool = False) -> None:
+        """Build it; an arm `in_tunnels` may be told to withdraw from what still pushes it."""
+        self._in_tunnels = in_tunnels
         self._joints, self._T, self._events = p.joints.names, p.period_s, events
         self._leash = p.retreat_leash
         self.touched = False
         """True while something pushes that the arm has stopped for."""
+        self.withdraws = False
+        """An arm in tunnels has stopped for it: from now on it may move, and only back."""
         self.pushed: Pushed | None = None
         """The newest estimate, and whether the arm is to give way to it."""
         self._giving = False
@@ -105,6 +109,8 @@ class ContactRelease:
             free = pushed is None or released(pushed)
             self._free_s = self._free_s + self._T if free else 0.0
             self.touched = self._free_s <= OVER_S
+        stood = mode is Mode.HOLD and self._in_tunnels
+        self.withdraws = self.touched and (self.withdraws or stood)
         if pushed is None:
             self.pushed = None
             return
@@ -134,7 +140,8 @@ class ContactRelease:
 
     def reset(self) -> None:
         """Forget everything: the drives are off, or nothing is known."""
-        self.touched = self._giving = self._tool = self._tool_lasting = False
+        self.touched = self.withdraws = False
+        self._giving = self._tool = self._tool_lasting = False
         self.pushed = self._free = self._tool_free = None
         self._past.clear()
         self._seen.clear()

@@ -32,7 +32,9 @@ class Perception:
         self.load = LoadMonitor(sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
-        self.collisions = CollisionMonitor(config.touch, arm.p, arm.mechanism, events)
+        self.collisions = CollisionMonitor(
+            config.touch, arm.p, arm.mechanism, events, arm.stages.slither is not None
+        )
         commands.frames.lens = lambda: self.vision.lens
 
     def update(

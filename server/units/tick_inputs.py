@@ -41,6 +41,11 @@ def tick_inputs(
     """
     intent = INTENTS[mode]
     moving = intent is Intent.MOVE
+    drive = commands.drive if moving else STILL
+    # Once touched, an arm in tunnels may withdraw as a curve, and do nothing else.
+    bent = moving and not perception.collisions.withdraws
+    if perception.collisions.withdraws:
+        drive = drive._replace(back_only=True)
     grounds_move = perception.moving_frames.watching
     return Inputs(
         time_s=time_s,
@@ -52,11 +57,11 @@ def tick_inputs(
         wrench_age_s=reading.wrench_lag_s,
         wrench_mean=reading.wrench_over_period,
         stick=commands.stick if moving else None,
-        jog=commands.jog if moving else None,
+        jog=commands.jog if bent else None,
         goal=commands.goal if moving else None,
         paused=commands.paused,
         view=perception.vision.goal(moved.base.T) if moving else None,
-        posture=commands.posture if moving else None,
+        posture=commands.posture if bent else None,
         at_posture=commands.at_posture,
         wrench_desired=commands.wrench_desired,
         scene=obstacles.scene(tick) if obstacles.known else None,
@@ -64,6 +69,6 @@ def tick_inputs(
         moved=moved if grounds_move else None,
         ground=commands.ground if grounds_move else "world",
         T_wrist_goal=commands.T_wrist_goal,
-        drive=commands.drive if moving else STILL,
+        drive=drive,
         pushed=None if moving else perception.collisions.pushed,
     )

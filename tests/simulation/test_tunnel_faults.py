@@ -46,3 +46,44 @@ def test_a_joint_that_is_blocked_inside_holds_up_all_and_lets_the_arm_withdraw(p
     assert "leash:j22" in run.at(2.0).limits
     assert depth[2.8] < depth[2.1] - 0.005
     assert run.summary["wall_force_n"] == 0.0
+
+
+def test_a_tunnel_that_is_not_where_the_cell_says_is_felt_and_left_again(play):
+    cell = load_cell("snake_shifted")
+    run = play(
+        {"at_s": 0.3, "cmd/drive": {"rates": [0.06]}},
+        {"at_s": 3.6, "operator/mode": {"action": "resume"}},
+        {"at_s": 4.0, "cmd/drive": {"rates": [-0.06]}},
+        seconds=7.0,
+        cell=cell,
+    )
+    assert run.result.ok
+    assert len(run.events("touched")) == 1
+    depth = {t: run.at(t).insertion["depth"] for t in (3.5, 3.95)}
+    deepest = max(s.insertion["depth"] for s in run.states if s.insertion)
+    assert deepest < 0.15  # the drive alone would have come to 0.19
+    # Still pushed, it may withdraw, and goes no farther.
+    assert run.at(3.5).mode == "hold"
+    assert run.at(3.95).mode == "enabled"
+    assert depth[3.95] <= depth[3.5]
+    assert run.states[-1].insertion["depth"] < 0.02
+    assert not any(any(t.contact_force) for t in run.truths[-20:])
+    assert run.summary["wall_force_n"] < 60.0
+
+
+def test_a_joint_that_sticks_inside_is_found_by_name_and_the_arm_withdraws(play):
+    run = play(
+        {"at_s": 0.3, "cmd/drive": {"rates": [0.08]}},
+        {"at_s": 1.1, "rig/fault": {"kind": "stick", "target": "j22", "value": 2.0}},
+        {"at_s": 1.9, "operator/mode": {"action": "resume"}},
+        {"at_s": 2.0, "cmd/drive": {"rates": [-0.06]}},
+        seconds=2.8,
+        cell=load_cell("snake"),
+    )
+    assert run.result.ok
+    assert {e.values["joint"] for e in run.events("touched")} == {"j22"}
+    stopped, end = run.at(1.8), run.states[-1]
+    assert stopped.mode == "hold"
+    assert end.insertion["depth"] < stopped.insertion["depth"] - 0.02
+    assert run.summary["wall_force_n"] == 0.0
+    assert run.summary["min_clearance_m"] > 0.005

@@ -76,16 +76,18 @@ class Slither:
         driven = abs(insertion.speed) > STANDS or drive.speed != 0.0
         if self.backbone.arrived(insertion, drive):
             driven = abs(insertion.speed) > ARRIVED_SPEED
-        if free > self._rank and not driven:
+        if free > self._rank and not driven and not drive.back_only:
             return self._tail(q, k, wish, around, insertion)
         head = self.backbone.head(q)
         twist = float(head @ wish.twist[:3]) if free <= self._rank else 0.0
-        push = 0.0
+        share = 1.0
         if around.wrench is not None:
-            push = float(head @ (k.T_world_mrf.R @ around.wrench[:3]))
-        share = self.backbone.gives_way(insertion.speed, push)
-        forward = twist + insertion.speed
-        dq, speed = self.backbone.rates(insertion, q, twist + share * insertion.speed)
+            push = k.T_world_mrf.R @ around.wrench[:3]
+            share = self.backbone.gives_way(insertion.speed, push, head)
+        forward, granted = twist + insertion.speed, twist + share * insertion.speed
+        if drive.back_only:
+            granted = min(0.0, granted)
+        dq, speed = self.backbone.rates(insertion, q, granted)
         if not wish.spare and abs(speed) < STANDS:
             dq = np.zeros(len(q))
         slowed = abs(speed) < SLOWED * abs(forward) and abs(forward) > STANDS

@@ -62,7 +62,9 @@ class Stages:
             )  # fmt: skip
         room = JointRoom.of(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
-        self.retreat = None if p.retreat_leash is None else Retreat(p.retreat_leash, T)
+        self.retreat = None
+        if p.retreat_leash is not None:
+            self.retreat = Retreat(p.retreat_leash, T, bound=backbone is not None)
         self.actuate = actuation(p, mechanism)
         self.holding = HoldingTorque(
             Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor),

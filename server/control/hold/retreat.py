@@ -81,10 +81,13 @@ class RetreatState(NamedTuple):
 
 
 class Retreat:
-    """Gives way after a touch; `leash` is the longest travel of a joint [rad]."""
+    """Gives way after a touch; `leash` is the longest travel of a joint [rad].
 
-    def __init__(self, leash: float, period_s: float) -> None:
-        self.leash = leash
+    An arm that is `bound` to its path, as one in tunnels is, goes back along it and nowhere else.
+    """
+
+    def __init__(self, leash: float, period_s: float, bound: bool = False) -> None:
+        self.leash, self._bound = leash, bound
         self._T = period_s
         self._kept = 16 + math.ceil(leash / STEP)
         self.start = RetreatState()
@@ -116,7 +119,7 @@ class Retreat:
         seen, new = seen_torques(pushed, J)
         tool = tool_push(pushed, new)
         back = _way_back(state, q)
-        if back is not None:
+        if back is not None and not self._bound:
             state, back = _unopposed(state, q, back, tool, pushed)
         state, way = self._direction(state, q, back, new, tool, pushed)
         if leads_into(dq, pushed) or (_forward(dq, back) and not relieves(dq, seen, new, pushed)):
@@ -176,15 +179,16 @@ class Retreat:
             return state, none
         end = APPROACH * (self.leash - state.travelled)
         along = back is not None and float(push @ back) > ALONG * magnitude(push) * magnitude(back)
+        along = along or self._bound
         if back is not None and (state.overrun > 0 or (along and pushed.lasting)):
-            if state.opposed_s > OPPOSED_S:
+            if state.opposed_s > OPPOSED_S and not self._bound:
                 return state, none
             rate = SLOWEST
             if state.overrun > 0:
                 to_go = float(np.abs(state.way[-1] - q).max()) + (state.overrun - 1) * state.stride
                 rate = min(max(APPROACH * to_go, SLOWEST), state.fastest)
             return state._replace(rate=min(rate, end)), back
-        way = _off_path(pushed, tool, back)
+        way = None if self._bound else _off_path(pushed, tool, back)
         if way is None:
             return state, none
         return state._replace(rate=min(SLOWEST, end), off_path=True, shifted=True), way

@@ -9,6 +9,7 @@ nothing winds up. Joint rates are the fit's own along s1, and feedback towards t
 Joints beyond the exit are free: an ordinary arm while nothing is inserted or withdrawn.
 """
 
+import math
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -36,6 +37,8 @@ TAIL_OFF = (0.02, 0.07)
 """A tail that is farther off its curve slows an insertion, and holds it up altogether [rad]."""
 ARRIVED = 5e-4
 """A depth is reached within this [m]."""
+ASIDE = 0.2
+"""The head may push aside with this part of `most_push` before an insertion gives way [1]."""
 WINDOW = 1.5
 """A point is looked for in the tunnel this many half widths from where it should be [1]."""
 
@@ -49,6 +52,8 @@ class DriveRequest(NamedTuple):
     """The tip's way from the entrance to go to [m]; None: at the speed."""
     turn: float = 0.0
     """Of a base [rad/s]."""
+    back_only: bool = False
+    """Something in the tunnel pushes the arm: it may withdraw, and do nothing else."""
 
 
 STILL = DriveRequest()
@@ -183,17 +188,23 @@ class Backbone:
         if drive.depth is not None:
             way = ENDS * (drive.depth - self.depth(insertion))
             speed = max(-speed, min(speed, way))
-        speed = factor * max(-self.section.speed, min(self.section.speed, speed))
+        most = 0.0 if drive.back_only else self.section.speed
+        speed = factor * max(-self.section.speed, min(most, speed))
         step = min(bound, max(-bound, speed - insertion.speed))
         return insertion._replace(speed=insertion.speed + step)
 
-    def gives_way(self, speed: float, push: float) -> float:
+    def gives_way(self, speed: float, push: Array, head: Array) -> float:
         """Return what share (0 to 1) of an insertion's speed is left, with the head pushing [N].
 
-        Ahead, or back where it is withdrawn.
+        `push` (3,) is what it pushes with and `head` (3,) its direction, in World. Ahead, or back
+        where it is withdrawn; ahead it gives way to what it meets aside, too.
         """
-        against = push if speed > 0.0 else -push
-        return min(1.0, max(0.0, 1.0 - against / self.section.most_push))
+        most, along = self.section.most_push, float(push @ head)
+        share = 1.0 - (along if speed > 0.0 else -along) / most
+        if speed > 0.0:
+            aside = math.sqrt(max(0.0, float(push @ push) - along * along))
+            share = min(share, (1.0 - aside / most) / (1.0 - ASIDE))
+        return min(1.0, max(0.0, share))
 
     def depth(self, insertion: Insertion) -> float:
         """Return the tip's way from the entrance [m]."""
