@@ -25,7 +25,9 @@ NEXT = {
 
 
 def refusal_words(reply: requests.Reply) -> str:
-    """Return a refusal as sentences: its detail, and what to do next."""
+    """Return a refusal as sentences: its detail, and what to do next.
+
+    The detail is left as it is: it may begin with the name of a person or of a field.
+    """
     said = reply.detail or reply.reason.replace("_", " ")
-    more = NEXT.get(reply.reason, "")
-    return f"{said[:1].upper()}{said[1:]}. {more}".replace("..", ".").strip()
+    return f"{said.rstrip('.')}. {NEXT.get(reply.reason, '')}".strip()

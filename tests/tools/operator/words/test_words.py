@@ -50,7 +50,7 @@ def test_a_refusal_says_why_and_what_to_do_next():
     reply = requests.Reply(ok=False, reason=Why.LEASE_TAKEN, detail="held by ann")
     assert (
         refusal_words(reply)
-        == "Held by ann. Ask its holder to release it, or wait until it runs out."
+        == "held by ann. Ask its holder to release it, or wait until it runs out."
     )
 
 
