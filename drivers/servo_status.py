@@ -1,12 +1,23 @@
 """Status of a servo drive, its last setpoint, and which statuswords are wrong."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 from ..protocols.canopen import can301
 from ..protocols.canopen.can301 import EmcyCode
 from ..protocols.canopen.cia402 import DriveState, Status
 from .device import Cause, Trouble
+
+MOST_MISSED_SYNCS: Final = 3
+"""More SYNCs than this without an answer mean that the drive is lost."""
+RESET_SYNCS: Final = 25
+"""A fault reset that has not worked after this many SYNCs is given up."""
+OBEYED_SYNCS: Final = 3
+"""A drive's setpoint takes effect at the next SYNC; the one after samples it, and that answer may
+be counted as one to the SYNC after it: only from here on a statusword is about it."""
+SWITCH_OFF_S: Final = 1.0
+"""A drive that is still on, or in its quick stop, so long after it was told to switch off does not
+do it by itself: closing a brake and a quick stop's ramp take less [s]."""
 
 
 @dataclass(frozen=True, slots=True)

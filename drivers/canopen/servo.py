@@ -14,6 +14,7 @@ from ...config.schema.mechanism import Drive
 from ...protocols.canopen import can301, cia402, cia402_pdo
 from ...protocols.canopen.can301 import EmcyCode, FrameError, NmtState
 from ...protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
+from .. import servo_status
 from ..device import Cause, DeviceError, Trouble
 from ..fieldbus import Fieldbus
 from ..roles import JointDrive
@@ -24,16 +25,6 @@ from .setpoint import Setpoint
 from .standstill import Standstill
 
 BOOT_TIMEOUT_S: Final = 2.0
-MOST_MISSED_SYNCS: Final = 3
-"""More SYNCs than this without an answer mean that the drive is lost."""
-RESET_SYNCS: Final = 25
-"""A fault reset that has not worked after this many SYNCs is given up."""
-OBEYED_SYNCS: Final = 3
-"""A drive's setpoint takes effect at the next SYNC; the one after samples it, and that answer may
-be counted as one to the SYNC after it: only from here on a statusword is about it."""
-SWITCH_OFF_S: Final = 1.0
-"""A drive that is still on, or in its quick stop, so long after it was told to switch off does not
-do it by itself: closing a brake and a quick stop's ramp take less [s]."""
 _ENABLED: Final = DriveState.OPERATION_ENABLED
 _DISABLED: Final = DriveState.SWITCH_ON_DISABLED
 
@@ -135,7 +126,7 @@ class ServoDrive(JointDrive):
             # A drive that has not spoken since is not yet well: it may still be in its fault.
             if wrong is None and self._feedback is not None:
                 self._trouble, self._reset_sync = None, None
-            elif self._bus.sync_count - self._reset_sync > RESET_SYNCS:
+            elif self._bus.sync_count - self._reset_sync > servo_status.RESET_SYNCS:
                 self._trouble, self._reset_sync = wrong, None
         elif self._trouble is None:
             self._trouble = wrong
@@ -229,13 +220,15 @@ class ServoDrive(JointDrive):
 
     @property
     def _obeyed(self) -> bool:
-        return self._answered_sync - self._told_sync >= OBEYED_SYNCS
+        return self._answered_sync - self._told_sync >= servo_status.OBEYED_SYNCS
 
     @property
     def _overdue(self) -> bool:
         """True for a drive that should long have switched off."""
         since_s = (self._bus.sync_count - self._told_sync) * self._timing.period_s
-        return self._target is _DISABLED and not self._stopped and since_s > SWITCH_OFF_S
+        return (
+            self._target is _DISABLED and not self._stopped and since_s > servo_status.SWITCH_OFF_S
+        )
 
     def _controlword(self) -> int:
         state = self._state
@@ -259,7 +252,7 @@ class ServoDrive(JointDrive):
             return self._wrong(Cause.NODE_RESTARTED, detail, nmt_state=self._restarted)
         if self._emcy is not None:
             return self.emergency
-        if age > MOST_MISSED_SYNCS:
+        if age > servo_status.MOST_MISSED_SYNCS:
             return self._wrong(Cause.PDO_LOST, f"no answer to {age} SYNCs", age_syncs=age)
         silence = bus.now - (self._heartbeat_s if self._heartbeat_s is not None else bus.now)
         if silence > timing.heartbeat_timeout_s:

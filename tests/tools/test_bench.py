@@ -27,7 +27,7 @@ def test_bench_writes_its_figures_and_the_machine_as_json(tmp_path, capsys, monk
     assert main(["bench", "--only", "tick", "--quick", "--json", str(file)]) == 0
     written = json.loads(file.read_text())
     assert written["quick"] is True
-    assert written["tick"].keys() == {"pa10", "ur5e", "pa10_hand_torque", "snake"}
+    assert written["tick"].keys() == {"pa10", "ur5e", "pa10_hand_torque", "snake", "rover"}
     assert {"free_us", "limited_us", "p99_us", "target_us", "met"} <= written["tick"]["pa10"].keys()
     assert {"cores", "python", "packages"} <= written["machine"].keys()
     assert "tick pa10" in capsys.readouterr().out

@@ -21,7 +21,7 @@ Bench = Callable[[Cell, bool], Figures]
 BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
     "tick": (
         lambda cell, quick: tick.bench(cell, tick.QUICK_TICKS if quick else tick.TICKS),
-        ("pa10", "ur5e", "pa10_hand_torque", "snake"),
+        ("pa10", "ur5e", "pa10_hand_torque", "snake", "rover"),
     ),
     "load": (
         lambda cell, quick: tick.bench(

@@ -4,8 +4,11 @@ import math
 from collections.abc import Iterator
 
 from ...config.load import Cell
+from ...config.schema.base import DifferentialBase
 from ...config.schema.mechanism import Drive
 from ...config.urdf import UrdfJoint
+from ...drivers.servo_status import MOST_MISSED_SYNCS
+from ...protocols.canopen.counter import HALF, SPAN
 from .findings import Finding, Status, graded
 
 QUANTISATION_NOTICE = 0.25
@@ -27,6 +30,8 @@ def drives(cell: Cell) -> Iterator[Finding]:
         yield _torque(drive, joint)
         yield _encoder(drive, cell.config.timing.period_s)
         yield _stop(drive)
+        if joint.name in cell.config.mechanism.wheels and cell.config.mechanism.base is not None:
+            yield _wraps(drive, cell.config.mechanism.base, cell.config.timing.period_s)
 
 
 def _speed(drive: Drive, joint: UrdfJoint) -> Finding:
@@ -91,4 +96,23 @@ def _stop(drive: Drive) -> Finding:
             "quick_stop_s": ramp_s,
             "verified_stop_s": verified_s,
         },
+    )
+
+
+def _wraps(drive: Drive, base: DifferentialBase, period_s: float) -> Finding:
+    """Judge the counts of a wheel, which wrap: between two answers it goes the shorter way.
+
+    A drive may miss some SYNCs before it is lost.
+    """
+    turned = drive.max_velocity * (MOST_MISSED_SYNCS + 1) * period_s
+    counts = turned * drive.counts_per_radian
+    around = base.wheels.radius * SPAN / drive.counts_per_radian
+    fastest = drive.max_velocity * drive.counts_per_radian
+    share = max(counts, fastest) / HALF
+    return Finding(
+        f"{drive.joint} counts",
+        graded(share, 0.5, 1.0),
+        f"wrap after {around:.4g} m; {fastest:.3g} counts/s at full speed, at most {HALF - 1} fit "
+        "into 60FFh",
+        {"wrap_m": around, "counts_per_second": fastest, "most": HALF - 1},
     )

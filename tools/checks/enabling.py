@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...drivers.canopen.servo import SWITCH_OFF_S
 from ...drivers.canopen.servo_setup import SAG
 from ...drivers.canopen.setpoint import Setpoint
+from ...drivers.servo_status import SWITCH_OFF_S
 from ...protocols.canopen.cia402 import OperationMode
 from .findings import Finding, Status
 
@@ -14,6 +14,8 @@ def enabling(cell: Cell) -> Iterator[Finding]:
     """Judge the room of drives for a joint at its limit, and how long they take to let go."""
     drives = {d.joint: d for d in cell.config.mechanism.drives}
     for joint in cell.robot.joints:
+        if joint.name in cell.config.mechanism.wheels:
+            continue  # they have no limits
         drive = drives[joint.name]
         setpoint = Setpoint(drive, OperationMode.CSP)
         for angle in (joint.lower - drive.following_window, joint.upper + drive.following_window):

@@ -16,16 +16,24 @@ from ..spatial import Array, Pose
 
 
 class Rolled(Pose):
-    """Pose of Base in World, and the angles `wheels` (2,) [rad] at which it is there."""
+    """Pose of Base in World, and the angles `wheels` (2,) [rad] at which it is there.
 
+    As a tuple it is the pose alone; as a record, as one that is kept, it has three fields.
+    """
+
+    _fields = ("R", "p", "wheels")  # type: ignore[assignment]  # a record of one field more
     wheels: Array
+
+    def __new__(cls, R: Array, p: Array, wheels: Array) -> Self:
+        """Make one."""
+        made = super().__new__(cls, R, p)
+        made.wheels = wheels
+        return made
 
     @classmethod
     def at(cls, T: Pose, wheels: Array) -> Self:
         """Return a pose with the wheels' angles."""
-        found = cls(*T)
-        found.wheels = wheels
-        return found
+        return cls(T.R, T.p, wheels)
 
 
 class Rolling(NamedTuple):

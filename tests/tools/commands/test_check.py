@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import math
 import re
@@ -8,6 +9,7 @@ from telerobot.config.load import HERE, load_cell, shipped
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.stability.force_loop import bound, filter_periods, jerk_lag_s
 from telerobot.tools.checks.bus_load import worst_case_bits
+from telerobot.tools.checks.drives import drives
 from telerobot.tools.checks.findings import Status, failed
 from telerobot.tools.cli import main
 from telerobot.tools.commands.check import judge
@@ -256,3 +258,25 @@ def test_force_control_at_a_grasp_is_judged_by_what_one_arm_feels_of_another(tmp
     shipped_one = {finding.check: finding for finding in judge(load_cell("pa10_pair"))}
     assert shipped_one["beam.right.force gain rz"].status is Status.OK
     assert shipped_one["beam.grasps"].values["misfit_m"] < 1e-5
+
+
+def test_check_tells_when_a_wheels_counts_wrap_and_when_they_are_too_many(rover_counts):
+    fine, many = rover_counts(1e5), rover_counts(4e8)
+    assert fine.status is Status.OK
+    assert fine.values["wrap_m"] == pytest.approx(0.12 * 2**32 / 1e5)
+    assert many.status is Status.ERROR
+
+
+@pytest.fixture
+def rover_counts():
+    """Return the finding about the left wheel's counts, at so many per radian."""
+    rover = load_cell("rover")
+
+    def found(counts):
+        mechanism = rover.config.mechanism
+        told = tuple(d.model_copy(update={"counts_per_radian": counts}) for d in mechanism.drives)
+        update = {"mechanism": mechanism.model_copy(update={"drives": told})}
+        cell = dataclasses.replace(rover, config=rover.config.model_copy(update=update))
+        return next(f for f in drives(cell) if f.check == "wheel_left counts")
+
+    return found

@@ -10,6 +10,7 @@ from telerobot.server.control.mechanism.joint_rates import Around, Wish
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
 from telerobot.server.control.wheels.rolling import Rolled, Rolling
+from telerobot.server.flight.values import pack, unpack
 
 ROLLING = Rolling(radius=0.12, track=0.5)
 
@@ -133,3 +134,10 @@ def test_a_driven_base_goes_as_told_and_the_arm_keeps_the_tool_in_world(arm):
     carried, _ = stages.rolling.rates(q, k, wish, around, True, wheels)
     assert carried.dq[:2] == pytest.approx(wheels)
     assert k.J[:, 2:] @ carried.dq[2:] == pytest.approx(twist, abs=1e-9)
+
+
+def test_a_recorded_base_has_the_angles_of_its_wheels():
+    at = Rolled.at(Pose(rotation_rpy(0.0, 0.0, 1.0), np.ones(3)), np.array([3.0, -4.0]))
+    read = unpack(pack(at))
+    assert type(read) is Rolled
+    assert [x.tolist() for x in (*read, read.wheels)] == [x.tolist() for x in (*at, at.wheels)]
