@@ -6,6 +6,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.spatial import Pose
 from telerobot.tools.operator.web.scene import describe
+from telerobot.tools.operator.web.vendor import missing
 
 FORWARD = """
     const { forward } = await load("scene/kinematics.js");
@@ -108,3 +109,36 @@ def test_what_comes_in_bunches_is_drawn_evenly_and_little_late(in_node, anew_s):
     settled = now > 3.0
     assert np.diff(drawn)[settled[1:]] == pytest.approx(1 / 60, rel=0.08)
     assert (now - drawn)[settled].max() < 0.08
+
+
+def test_an_obstacle_that_only_moves_is_not_made_anew(in_node):
+    if missing():
+        pytest.skip("the page's JavaScript is not fetched: make venv")
+    program = """
+        const { createSurroundings } = await load("scene/surroundings.js");
+        const { createMaterials } = await load("scene/kit.js");
+        const label = { at() {}, setRole() {}, remove() {} };
+        const scene = createSurroundings(given, createMaterials(), { add: () => label });
+        const box = {
+            name: "crate", shape: "box", xyz: [1, 0, 0], rpy: [0, 0, 0], half_size: [0.1, 0.1, 0.1],
+        };
+        const seen = [];
+        for (const news of [
+            box, { name: "crate", shape: null, xyz: [2, 0, 0] },
+            { ...box, half_size: [0.2, 0.1, 0.1] },
+            { name: "nobody", shape: null, xyz: [0, 0, 0] }, { name: "crate", remove: true },
+        ]) {
+            scene.news(news);
+            const { told, object } = scene.obstacles.get("crate") ?? {};
+            seen.push([object?.uuid ?? null, told?.xyz ?? null, object?.position.x ?? null]);
+        }
+        return { seen, names: [...scene.obstacles.keys()], shown: scene.object.children.length };
+    """
+    result = in_node(program, {"obstacles": [], "cameras": [], "tasks": [], "rig": None})
+    (new, _, _), (moved, xyz, x), (larger, _, _), (kept, _, _), gone = result["seen"]
+    assert moved == new
+    assert (xyz, x) == ([2, 0, 0], 2)
+    assert larger not in (None, new)
+    assert kept == larger
+    assert gone == [None, None, None]
+    assert (result["names"], result["shown"]) == ([], 0)

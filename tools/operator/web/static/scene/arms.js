@@ -5,6 +5,9 @@ import { loadMesh } from "./meshes.js";
 
 /** The ghost appears where a link is off by this, and is full at thrice as much [m]. */
 const GHOST_FROM = 0.006;
+/** A link that is nearer to its ghost than this has none [m], [rad]. */
+const LEAST_OFF = 0.0015;
+const LEAST_TURN = 0.004;
 /** A joint this near to its bound, in parts of its range, is coloured. */
 const NEAR_BOUND = 0.04;
 
@@ -57,7 +60,11 @@ export function createArms(description, materials, invalidate) {
       });
       const strength = this.showGhost ? Math.min(1, Math.max(0, most / GHOST_FROM - 1) / 2) : 0;
       ghostMaterial.opacity = 0.34 * strength;
-      for (const { ghost } of links) ghost.visible = strength > 0.02;
+      for (const { own, ghost } of links) {
+        const elsewhere = own.position.distanceTo(ghost.position) > LEAST_OFF
+          || own.quaternion.angleTo(ghost.quaternion) > LEAST_TURN;
+        ghost.visible = strength > 0.02 && elsewhere;
+      }
       for (const { link, faces, accent } of links) {
         const mark = boundOf(description.joints[link.joint], q[link.joint]);
         for (const face of faces) face.material = mark < 0 ? accent : bounds[mark];

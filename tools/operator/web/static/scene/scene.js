@@ -48,6 +48,10 @@ export function createScene(element, description) {
   for (const part of Object.values(parts)) stage.scene.add(part.object);
   const bodies = [arms, surroundings, tunnels];
   let current = null;
+  let asked = null;
+  const preference = globalThis.matchMedia?.("(prefers-color-scheme: light)");
+  const follow = () => setOptions({ theme: asked });
+  preference?.addEventListener("change", follow);
 
   show(atRest(description, start));
   frameAll();
@@ -100,6 +104,7 @@ export function createScene(element, description) {
 
   function setOptions(options) {
     if ("theme" in options) {
+      asked = options.theme;
       const theme = THEMES[themeName(options.theme)];
       for (const part of [stage, materials, labels, ...Object.values(parts)]) part.setTheme?.(theme);
     }
@@ -146,6 +151,7 @@ export function createScene(element, description) {
     frame: frameAll,
     dispose() {
       cancelAnimationFrame(running);
+      preference?.removeEventListener("change", follow);
       handle.dispose();
       pictures.dispose();
       labels.dispose();

@@ -33,19 +33,22 @@ export function createSurroundings(description, materials, labels) {
     object,
     /** Shapes that gaps are told to, by name: `{shape, xyz, to, pose, half_size, radius}`. */
     obstacles,
-    /** Take in news of an obstacle, or its removal. */
+    /** Take in news of an obstacle, or its removal; one that only moves is not made anew. */
     news(message) {
       const old = obstacles.get(message.name);
-      if (message.remove || message.shape) old?.remove();
-      if (message.remove) return void obstacles.delete(message.name);
       const given = Object.fromEntries(Object.entries(message).filter(([, v]) => v !== null));
-      const next = { rpy: [0, 0, 0], radius: 0, ...(message.shape ? {} : old?.told), ...given };
-      if (!next.shape) return undefined;
-      if (!message.shape) old.remove();
+      const base = message.shape ? { rpy: [0, 0, 0], radius: 0 } : old?.told;
+      if (message.remove || !base) {
+        old?.remove();
+        obstacles.delete(message.name);
+        return;
+      }
+      const next = { ...base, ...given };
+      if (old?.moved(next)) return;
+      old?.remove();
       const made = obstacle(next, materials, labels);
       obstacles.set(next.name, made);
       object.add(made.object);
-      return undefined;
     },
     /** Take in the rig's truth: tags that were moved, and the payload. */
     truth(told) {
@@ -75,7 +78,16 @@ function obstacle(told, materials, labels) {
   const object = new THREE.Group();
   const line = told.shape === "sight_line";
   const label = labels.add(told.name, { rank: 1, role: line ? "sight" : "obstacle" });
-  const made = { told, object, remove() { object.removeFromParent(); label.remove(); } };
+  const made = {
+    told,
+    object,
+    moved: () => false,
+    remove() {
+      object.removeFromParent();
+      object.traverse((part) => part.geometry?.dispose());
+      label.remove();
+    },
+  };
   if (line) {
     const beam = new THREE.Mesh(
       new THREE.CylinderGeometry(1, 1, 1, 20, 1, true).rotateX(Math.PI / 2).translate(0, 0, 0.5),
@@ -102,23 +114,42 @@ function obstacle(told, materials, labels) {
     new THREE.EdgesGeometry(sharp, 30), materials.line("obstacle", 0.9),
   );
   object.add(body, edges);
-  const T = told.shape === "capsule" ? null : fromRpy([...told.xyz, ...told.rpy]);
-  if (T) place(object, T);
-  else lay(object, told.xyz, told.to);
-  made.pose = T;
-  const to = told.to ?? told.xyz;
-  const top = told.shape === "box"
-    ? Math.max(...[-1, 1].flatMap((a) => [-1, 1].flatMap((b) => [-1, 1].map(
-      (c) => placed(T, told.half_size.map((x, i) => x * [a, b, c][i]))[2],
-    )))) : Math.max(told.xyz[2], to[2]) + told.radius;
-  made.look = () => label.at([0.5 * (told.xyz[0] + to[0]), 0.5 * (told.xyz[1] + to[1]), top]);
+  let top = 0;
+  const put = (next) => {
+    made.told = next;
+    made.pose = next.shape === "capsule" ? null : fromRpy([...next.xyz, ...next.rpy]);
+    if (made.pose) place(object, made.pose);
+    else lay(object, next.xyz, next.to);
+    top = topOf(next, made.pose);
+  };
+  /** Move it if that is all that is new; return whether it is. */
+  made.moved = (next) => {
+    const same = ["shape", "radius", "half_size"].every((key) => String(next[key]) === String(told[key]))
+      && Math.abs(lengthOf(next) - lengthOf(told)) < 1e-4;
+    if (same) put(next);
+    return same;
+  };
+  made.look = () => {
+    const { xyz, to = null } = made.told;
+    label.at([0, 1].map((i) => 0.5 * (xyz[i] + (to ?? xyz)[i])).concat(top));
+  };
+  put(told);
   return made;
+}
+
+const lengthOf = ({ xyz, to }) => (to ? Math.hypot(...[0, 1, 2].map((i) => to[i] - xyz[i])) : 0);
+
+/** Return how high something reaches [m]. */
+function topOf({ shape, xyz, to, radius, half_size: half }, T) {
+  if (shape !== "box") return Math.max(xyz[2], (to ?? xyz)[2]) + radius;
+  const corners = [-1, 1].flatMap((a) => [-1, 1].flatMap((b) => [-1, 1].map((c) => [a, b, c])));
+  return Math.max(...corners.map((corner) => placed(T, half.map((x, i) => x * corner[i]))[2]));
 }
 
 function outline(told) {
   if (told.shape === "box") return box(told.half_size.map((x) => x + 0.001), 0.004);
   if (told.shape === "capsule") {
-    const length = Math.hypot(...[0, 1, 2].map((i) => told.to[i] - told.xyz[i]));
+    const length = lengthOf(told);
     return new THREE.CapsuleGeometry(told.radius, length, 12, 32)
       .rotateX(Math.PI / 2).translate(0, 0, length / 2);
   }
