@@ -5,7 +5,7 @@ from ...protocols.canopen.counter import Unwrapped
 from . import servo_setup
 
 
-class Position:
+class JointPosition:
     """Position of one drive's joint; an `endless` one, a wheel, has no limits."""
 
     def __init__(self, drive: Drive, endless: bool) -> None:

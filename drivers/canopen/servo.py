@@ -20,7 +20,8 @@ from ..fieldbus import Fieldbus
 from ..roles import JointDrive
 from ..servo_status import Sent, ServoReading, wrong_emergency, wrong_status
 from . import servo_setup
-from .position import Position
+from .controlword import next_word
+from .position import JointPosition
 from .setpoint import Setpoint
 from .standstill import Standstill
 
@@ -56,7 +57,7 @@ class ServoDrive(JointDrive):
         self._setpoint = Setpoint(drive, mode)
         self._bus, self.bus = fieldbus, fieldbus.name
         self._timing = timing
-        self._position = Position(drive, endless)
+        self._position = JointPosition(drive, endless)
         self._limits = lower, upper = self._position.limits(lower, upper)
         dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
         self.answer_stamp = 0.0
@@ -231,18 +232,11 @@ class ServoDrive(JointDrive):
         )
 
     def _controlword(self) -> int:
-        state = self._state
-        if self._stopped:
-            return Control.QUICK_STOP
-        if state is None:
-            return Control.DISABLE_VOLTAGE
-        if self._reset_sync is not None and state.in_fault:
-            # bit 7 low for a SYNC first: the drive resets on its rising edge only
-            seen_low = self._bus.sync_count > self._reset_sync
-            return Control.FAULT_RESET if seen_low else Control.DISABLE_VOLTAGE
-        if state is DriveState.QUICK_STOP_ACTIVE and self._overdue:
-            return Control.DISABLE_VOLTAGE  # its quick stop stays there: 605Ah of 5 to 8
-        return cia402.next_controlword(state, self._target)
+        # Bit 7 is low for a SYNC first: the drive resets on its rising edge only.
+        reset = None if self._reset_sync is None else self._bus.sync_count > self._reset_sync
+        return next_word(
+            self._state, self._target, stopped=self._stopped, overdue=self._overdue, reset=reset
+        )
 
     def _judge(self, age: int) -> Trouble | None:
         """Return what is wrong now, the cause that explains most first."""
@@ -256,9 +250,8 @@ class ServoDrive(JointDrive):
             return self._wrong(Cause.PDO_LOST, f"no answer to {age} SYNCs", age_syncs=age)
         silence = bus.now - (self._heartbeat_s if self._heartbeat_s is not None else bus.now)
         if silence > timing.heartbeat_timeout_s:
-            return self._wrong(
-                Cause.HEARTBEAT_LOST, f"no heartbeat for {silence:.3f} s", silence_s=silence
-            )
+            detail = f"no heartbeat for {silence:.3f} s"
+            return self._wrong(Cause.HEARTBEAT_LOST, detail, silence_s=silence)
         if self._feedback is None:
             return None
         word = self._feedback.statusword
