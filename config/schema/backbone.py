@@ -32,8 +32,16 @@ class Backbone(Section):
     axes: Literal["planar", "universal", "alternating"] = Field(
         "planar", description="the joints' axes: all parallel, in crossing pairs, or in turn"
     )
-    exterior: Literal["bessel"] = Field(
-        "bessel", description="the free curve from the first joint to the entrance"
+    exterior: Literal["bessel", "modal"] = Field(
+        "bessel",
+        description="the free curve from the first joint to the entrance: one cosine of curvature, "
+        "or a sum of modes",
+    )
+    modes: tuple[Annotated[float, Field(ge=-10, le=10)], ...] = Field(
+        (1.0, -0.5),
+        min_length=1,
+        max_length=8,
+        description="of a modal exterior: shares of 1, 2, … sine waves of attitude along it",
     )
     bow: float | None = Field(
         None,
@@ -79,6 +87,8 @@ class Backbone(Section):
                 raise ValueError(f"tunnel[{i}].to: a gap has neither bend nor climb, and ends")
         if self.tunnel[0].to is not None or self.tunnel[-1].to is not None:
             raise ValueError("tunnel: a gap lies between two pieces with walls")
+        if not any(self.modes):
+            raise ValueError("modes: one must not be 0")
         walled = [not piece.open for piece in self.tunnel]
         if not walled[0] or walled != sorted(walled, reverse=True):
             raise ValueError("tunnel: open pieces come last, after one with walls")

@@ -81,13 +81,16 @@ def _whole(section: Backbone, sharpest: float) -> Array | None:
 
 def _free(section: Backbone, base: Array, s1: float, h: float) -> Array:
     """Return points (k, 3) of the free curve, whose amplitude is found by bisection."""
-    s = np.arange(0.5 * STEP, s1, STEP)
-    low, high = 0.0, 2.404
+    share = np.arange(0.5 * STEP, s1, STEP) / s1
+    modes = (1.0,) if section.exterior == "bessel" else section.modes
+    waves = [c * np.sin(2.0 * math.pi * (m + 1) * share) for m, c in enumerate(modes)]
+    shape = np.sum(waves, axis=0)
+    low, high = 0.0, 2.404 / float(np.abs(shape).max())
     for _ in range(40):
         mu = 0.5 * (low + high)
-        ahead = float(np.cos(mu * np.sin(2.0 * math.pi * s / s1)).mean()) * s1
+        ahead = float(np.cos(mu * shape).mean()) * s1
         low, high = (mu, high) if ahead > h else (low, mu)
-    theta = mu * np.sin(2.0 * math.pi * s / s1)
+    theta = mu * shape
     R = matrix(section.entrance)[:3, :3]
     turns = [(p.bend, p.climb) for p in section.tunnel if p.bend or p.climb]
     bend, climb = turns[0] if turns else (1.0, 0.0)

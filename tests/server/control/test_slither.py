@@ -72,6 +72,20 @@ def test_it_keeps_its_room_however_it_is_driven_and_stopped(name):
             assert not snake.step(Intent.HOLD).dq.any()
 
 
+def test_with_another_exterior_it_slithers_as_well(tmp_path):
+    path = tmp_path / "modal.toml"
+    path.write_text('extends = "snake"\n[mechanism.backbone]\nexterior = "modal"\n')
+    snake = Snake(path, 0.95)
+    # The curvature begins with 0 where that of the paper's begins with its greatest.
+    assert abs(snake.q[0]) < 0.4 * abs(Snake("snake", 0.95).q[0])
+    for _ in range(300):
+        snake.step(drive=DriveRequest(0.08))
+        assert snake.off() < snake.backbone.room
+    assert snake.memory.insertion.s1 < 0.75
+    while not snake.step(Intent.STOP).at_rest:
+        assert snake.off() < snake.backbone.room
+
+
 def test_its_joints_stop_in_proportion():
     snake = Snake("snake", 1.0)
     for _ in range(60):

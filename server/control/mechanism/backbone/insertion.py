@@ -112,8 +112,8 @@ class Backbone:
         fits: list[Array] = []
         q = None
         for s1 in self.lengths[::-1]:
-            sampled = self.curve.at(float(s1), self.chain.stations)
             try:
+                sampled = self.curve.at(float(s1), self.chain.stations)
                 found = self.chain.settled(
                     self.chain.guess(sampled.points) if q is None else q, *sampled
                 )

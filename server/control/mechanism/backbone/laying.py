@@ -12,6 +12,7 @@ from .curve import Curve
 from .exterior import Bow
 from .gaps import solve_gap
 from .interior import Arcs, Turn
+from .modal import Modal
 
 NEAREST = 0.01
 """The entrance is at least so far from the first joint [m]."""
@@ -50,8 +51,10 @@ def curve_of(cell: Cell, section: Section, chain: Chain) -> Curve:
             f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
         )
     arcs = _arcs(T, section, chain, _range(cell), where)
-    bow = Bow(chain.base, T.R[:, 0], T.R @ _bow(section), h)
-    return Curve(bow, arcs)
+    begin = chain.base, T.R[:, 0], T.R @ _bow(section), h
+    if section.exterior == "modal":
+        return Curve(Modal(*begin, np.array(section.modes)), arcs)
+    return Curve(Bow(*begin), arcs)
 
 
 def _range(cell: Cell) -> float:

@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 from telerobot.server.control.mechanism.backbone.exterior import bessel, bow_parameter
 from telerobot.server.control.mechanism.backbone.interior import Arcs, Turn, off_centre
+from telerobot.server.control.mechanism.backbone.modal import Modal
 from telerobot.server.control.spatial import Pose
 
 from .snakes import ENTRANCE, MAZE, S1, SPACE, X, Y
 
 STATIONS = np.linspace(0.0, 1.0, 61)
+
+MODES = np.array([1.0, -0.5])
+OTHER = MAZE._replace(exterior=Modal(*MAZE.exterior, MODES))
+"""The same maze with another exterior, whose curvature begins and ends with 0."""
 
 
 def integral(values, width):
@@ -45,7 +50,35 @@ def test_the_exterior_is_the_curve_of_equations_2_and_22(s1):
     assert found[-1] == pytest.approx([0.0, 0.4, 0.0], abs=1e-14)
 
 
-@pytest.mark.parametrize("curve", [MAZE, SPACE])
+@pytest.mark.parametrize("s1", S1)
+def test_a_modal_exterior_of_one_mode_is_the_paper_s(s1):
+    stations = np.linspace(0.0, s1, 31)
+    one = Modal(*MAZE.exterior, np.array([1.7]))
+    for found, expected in zip(one.at(s1, stations), MAZE.exterior.at(s1, stations), strict=True):
+        assert found == pytest.approx(expected, abs=2e-8)
+
+
+@pytest.mark.parametrize("s1", S1)
+def test_a_modal_exterior_meets_the_entrance_and_begins_and_ends_without_curvature(s1):
+    dense = np.linspace(0.0, s1, 4001)
+    points = OTHER.exterior.at(s1, dense)[0]
+    assert points[-1] == pytest.approx([0.0, 0.4, 0.0], abs=1e-7)
+    ways = np.diff(points, axis=0)
+    assert np.linalg.norm(ways, axis=1) == pytest.approx(dense[1], rel=1e-5)
+    angle = np.arctan2(ways[:, 0], ways[:, 1])
+    middle = (dense[1:] + dense[:-1]) / (2 * s1)
+    shape = np.sin(2 * np.pi * middle) - 0.5 * np.sin(4 * np.pi * middle)
+    assert angle == pytest.approx(shape * (angle @ shape / (shape @ shape)), abs=1e-5)
+    assert abs(angle[1] - angle[0]) < 1e-4 * np.abs(angle).max()
+
+
+def test_modes_that_do_not_bow_out_so_far_are_refused():
+    far = MAZE.exterior._replace(h=0.05)
+    with pytest.raises(ValueError, match="the modes bow out by less than that"):
+        Modal(*far, np.ones(6)).at(1.4, STATIONS)
+
+
+@pytest.mark.parametrize("curve", [MAZE, SPACE, OTHER])
 @pytest.mark.parametrize("s1", [0.97, 0.8, 0.6, 0.44, 0.41])
 def test_rates_are_the_derivative_of_the_curve(curve, s1):
     step = 1e-6
