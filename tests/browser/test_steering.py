@@ -4,6 +4,9 @@ import pytest
 
 pytestmark = pytest.mark.browser
 
+TRIES = 5
+"""Drawn without a graphics card on a busy machine, a page may hang, and lose the lease."""
+
 GAMEPAD = """
 window.pad = {id: "made up", connected: true, axes: [0, 0, 0, 0],
   buttons: [...Array(17)].map(() => ({pressed: false}))};
@@ -81,23 +84,30 @@ def test_the_handle_that_is_dragged_leads_the_tool_to_where_it_is_let_go_of(site
     page = site.enabled(drawn=True)
     page.get_by_role("button", name="top", exact=True).click()
     page.get_by_role("button", name="Move", exact=True).click()
-    before = site.plant.operators[0].state.target_mrf
-    x, y = page.evaluate("document.getElementById('scene').handleOnScreen()")
-    box = page.locator("#scene").bounding_box()
-    page.mouse.move(box["x"] + x, box["y"] + y)
-    page.mouse.down()
-    page.mouse.move(box["x"] + x + 12, box["y"] + y - 9, steps=4)
-    page.mouse.up()
     watcher = site.plant.operators[0]
-    site.until(lambda: watcher.state.target_mrf not in (None, before), "no target was sent")
-    target = watcher.state.target_mrf
 
-    def off():
+    def drag():
+        x, y = page.evaluate("document.getElementById('scene').handleOnScreen()")
+        box = page.locator("#scene").bounding_box()
+        page.mouse.move(box["x"] + x, box["y"] + y)
+        page.mouse.down()
+        page.mouse.move(box["x"] + x + 12, box["y"] + y - 9, steps=4)
+        page.mouse.up()
+
+    def reached():
         site.plant.turn()
-        pairs = zip(site.plant.truth.pose_mrf[:3], target[:3], strict=True)
-        return max(abs(a - b) for a, b in pairs)
+        target, truth = watcher.state.target_mrf, site.plant.truth.pose_mrf
+        if target is None:
+            return False
+        return max(abs(a - b) for a, b in zip(truth[:3], target[:3], strict=True)) < 1e-3
 
-    site.until(lambda: off() < 1e-3, "the target is not reached to 1 mm")
+    for _ in range(TRIES):
+        site.go_on(page)
+        drag()
+        site.until(lambda: reached() or watcher.state.mode != "enabled", "no target to 1 mm")
+        if reached():
+            break
+    assert reached()
 
 
 def test_letters_in_a_field_are_text_and_move_nothing(site):
