@@ -38,6 +38,8 @@ COMMANDS: Final = (
             ("telerobot rig pa10",)),
     Command("vision", "commands.vision", "looks through the cell's cameras, and tells the daemon",
             ("telerobot vision pa10_vision", "telerobot vision pa10_vision --pictures=out")),
+    Command("scan", "scanning.cli", "looks through the laser scanner, and tells of obstacles",
+            ("telerobot scan rover", "telerobot scan rover --seconds=60")),
     Command("simulate", "commands.simulate", "daemon and rig in one process, in virtual time",
             ("telerobot simulate pa10", "telerobot simulate pa10 wall_push --json")),
     Command("plot", "recording.plot.cli", "pictures of a recorded run, or of several side by side",

@@ -69,6 +69,9 @@ class ContourReflex(Section):
     foot: Vector3 = Field((0.0, 0.0, 0.0), description="foot of the arm in Base [m]")
     shoulder: Name = Field(description="joint at whose origin the shoulder is")
     elbow: Name = Field(description="joint at whose origin the elbow is")
+    base_width: float = Field(
+        0.0, ge=0, le=5, description="of what carries the arm, and has to pass, too [m]"
+    )
     link_radius: float = Field(0.06, ge=0.005, le=0.5, description="of the arm's housings [m]")
     rule: Literal["posture", "sequence"] = Field(
         "posture", description="a search of a whole posture, or tool, then elbow, then both"

@@ -17,6 +17,7 @@ from .grasps.held import Held, Holding
 from .hold.pushed import Pushed
 from .hold.retreat import RetreatState
 from .mechanism.backbone.insertion import STILL, DriveRequest, Insertion
+from .mechanism.joint_motion import NOTHING, Beside
 from .mechanism.null_space.potential_field import FieldReading
 from .mechanism.null_space.priority import Near
 from .mechanism.null_space.redundancy import ObjectiveGains, SelfMotion
@@ -113,6 +114,8 @@ class Inputs:
     """Unseen contact by the drives' torques; None where it is not known."""
     drive: DriveRequest = STILL
     """How the operator drives an arm with a backbone as a whole."""
+    beside: Beside = NOTHING
+    """Joint rates that are asked for beside the task's twists."""
 
 
 @dataclass(frozen=True)

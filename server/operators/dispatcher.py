@@ -1,6 +1,7 @@
 """Dispatcher: answers the requests of one period, admits commands and puts them in force."""
 
 from ...protocols.codec import encode
+from ...protocols.messages.contour import ContourNews
 from ...protocols.messages.messages import Command, Keepalive
 from ...protocols.messages.moving import FrameNews
 from ...protocols.messages.obstacles import ObstacleNews
@@ -56,6 +57,8 @@ class Dispatcher:
         self._units.obstacles.update(context.now.tick)
         for unit in self._units.each:
             unit.perception.vision.update(context.now.tick)
+            if unit.perception.passage is not None:
+                unit.perception.passage.update(context.now.tick)
         for commanded in self._units.all:
             _tell_dropped(commanded)
             _look_at_energy(commanded)
@@ -92,6 +95,8 @@ class Dispatcher:
                 self._units.seeing(news.camera).perception.vision.take(news, tick)
             elif isinstance(news, ObstacleNews):
                 self._units.obstacles.take(news, tick)
+            elif isinstance(news, ContourNews):
+                self._units.ahead().take(news, tick)
             elif isinstance(news, FrameNews):
                 for unit in self._units.each:
                     unit.perception.moving_frames.take(news, tick)

@@ -12,6 +12,7 @@ from ..control.state import Memory, Output
 from ..mode import Mode
 from ..plant import UnitReading
 from ..runtime.events import Events
+from .ahead.passage import Passage
 from .cameras import VisionTracker
 from .collisions import CollisionMonitor
 from .force_torque import ForceTorqueMonitor, reads_weight
@@ -32,6 +33,8 @@ class Perception:
         self.load = LoadMonitor(sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
+        self.passage = Passage.from_cell(cell, events)
+        """The contour ahead; None where nobody looks for one."""
         self.collisions = CollisionMonitor(
             config.touch, arm.p, arm.mechanism, events, arm.stages.slither is not None
         )

@@ -6,6 +6,7 @@ from ...protocols.canopen.cia402 import DriveState
 from ..commands.in_force import InForce
 from ..control.frame_tree import Moved
 from ..control.mechanism.backbone.insertion import STILL
+from ..control.mechanism.joint_motion import NOTHING, Beside
 from ..control.spatial import Array
 from ..control.state import Inputs, Intent
 from ..mode import Mode
@@ -34,6 +35,7 @@ def tick_inputs(
     perception: Perception,
     obstacles: ObstacleMap,
     moved: Moved,
+    beside: Beside = NOTHING,
 ) -> Inputs:
     """Return the inputs of a tick; `q` (n,) are the measured joints [rad], `moved` the grounds.
 
@@ -71,4 +73,5 @@ def tick_inputs(
         T_wrist_goal=commands.T_wrist_goal,
         drive=drive,
         pushed=None if moving else perception.collisions.pushed,
+        beside=beside if moving else NOTHING,
     )

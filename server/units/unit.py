@@ -6,6 +6,7 @@ from ...config.load import Cell
 from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.arm.arm import Arm
+from ..control.mechanism.joint_motion import NOTHING
 from ..control.spatial import Array, Pose
 from ..control.state import Inputs, Memory, Output
 from ..mode import Mode
@@ -14,6 +15,7 @@ from ..perception.perception import Perception
 from ..plant import UnitReading
 from ..runtime.events import Events
 from ..stability.gains import gain_check
+from .looking_ahead import LookingAhead
 from .tick_inputs import tick_inputs
 
 LED = 1e-3
@@ -31,6 +33,8 @@ class Unit:
         self.events = events.of(cell.prefix.removesuffix("."))
         self.task, self.mechanism = cell.task, cell.config.mechanism.name
         self.commands = Commands.from_cell(cell, settings)
+        self.ahead = LookingAhead.from_cell(cell)
+        """The reflex to what is ahead, and the scanner's axis; None without either."""
         self.perception = Perception(cell, arm, self.commands, self.events)
         self.gain_bound = gain_check(cell)
         """Why gains of a source would be unstable, or None."""
@@ -93,7 +97,20 @@ class Unit:
             # A posture is the arm's: wheels stay where they are.
             wheels = memory.motion.q[:2]
             asked = asked._replace(posture=np.concatenate((wheels, asked.posture[2:])))
-        return tick_inputs(mode, tick, now_s, reading, q, asked, perception, obstacles, moved)
+        beside = NOTHING
+        if self.ahead is not None and mode is Mode.ENABLED:
+            asked, beside = self.ahead.applied(asked, perception.passage, memory.motion.q, tick)
+        return tick_inputs(
+            mode, tick, now_s, reading, q, asked, perception, obstacles, moved, beside
+        )
+
+    @property
+    def blind(self) -> bool:
+        """True while the base goes ahead, and nobody looks there."""
+        rolling, passage = self.arm.mechanism.rolling, self.perception.passage
+        if rolling is None or passage is None or self.memory is None:
+            return False
+        return passage.blind(rolling.driven(self.memory.motion.dq[:2])[0])
 
     def keep(self, tick: int, memory: Memory, output: Output) -> None:
         """Take in what a tick decided."""

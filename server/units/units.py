@@ -13,6 +13,7 @@ from ..control.joint_task.several import JointTasks
 from ..control.joint_task.switch import HoldRefused
 from ..control.spatial import Array
 from ..control.tick import Control
+from ..perception.ahead.passage import Passage
 from ..perception.obstacle_map import ObstacleMap
 from ..refusals import Refused, Why
 from ..runtime.events import Events
@@ -138,6 +139,13 @@ class Units:
         known = ", ".join(c.name for unit in self.each for c in unit.cell.config.cameras) or "none"
         raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
 
+    def ahead(self) -> Passage:
+        """Return what keeps the contour ahead. Raises `Refused` in a cell that looks for none."""
+        for unit in self.each:
+            if unit.perception.passage is not None:
+                return unit.perception.passage
+        raise Refused(Why.NOT_NOW, "the cell says nothing of a contour")
+
     def _named(self, name: str, why: Why, kind: str) -> Unit:
         for unit in self.each:
             if getattr(unit, kind) == name:
@@ -196,6 +204,8 @@ class Units:
             return "sensor stale"
         if self.settings.avoid and self.obstacles.stop is not None:
             return "obstacle stale"
+        if self.settings.avoid and any(unit.blind for unit in self.each):
+            return "scanner silent"
         for joint in self.joint:
             if joint.reason_to_stop is not None:
                 return joint.reason_to_stop

@@ -32,6 +32,8 @@ ELSEWHERE |= {
 ELSEWHERE |= {"maze", "maze_space", "tail", "two_tunnels", "touch_inside", "figure_5"}
 """`test_tunnel.py`, `test_tail.py` and `test_tunnel_faults.py`, whole or in part."""
 ELSEWHERE |= {"drive_and_reach", "hold_in_world"}  # `test_rover.py`
+ELSEWHERE |= {"bridge", "bridge_off"}
+"""`test_bridge.py` plays the like, nearer."""
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources"}
 """Scripts that `test_frames.py` and `test_all_sources.py` play."""
 FIELD = {n for n in shipped("scripts") if n.startswith("sight_line_")} | {"round_obstacle"}

@@ -11,12 +11,13 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TextIO
 
-from ...config.load import ConfigError
+from ...config.load import Cell, ConfigError
 from ...drivers.bus import CanBus, open_bus
 from ...drivers.device import DeviceError
 from ...drivers.network.identity import identity_of
 from ...drivers.rig.realtime import run_realtime
 from ...drivers.rig.rig import Rig, RigError
+from ...drivers.rig.scanner_server import ScannerServer
 from ...drivers.rig.session import RigSession
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
@@ -72,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
         name = cell.config.name
         identity = identity_of(cell, Role.RIG, name)
         session = RigSession(name, cell.config.zenoh.dialled, identity, frames=moving)
+        scanner = _scanner_server(cell, rig)
         try:
             if moving:
                 FrameSensors(cell, rig, session.newest_tick, session.tell)
@@ -87,6 +89,8 @@ def run(args: argparse.Namespace) -> int:
             )
         finally:
             session.close()
+            if scanner is not None:
+                scanner.close()
     except RigError as error:
         raise DeviceError(str(error)) from None
     finally:
@@ -94,6 +98,18 @@ def run(args: argparse.Namespace) -> int:
             bus.shutdown()
     print(f"{pace.steps} steps, {pace.skipped} skipped")
     return 0
+
+
+def _scanner_server(cell: Cell, rig: Rig) -> ScannerServer | None:
+    """Let the simulated scanner listen, where there is one; it answers as the rig steps.
+
+    Raises `DeviceError` where its place is taken.
+    """
+    if cell.config.scanner is None or rig.scanner is None:
+        return None
+    server = ScannerServer(cell.config.scanner, rig.scanner)
+    rig.scanner.on_step = server.poll
+    return server
 
 
 def _prefer() -> None:

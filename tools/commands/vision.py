@@ -7,34 +7,27 @@ hardware tells. Either way the same code looks at the picture.
 
 import argparse
 import signal
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
 
 from ...config.load import Cell, ConfigError
 from ...config.schema.cameras import Camera
-from ...drivers.network.identity import Identity, identity_of
+from ...drivers.network.identity import identity_of
 from ...drivers.vision.detector import Detection, Detector, Picture
 from ...drivers.vision.device import VideoCamera
 from ...drivers.vision.opencv import save
 from ...protocols import topics as t
-from ...protocols.codec import CodecError, MessageT, decode_as, encode
+from ...protocols.codec import encode
 from ...protocols.messages import messages as m
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
-from ..operator.client.session import Session, TopicBuffer
+from ..operator.client.sensor_session import Over, dial, newest
+from ..operator.client.session import Session
 from ..simulation.pictures import told
-
-Over = Callable[[], bool]
-"""Returns True once it is time to end."""
-
-RETRY_S = 0.5
-"""While nobody answers, the daemon is dialled again after [s]."""
 
 SAVE_EVERY_S = 1.0
 """Pictures are saved at most this often [s]."""
@@ -138,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
     def over() -> bool:
         return bool(asked) or (end_s is not None and time.monotonic() > end_s)
 
-    session = _dial(cell, identity, over)
+    session = dial(cell, identity, over, f"the cameras of {cell.config.name} are looking")
     if session is not None:
         try:
             _Work(session, lookers, world, args.pictures).run(over)
@@ -174,10 +167,10 @@ class _Work:
                 self._look(looker, self._tick, now_s)
 
     def _hear(self) -> None:
-        state = _newest(self._states, State, t.STATE.max_bytes)
+        state = newest(self._states, State, t.STATE.max_bytes)
         if state is not None:
             self._tick = state.tick
-        truth = _newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)
+        truth = newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)
         if truth is not None and self._world is not None:
             self._world.truth = truth
 
@@ -195,30 +188,3 @@ class _Work:
 
 def _eye(camera: Camera, world: _World | None) -> _PictureSource:
     return VideoCamera(camera) if world is None or camera.device else _Rendered(world, camera)
-
-
-def _dial(cell: Cell, identity: Identity | None, over: Over) -> Session | None:
-    """Return a session with the daemon, however long it takes to appear; None when told to end."""
-    told_so = False
-    while not over():
-        try:
-            session = Session(cell.config.name, cell.config.zenoh.dialled, identity)
-        except ConnectionError as error:
-            if not told_so:
-                told_so = True
-                print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
-            time.sleep(RETRY_S)
-        else:
-            print(f"telerobot: the cameras of {cell.config.name} are looking", flush=True)
-            return session
-    return None
-
-
-def _newest(inbox: TopicBuffer, kind: type[MessageT], max_bytes: int) -> MessageT | None:
-    newest = None
-    for payload in inbox.take():
-        try:
-            newest = decode_as(kind, payload, max_bytes)
-        except CodecError:
-            continue
-    return newest

@@ -18,6 +18,13 @@ LEAST_HITS: Final = 2.0
 LEAST_SHARE: Final = 0.15
 """Inner hits of an occupied cell, of those of its fullest neighbour [1]: tails of noise add up."""
 
+LEAST_TAIL: Final = 0.6
+"""Hits of an occupied cell away from a border, of those in its fuller neighbour near that [1].
+
+A surface at the border, seen straight, leaves 16 % of its hits there and 34 % in the other strip;
+one that is 10 mm inside 42 % and 17 %.
+"""
+
 
 class Plane(NamedTuple):
     """Cells of the plane, and how far ahead of Base what fills them is collected."""
@@ -52,21 +59,39 @@ def contour_of(points: Array, hits: Array, plane: Plane, rear: float) -> Contour
     """Return the contour of n points (n, 3) [m] in the arm's Base, seen `hits` (n,) times each.
 
     What is behind `rear` [m] is passed. A cell is occupied if it was hit at least twice, once well
-    inside, and not so rarely that a neighbour's noise explains it.
+    inside, not so rarely that a neighbour's noise explains it, and not by the tail of a surface
+    that lies on the border: that is the fuller neighbour's.
     """
     rows, columns = plane.shape
-    counts = np.zeros((2, rows * columns))
+    counts = np.zeros((COUNTS, rows * columns))
     nearest = np.full((rows, columns), np.inf)
     farthest = np.full((rows, columns), -np.inf)
     _count(points, hits, rear, *plane, counts, nearest, farthest)
-    every, inner = counts.reshape(2, rows, columns)
-    around = np.zeros((rows + 2, columns + 2))
-    around[1:-1, 1:-1] = inner
-    fullest = np.maximum.reduce(
-        [around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]]
-    )
+    every, inner, across, up, *edges = counts.reshape(COUNTS, rows, columns)
+    halves = edges[4:]
+    fullest = np.maximum.reduce([_beside(inner, *way) for way in WAYS])
     occupied = (every >= LEAST_HITS) & (inner >= 1.0) & (inner >= LEAST_SHARE * fullest)
+    # The edge of the neighbour on one side is the one that it has on the other; and what is in a
+    # cell's other half is nobody's tail.
+    for way, opposite, middle in zip(WAYS, (1, 0, 3, 2), (up, up, across, across), strict=True):
+        edge = _beside(edges[opposite], *way)
+        tail = (middle < LEAST_TAIL * edge) & (halves[opposite] < LEAST_SHARE * edge)
+        occupied &= ~(tail & (every < _beside(every, *way)))
     return Contour(np.where(occupied, nearest, np.nan), np.where(occupied, farthest, np.nan))
+
+
+COUNTS: Final = 12
+"""Counts of a cell: all hits, inner ones, those away from the sides, those away from top and
+bottom, those near its lower, upper, right, left edge, and those in these halves of it [1]."""
+WAYS: Final = ((-1, 0), (1, 0), (0, -1), (0, 1))
+"""To the neighbours below, above, right, left, by rows and columns."""
+
+
+def _beside(values: Array, row: int, column: int) -> Array:
+    """Return the values (rows, columns) of neighbours; 0 outside of the plane."""
+    wide = np.pad(values, 1)
+    rows, columns = values.shape
+    return wide[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
 
 
 @compiled(
@@ -90,9 +115,26 @@ def _count(
         if not (rear < x < collect and 0.0 <= y < width and 0.0 <= z < height):
             continue
         i, j = min(int(z / cell), rows - 1), min(int(y / cell), columns - 1)
-        counts[0, i * columns + j] += hits[k]
-        dz, dy = z - i * cell, y - j * cell
-        if min(dz, cell - dz, dy, cell - dy) >= INSIDE:
-            counts[1, i * columns + j] += hits[k]
+        at, dz, dy = i * columns + j, z - i * cell, y - j * cell
+        counts[0, at] += hits[k]
+        across = min(dy, cell - dy) >= INSIDE
+        up = min(dz, cell - dz) >= INSIDE
+        if across:
+            counts[2, at] += hits[k]
+        if up:
+            counts[3, at] += hits[k]
+        if dz < INSIDE:
+            counts[4, at] += hits[k]
+        if cell - dz < INSIDE:
+            counts[5, at] += hits[k]
+        if dy < INSIDE:
+            counts[6, at] += hits[k]
+        if cell - dy < INSIDE:
+            counts[7, at] += hits[k]
+        half = 0.5 * cell
+        counts[8 if dz < half else 9, at] += hits[k]
+        counts[10 if dy < half else 11, at] += hits[k]
+        if across and up:
+            counts[1, at] += hits[k]
             nearest[i, j] = min(nearest[i, j], x)
             farthest[i, j] = max(farthest[i, j], x)

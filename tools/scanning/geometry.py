@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ...config.load import Cell, ConfigError
+from ...protocols.messages.telemetry import State
 from ...server.control.proximity.capsules import Capsules
 from ...server.control.spatial import Array, Pose
 from .placing import Knots
@@ -24,6 +25,14 @@ class Instant(NamedTuple):
     """Joints of the mechanism (n,) [rad]."""
     T_world_base: Pose
     """Base by the odometry."""
+
+
+def instant_of(state: State) -> Instant:
+    """Return what a tick's telemetry tells; Base stands in World where it does not move."""
+    x, y, z, *rpy = state.frames.get("base", (0.0,) * 6)
+    return Instant(
+        state.tick, state.time_s, np.array(state.q), Pose.from_xyz_rpy((x, y, z), tuple(rpy))
+    )
 
 
 class Ring:

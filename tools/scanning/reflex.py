@@ -96,7 +96,9 @@ class Reflex:
         front = float(now[:, 0].max())
         # What is alongside of the arm is the hard clearances': the base would stop below a bridge.
         ahead = obstacles.within(front, self._trigger)
-        met = ahead.near[clearances(now, ahead) < self._search.reach.trigger]
+        reach = self._search.reach
+        near = clearances(now, ahead) < reach.trigger
+        met = ahead.near[near | (self._search.standing(ahead) < reach.column)]
         self._decide(time_s, q, obstacles, ahead, bool(met.size))
         return Answer(self.phase, self.goal, self._speed(q, front, met), self._reason)
 

@@ -73,7 +73,7 @@ class Scanning:
         self.plane = Plane(p.width, p.height, p.cell, p.collect)
         points = CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot)
         self._points, self._foot = points, np.array(contour.foot)
-        search = Search(points, self.plane, reach_of(contour))
+        search = Search(points, self.plane, reach_of(contour), contour.base_width)
         sweep = cell.config.mechanism.sweep
         decide_s = 0.0 if sweep is None else 2.0 * sweep.period_s
         self.reflex = Reflex(

@@ -49,8 +49,15 @@ class Found(NamedTuple):
 class Search:
     """Looks for postures of one arm ahead of one plane."""
 
-    def __init__(self, points: CriticalPoints, plane: Plane, reach: Reach) -> None:
+    def __init__(
+        self, points: CriticalPoints, plane: Plane, reach: Reach, base_width: float = 0.0
+    ) -> None:
+        """Build it; what carries the arm is `base_width` wide [m], up to the arm's foot."""
         self.points, self.plane, self.reach = points, plane, reach
+        half = 0.5 * base_width
+        self._base = np.array([[0.0, -half, 0.0], [0.0, half, 0.0]])
+        shoulder = points.of(np.zeros((1, len(points.lower))))[0, 0]
+        self._column = np.array([[0.0, 0.0, 0.0], shoulder])
 
     def way_is_free(
         self, q: Array, goal: Array, obstacles: Obstacles, reach: float, *, behind: bool = True
@@ -74,19 +81,28 @@ class Search:
 
     def posture(self, q: Array, obstacles: Obstacles) -> Found:
         """Return the nearest posture in which elbow and tool pass, and all between (`posture`)."""
-        if self.column_blocked(obstacles):
-            return Found(None, "column_blocked")
+        blocked = self.blocked(obstacles)
+        if blocked:
+            return Found(None, blocked)
         for wrist in (q[self.points.lead :], np.zeros(len(q) - self.points.lead)):
             found = self._nearest(q, wrist, obstacles)
             if found.q is not None or not wrist.any():
                 return found
         return found
 
-    def column_blocked(self, obstacles: Obstacles) -> bool:
-        """Return whether the column between foot and shoulder, which cannot move, does not pass."""
-        shoulder = self.points.of(np.zeros((1, len(self.points.lower))))[0, 0]
-        column = np.array([[0.0, 0.0, 0.0], shoulder])
-        return float(clearances(column, obstacles).min(initial=np.inf)) < self.reach.column
+    def standing(self, obstacles: Obstacles) -> Array:
+        """Return the distances (k,) of obstacles from what cannot move: base and column [m]."""
+        column = clearances(self._column, obstacles)
+        return np.minimum(clearances(self._base, obstacles), column) if self._base.any() else column
+
+    def blocked(self, obstacles: Obstacles) -> str:
+        """Return which part that cannot move does not pass; empty where all do."""
+        for name, part in (("base_blocked", self._base), ("column_blocked", self._column)):
+            if part is self._base and not part.any():
+                continue
+            if float(clearances(part, obstacles).min(initial=np.inf)) < self.reach.column:
+                return name
+        return ""
 
     def _nearest(self, q: Array, wrist: Array, obstacles: Obstacles) -> Found:
         q_all, parts = self._candidates(q, wrist)
@@ -111,6 +127,9 @@ class Search:
         by self-motion. F3 alone: the tool onto the line of shoulder and elbow. None is looked at
         before those before it are free.
         """
+        blocked = self.blocked(obstacles)
+        if blocked:
+            return Found(None, blocked)
         now = self.points.of(q[None])[0]
         lines = (now[[0, -1]], now[[0, 1]], now[1:])
         met = [float(clearances(x, obstacles).min(initial=np.inf)) for x in lines]

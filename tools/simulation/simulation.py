@@ -44,6 +44,7 @@ from .result import (
     least_sight,
     tick_times,
 )
+from .scans import SimulatedScans
 from .seeded_keys import seeded_keys
 from .virtual_buses import VirtualBuses
 
@@ -106,6 +107,9 @@ class Simulation:
         self.frame_sensors = SimulatedFrameSensors(
             cell, self.rig, lambda news: self.link.put(t.FRAME_NEWS, encode(news))
         )
+        self.scans = None
+        if cell.config.scanner is not None and cell.config.contour is not None:
+            self.scans = SimulatedScans(cell, self.rig, self.link.put)
         self.events: list[Event] = []
         self.states: list[State] = []
         self.truths: list[RigTruth] = []
@@ -146,6 +150,8 @@ class Simulation:
         if self._cameras is not None:
             self._cameras.run(self.clock.time_s, self.cycle.tick + 1)
         self.frame_sensors.run(self.clock.time_s, self.cycle.tick + 1)
+        if self.scans is not None:
+            self.scans.run(self.clock.time_s)
         self.cycle.gather()
         self.cycle.begin()
         self.rig.poll()
@@ -204,6 +210,8 @@ class Simulation:
             state = decode_as(State, payload, topic.max_bytes)
             self.states.append(state)
             self.player.on_state(state)
+            if self.scans is not None:
+                self.scans.on_state(state)
             self._write("state", state)
         elif topic is t.REFLECTION:
             news = decode_as(Reflection, payload, topic.max_bytes)

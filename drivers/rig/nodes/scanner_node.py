@@ -36,7 +36,9 @@ class SimulatedScanner:
         seed = 0 if cell.config.rig is None else cell.config.rig.seed
         self._rng = np.random.default_rng([seed, 3])
         self.on_telegram: list[Callable[[bytes], None]] = []
-        self.scans = 0
+        self.on_step: Callable[[], None] = _ignore
+        """Called after every tenth physics step."""
+        self.scans = self._steps = 0
 
     @classmethod
     def of(cls, cell: Cell, world: World) -> "SimulatedScanner | None":
@@ -45,6 +47,9 @@ class SimulatedScanner:
 
     def step(self, time_s: float) -> None:
         """Let the mirror turn on; send what is complete."""
+        self._steps += 1
+        if self._steps % 10 == 0:
+            self.on_step()
         scan = self._finder.step(time_s)
         if scan is None or "silence" in self._faults:
             return
@@ -106,3 +111,7 @@ class SimulatedScanner:
                 spoilt[i] = ord("Z")
             telegram = bytes(spoilt)
         return telegram
+
+
+def _ignore() -> None:
+    """Stand in for a listener."""

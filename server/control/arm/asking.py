@@ -8,6 +8,7 @@ import numpy as np
 from ..evolve import evolve
 from ..hold.retreat import RetreatState
 from ..mechanism.backbone.insertion import Insertion
+from ..mechanism.joint_motion import NOTHING
 from ..mechanism.joint_rates import Around, Wish
 from ..mechanism.kinematics import Kinematics, Mechanism
 from ..mechanism.null_space.potential_field import FieldReading
@@ -21,6 +22,7 @@ from ..stop.motion import Motion
 from ..stop.way_to_rest import Stop
 from ..task.source import NO_TWIST
 from ..task.task import TaskMemory
+from .beside import with_beside
 from .context import context_of, quantities, sample_of
 from .stages import Stages
 
@@ -124,6 +126,9 @@ class Asking:
         asked = self.resolved(
             motion.q, twists, objectives, task.off_path, inputs, k, lever, around, memory.insertion
         )
+        if inputs.beside is not NOTHING and inputs.intent is Intent.MOVE:
+            dq, twists = with_beside(asked.dq, asked.twists, inputs, k, motion.q, self.stages)
+            asked = asked._replace(dq=dq, twists=twists)
         retreat, asked = self._giving_way(memory, inputs, k, asked)
         memory = evolve(
             memory,

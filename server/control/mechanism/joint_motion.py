@@ -1,6 +1,13 @@
-"""Joints that are commanded directly: jogged one by one, or led to a posture."""
+"""Joints that are commanded directly: jogged one by one, led to a posture, or beside the tool.
+
+What is asked of joints beside the twists of a task is z in eq. 7 of Williams 1997,
+dq = J⁺ẋ + (1 − J⁺J) z. The tool part J z of what folds an arm is a source's like any other's:
+ẋ = J z + ẋ_others. That is z + J⁺ẋ_others: so it is computed, since folding leads through a
+stretched elbow or wrist, where J⁺J is not 1.
+"""
 
 from collections.abc import Callable
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -43,3 +50,39 @@ class JointMotion:
 def at_posture(q: Array, posture: Array) -> bool:
     """Return whether joints at q (n,) have reached a posture (n,)."""
     return bool(np.abs(posture - q).max() < REACHED)
+
+
+FOLDING: Final = "reflex"
+"""Name of the twist that folding asks for, among the sources'."""
+
+
+class Fold(NamedTuple):
+    """A posture that the arm folds to."""
+
+    posture: Array
+    """(n,) [rad]; NaN for joints that it does not concern."""
+    speed: float
+    """The tool goes at most so quickly [m/s]."""
+
+    def rates(self, q: Array, J: Array, joint_motion: JointMotion, factor: float) -> Array:
+        """Return joint rates (n,) from q (n,) to the posture, in proportion.
+
+        J (6, n) is the tool's, `factor` the reduced-speed setting.
+        """
+        goal = np.where(np.isnan(self.posture), q, self.posture)
+        dq = joint_motion.rates(q, None, goal, factor)
+        if dq is None:
+            return np.zeros(len(q))
+        v = float(np.linalg.norm(J[:3] @ dq))
+        return dq * min(1.0, factor * self.speed / max(v, 1e-12))
+
+
+class Beside(NamedTuple):
+    """What is asked of joints in one tick."""
+
+    fold: Fold | None = None
+    sweep: tuple[int, float] | None = None
+    """A joint that sweeps, and its rate [rad/s]."""
+
+
+NOTHING: Final = Beside()

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from telerobot.tools.scanning.boxes import boxes_of
 from telerobot.tools.scanning.contour import Contour, contour_of
@@ -153,3 +154,19 @@ def test_memory_forgets_what_has_been_passed() -> None:
     memory.add(np.array([[1.5, 0.0, 0.0], [0.2, 0.5, 0.0]]))
     memory.pass_by(np.eye(3), np.array([0.5, 0.0, 0.0]), -0.1, 3.0)
     assert memory.points.tolist() == [[1.5, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize(("underside", "lowest_row"), [(0.45, 9), (0.438, 8), (0.425, 8)])
+def test_a_surface_that_is_seen_from_below_is_in_the_cell_that_it_is_in(
+    underside: float, lowest_row: int
+) -> None:
+    draw = np.random.default_rng(6)
+    y, x = draw.uniform(-0.3, 0.3, 4000), draw.uniform(1.0, 1.1, 4000)
+    below = np.stack([x, y, underside + draw.normal(0.0, 0.012, 4000)], axis=1)
+    z = draw.uniform(underside, underside + 0.1, 4000)
+    face = np.stack([1.0 + draw.normal(0, 0.012, 4000), y, z], axis=1)
+    points = np.concatenate([below, face])
+    nearest = contour_of(points, np.ones(len(points)), PLANE, -0.5).nearest
+    found = ~np.isnan(nearest[:, 15:25])
+    assert np.nonzero(found.any(axis=1))[0].min() == lowest_row
+    assert found[9].all()

@@ -1,0 +1,148 @@
+"""What news of the contour ahead may ask of base and arm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from telerobot.config.load import load_cell
+from telerobot.protocols.messages.contour import ContourNews
+from telerobot.server.perception.ahead.passage import Passage
+from telerobot.server.refusals import Refused, Why
+from telerobot.server.runtime.events import Events
+from telerobot.server.units.looking_ahead import LookingAhead
+from telerobot.server.units.sweep import Sweep
+
+CELL = load_cell("rover_bridge")
+FOLDED = (0.5, -1.0, 0.2, -1.5, 0.1, 0.2, 0.3)
+
+
+class Ahead:
+    """One passage, told and asked tick by tick."""
+
+    def __init__(self, wait: bool = True) -> None:
+        self.events = Events()
+        told = CELL.config.contour.model_copy(update={"wait": wait})
+        config = CELL.config.model_copy(update={"contour": told})
+        self.passage = Passage.from_cell(replace(CELL, config=config), self.events)
+
+    def tell(self, tick: int, **fields: object) -> None:
+        news = {
+            "tick": tick, "rows": 20, "columns": 40, "cell": 0.05,
+            "nearest_mm": b"\xff\xff" * 800, "phase": "clear",
+        } | fields  # fmt: skip
+        self.events.at(tick, 0.01 * tick)
+        self.passage.take(ContourNews.model_validate(news), tick)
+        self.passage.update(tick)
+
+    @property
+    def told(self) -> list[str]:
+        return [event.name for event in self.events.take()]
+
+
+def test_nobody_drives_ahead_before_anything_was_seen() -> None:
+    ahead = Ahead()
+    assert ahead.passage.share(0.1) == 0.0
+    assert ahead.passage.share(-0.1) == 1.0  # backing out is free
+    ahead.tell(5)
+    assert ahead.passage.share(0.1) == 1.0
+
+
+def test_a_base_slows_down_to_what_the_contour_allows() -> None:
+    ahead = Ahead()
+    ahead.tell(5, most_speed=0.05, phase="undecided")
+    assert ahead.passage.share(0.1) == pytest.approx(0.5)
+    assert ahead.passage.share(0.04) == 1.0
+    assert Ahead(wait=False).passage.share(0.1) == 1.0
+
+
+def test_news_that_falls_silent_stops_a_base_that_goes_ahead() -> None:
+    ahead = Ahead()
+    ahead.tell(5)
+    ahead.passage.update(25)
+    assert not ahead.passage.blind(0.1)
+    ahead.passage.update(26)  # older than 0.2 s
+    assert ahead.passage.blind(0.1)
+    assert not ahead.passage.blind(-0.1)
+    assert not ahead.passage.blind(0.0)
+    assert ahead.passage.share(0.1) == 0.0
+    assert ahead.told == ["scanner_heard", "scanner_silent"]
+    ahead.tell(30)
+    assert not ahead.passage.blind(0.1)
+
+
+def test_the_posture_is_the_arms_and_ends_with_the_news() -> None:
+    ahead = Ahead()
+    ahead.tell(5, posture=FOLDED, phase="folding")
+    posture = ahead.passage.posture(6)
+    np.testing.assert_array_equal(posture[2:9], FOLDED)
+    assert np.isnan(posture[[0, 1, 9]]).all()  # wheels and tilt go their own ways
+    assert ahead.passage.posture(106) is None
+
+
+def test_a_refusal_is_told_once_by_its_reason() -> None:
+    ahead = Ahead()
+    for tick in (5, 6, 7):
+        ahead.tell(tick, phase="refused", reason="no_posture")
+    refusals = [e for e in ahead.events.take() if e.name == "passage_refused"]
+    assert [(e.values["reason"], e.detail) for e in refusals] == [
+        ("no_posture", "no posture of the arm fits")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"posture": FOLDED[:6]}, Why.WRONG_JOINTS),
+        ({"posture": (0.5, -3.0, *FOLDED[2:])}, Why.OUT_OF_RANGE),
+        ({"rows": 40, "columns": 20}, Why.OUT_OF_RANGE),
+        ({"cell": 0.1}, Why.OUT_OF_RANGE),
+    ],
+)
+def test_news_that_does_not_fit_the_cell_is_refused(fields: dict[str, object], why: Why) -> None:
+    ahead = Ahead()
+    with pytest.raises(Refused) as refused:
+        ahead.tell(5, **fields)
+    assert refused.value.reason is why
+    assert ahead.passage.newest is None
+
+
+def test_news_comes_in_turn_and_not_from_the_future() -> None:
+    ahead = Ahead()
+    ahead.tell(5)
+    for tick, now, why in ((4, 6, Why.OUT_OF_ORDER), (9, 8, Why.FUTURE_PICTURE)):
+        news = ContourNews(
+            tick=tick, rows=20, columns=40, cell=0.05, nearest_mm=bytes(1600), phase="clear"
+        )
+        with pytest.raises(Refused) as refused:
+            ahead.passage.take(news, now)
+        assert refused.value.reason is why
+
+
+def test_a_contour_has_as_many_bytes_as_cells() -> None:
+    with pytest.raises(ValueError, match="1598 bytes: must be 2 for each of 20 times 40 cells"):
+        ContourNews(tick=1, rows=20, columns=40, cell=0.05, nearest_mm=bytes(1598), phase="clear")
+
+
+def test_the_axis_sweeps_between_its_ends_in_its_period() -> None:
+    sweep = Sweep.from_cell(CELL)
+    q, places = -1.2, []
+    for _ in range(400):
+        q += 0.01 * sweep.rate(q, 1.0)
+        places.append(q)
+    assert min(places[50:]) == pytest.approx(-1.2, abs=0.03)
+    assert max(places) == pytest.approx(0.1, abs=0.03)
+    np.testing.assert_allclose(places[100:200], places[300:400], atol=0.03)
+
+
+def test_at_reduced_speed_it_sweeps_as_quickly_as_it_may() -> None:
+    sweep, q = Sweep.from_cell(CELL), -1.2
+    for _ in range(300):
+        rate = sweep.rate(q, 0.1)
+        assert abs(rate) <= 0.1 * 3.0
+        q += 0.01 * rate
+    assert q > -1.2 + 0.2 * 3.0
+
+
+def test_cells_that_look_nowhere_have_no_reflex() -> None:
+    assert LookingAhead.from_cell(load_cell("pa10")) is None
+    assert Passage.from_cell(load_cell("pa10"), Events()) is None

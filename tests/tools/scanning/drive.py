@@ -1,0 +1,105 @@
+"""A rover without dynamics: base and arm are where they are put, and every ray is cast.
+
+What is tested here is what the scanner makes of it; the whole loop is `tests/simulation`.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from telerobot.config.load import load_cell
+from telerobot.config.schema.rig.bridge import RigBridge
+from telerobot.drivers.rig.physics.rangefinder import Rangefinder
+from telerobot.drivers.rig.physics.scene import build_model
+from telerobot.server.control.spatial import Pose
+from telerobot.tools.scanning.geometry import Instant
+from telerobot.tools.scanning.scanning import Looked, Scanning
+
+Array = NDArray[np.float64]
+PERIOD_S = 0.01
+
+
+class Rover:
+    """Drives ahead as it may, folds as it should."""
+
+    def __init__(
+        self, bridge: RigBridge | None, speed: float = 0.0, seed: int = 1, **contour: object
+    ) -> None:
+        cell = load_cell("rover_bridge")
+        config = cell.config
+        rig = config.rig.model_copy(update={"bridge": bridge, "seed": seed})
+        told = config.contour.model_copy(update=contour)
+        self.cell = replace(cell, config=config.model_copy(update={"rig": rig, "contour": told}))
+        self.model, fixed = build_model(self.cell)
+        self.data = mujoco.MjData(self.model)
+        self.finder = Rangefinder(self.cell, self.model, self.data)
+        self.scanning = Scanning(self.cell)
+        self.sweep = config.mechanism.sweep
+        self.q = np.array(config.mechanism.postures["start"])
+        self.q[-1] = self.sweep.low
+        self.x, self.speed, self.time_s, self.tick = 0.0, speed, 0.0, 0
+        self.newest: Looked | None = None
+        self.phases: list[str] = []
+        self.least = 1.0
+        names = [self.model.geom(g).name for g in range(self.model.ngeom)]
+        self.bridge = [g for g, name in enumerate(names) if name.startswith("bridge_")]
+        own = self.model.body("chassis").id
+        self.arm = [
+            g for g in range(self.model.ngeom)
+            if self.model.body_rootid[self.model.geom_bodyid[g]] == own and g not in fixed
+        ]  # fmt: skip
+        self.put()
+
+    def put(self) -> None:
+        """Put base and joints into the physics."""
+        self.data.qpos[:7] = self.x, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+        self.data.qpos[7:] = self.q
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def run(self, seconds: float) -> "Rover":
+        """Let time pass."""
+        for _ in range(round(seconds / PERIOD_S)):
+            self.step()
+        return self
+
+    def step(self) -> None:
+        """One control period; the rays of every two milliseconds are cast together."""
+        before, x, slope = self.q.copy(), self.x, self._sweep()
+        step = np.zeros(len(self.q))
+        step[-1] = slope * PERIOD_S
+        answer = None if self.newest is None else self.newest.answer
+        most = self.speed if answer is None else min(self.speed, answer.most_speed)
+        if answer is not None and answer.posture is not None:
+            way = answer.posture - self.q[2:-1]
+            step[2:-1] = way * min(1.0, 0.7 * PERIOD_S / max(float(np.abs(way).max()), 1e-9))
+        for part in (0.2, 0.4, 0.6, 0.8, 1.0):
+            self.q, self.x = before + part * step, x + part * most * PERIOD_S
+            self.put()
+            time_s = self.time_s + part * PERIOD_S
+            scan = self.finder.step(time_s)
+            if scan is not None:
+                self.scanning.take(scan, scan.start_us * 1e-6)
+        self.time_s, self.tick = self.time_s + PERIOD_S, self.tick + 1
+        base = Pose(np.eye(3), np.array([self.x, 0.0, 0.0]))
+        for looked in self.scanning.hear(Instant(self.tick, self.time_s, self.q.copy(), base)):
+            if looked.answer is not None:
+                self.newest = looked
+                if not self.phases or self.phases[-1] != looked.answer.phase:
+                    self.phases.append(looked.answer.phase.value)
+        if self.tick % 10 == 0 and self.bridge:
+            self.least = min(self.least, self.clearance())
+
+    def _sweep(self) -> float:
+        """Return the rate of the axis that sweeps [rad/s]."""
+        sweep = self.sweep
+        rate = 2.0 * (sweep.high - sweep.low) / sweep.period_s
+        return rate if (self.time_s % sweep.period_s) < 0.5 * sweep.period_s else -rate
+
+    def clearance(self) -> float:
+        """Return the true distance of arm and base from the bridge, at most 1 [m]."""
+        return min(
+            mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None)
+            for a in self.arm
+            for b in self.bridge
+        )

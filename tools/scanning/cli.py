@@ -1,0 +1,142 @@
+"""`telerobot scan CELL`: takes the scans of the laser scanner, and tells the daemon of obstacles.
+
+A process of its own, so that neither a scan nor the search of a way delays the control loop or the
+physics. Where there is no scanner it goes on dialling; without news the daemon lets no base drive
+ahead.
+"""
+
+import argparse
+import signal
+import sys
+import time
+from types import FrameType
+
+from ...drivers.network.identity import identity_of
+from ...drivers.scanner.client import ScannerClient
+from ...drivers.scanner.clock import Clocks
+from ...protocols import topics as t
+from ...protocols.codec import CodecError, decode_as, encode
+from ...protocols.messages.contour import ContourNews
+from ...protocols.messages.telemetry import State
+from ...protocols.sick.cola import TelegramError
+from ...protocols.sick.scan_data import Scan
+from ...protocols.topics import Role
+from ..host.address import add_cell_arguments, cell_from, duration
+from ..operator.client.sensor_session import Over, dial
+from ..operator.client.session import Session
+from .geometry import instant_of
+from .scanning import Looked, Scanning
+
+STATES = 64
+"""Unread telemetry that is kept [1]: a search takes some tenths of a second."""
+TOLD_EVERY_S = 5.0
+"""Refused telegrams are told at most so often [s]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    add_cell_arguments(parser)
+    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Scan until told to end. Raises `ConfigError`."""
+    cell = cell_from(args)
+    scanning = Scanning(cell)
+    identity = identity_of(cell, Role.SENSOR, "scan", t.CONTOUR.key)
+    asked: list[int] = []
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        asked.append(number)
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, on_signal)
+    end_s = None if args.seconds is None else time.monotonic() + args.seconds
+
+    def over() -> bool:
+        return bool(asked) or (end_s is not None and time.monotonic() > end_s)
+
+    session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
+    work = None
+    if session is not None:
+        work = _Work(session, scanning)
+        try:
+            work.run(over)
+        finally:
+            work.close()
+    told = 0 if work is None else work.told
+    print(f"{scanning.scans} scans, {scanning.refused} telegrams refused, {told} contours")
+    return 0
+
+
+class _Work:
+    """The process's loop: hear the daemon and the scanner, look, tell."""
+
+    def __init__(self, session: Session, scanning: Scanning) -> None:
+        self._session, self._scanning = session, scanning
+        self._client = ScannerClient(scanning.scanner, _say)
+        self._states = session.subscribe(t.STATE, STATES)
+        self._clocks = Clocks()
+        self._connections = 0
+        self._next_complaint_s, self._left_out = 0.0, 0
+        self.told = 0
+        """Contours that the daemon was told [1]."""
+
+    def run(self, over: Over) -> None:
+        """Look at every scan as it comes."""
+        while not over():
+            for found in self._client.scans():
+                self._take(found)
+            if self._client.connections != self._connections:
+                self._connections = self._client.connections
+                self._scanning.forget()
+                self._clocks = Clocks()
+            self._hear()
+            while self._scanning.events:
+                _say(self._scanning.events.popleft())
+
+    def close(self) -> None:
+        """Hang up on both sides."""
+        self._client.close()
+        self._session.close()
+
+    def _take(self, found: Scan | TelegramError) -> None:
+        try:
+            if isinstance(found, TelegramError):
+                raise found
+            start_s = self._clocks.hear_scanner(time.monotonic(), found.start_us, found.sent_us)
+            if start_s is not None:
+                self._scanning.take(found, start_s)
+        except TelegramError as error:
+            self._scanning.refused += 1
+            self._complain(str(error))
+
+    def _hear(self) -> None:
+        for payload in self._states.take():
+            try:
+                state = decode_as(State, payload, t.STATE.max_bytes)
+            except CodecError:
+                continue
+            self._clocks.hear_daemon(time.monotonic(), state.time_s)
+            for looked in self._scanning.hear(instant_of(state)):
+                self._tell(looked)
+
+    def _tell(self, looked: Looked) -> None:
+        for news in looked.messages:
+            contour = isinstance(news, ContourNews)
+            self.told += contour
+            self._session.put(t.CONTOUR if contour else t.OBSTACLE, encode(news))
+
+    def _complain(self, why: str) -> None:
+        """Tell why a telegram was refused, now or as a part of the next line's count."""
+        now_s = time.monotonic()
+        if now_s < self._next_complaint_s:
+            self._left_out += 1
+            return
+        more = f" (and {self._left_out} more before)" if self._left_out else ""
+        _say(f"telegram refused: {why}{more}")
+        self._next_complaint_s, self._left_out = now_s + TOLD_EVERY_S, 0
+
+
+def _say(line: str) -> None:
+    print(f"telerobot: {line}", file=sys.stderr, flush=True)
