@@ -2,6 +2,7 @@
 
 from .arms import ARMS
 from .beam import BEAM
+from .bridge import BRIDGE
 from .contact.peg_runs import PEG
 from .contact.reflection import REFLECTION
 from .contact.touch import TOUCH
@@ -33,4 +34,5 @@ PARTS: dict[str, Part] = {
     "arms": ARMS,
     "beam": BEAM,
     "tunnel": TUNNEL,
+    "bridge": BRIDGE,
 }
