@@ -34,7 +34,7 @@ export function createArms(description, materials, invalidate) {
     const caps = jointCaps(description, i);
     const tool = hands.has(carrierOf(i));
     const bare = tool ? materials.joint() : materials.shell();
-    dress(own, link, () => invalidate(), (shape) => (
+    dress(own, solidOf(description, link), () => invalidate(), (shape) => (
       shape.colour ? materials.painted(shape.colour) : bare), true);
     dress(ghost, link, () => invalidate(), () => ghostMaterial, false);
     const marks = caps.map((cap) => place(solid(cap.geometry, materials.joint()), cap.pose));
@@ -102,6 +102,18 @@ function dress(group, link, done, materialOf, shadows) {
   }
 }
 
+/** Return a link; one that turns for ever is a wheel, whose ball becomes a tyre about its axis. */
+function solidOf(description, link) {
+  if (link.joint < 0 || description.joints[link.joint].lower !== null) return link;
+  const turn = new THREE.Quaternion()
+    .setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3(...link.axis)).toArray();
+  const tyre = (shape) => [
+    { radius: shape.radius, length: 0.55 * shape.radius, colour: [0.04, 0.045, 0.05, 1] },
+    { radius: 0.58 * shape.radius, length: 0.62 * shape.radius, colour: [0.5, 0.53, 0.56, 1] },
+  ].map((part) => ({ ...part, kind: "cylinder", pose: [...shape.pose.slice(0, 3), ...turn] }));
+  return { ...link, shapes: link.shapes.flatMap((s) => (s.kind === "sphere" ? tyre(s) : [s])) };
+}
+
 function geometryOf(shape) {
   switch (shape.kind) {
     case "sphere": return new THREE.SphereGeometry(shape.radius, 48, 32);
@@ -122,7 +134,7 @@ const ALONG_AXIS = 0.3;
  */
 function jointCaps(description, index) {
   const link = description.links[index];
-  if (link.kind !== "revolute") return [];
+  if (link.kind !== "revolute" || description.joints[link.joint].lower === null) return [];
   const before = description.links[link.parent];
   const inverse = new THREE.Quaternion(...link.pose.slice(3)).invert();
   const origin = new THREE.Vector3(...link.pose);
