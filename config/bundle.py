@@ -10,7 +10,9 @@ from .errors import ConfigError
 from .load import Cell
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
+from .sweep import with_sweep
 from .urdf import read_robot
+from .wheels import with_wheels
 
 FORMAT: Final = 1
 
@@ -76,4 +78,6 @@ def _restored(path: Path, part: dict[str, Any], folder: Path, i: int) -> Cell:
     urdf = folder / f"{i}_{Path(part['urdf_name']).name}"
     urdf.write_text(part["urdf"], encoding="utf-8")
     robot = read_robot(urdf, config.mechanism.tip_link, f"{path}: {part['place']}.tip_link")
+    for beside_chain in (with_sweep, with_wheels):  # postures have their joints already
+        config, robot = beside_chain(path, config, robot, str)
     return Cell(path, config, robot, prefix=part["prefix"], place=part["place"], task=part["task"])

@@ -18,6 +18,7 @@ CELLS = {
     "pa10_platform": MODES,
     "pa10_reflect": ("csv",),
     "ranger": MODES,
+    "rover": ("csp", "csv"),
     # The other cells are one of these with something around the arm.
     "snake": ("csp",),
     "snake30": ("csp", "csv"),
