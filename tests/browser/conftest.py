@@ -9,7 +9,6 @@ import importlib.util
 import os
 import re
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -29,6 +28,9 @@ PLAIN = ("--disable-3d-apis", "--disable-gpu")
 DRAWING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script>"
 PATIENCE_S = 60.0
+TRIES = 5
+"""A page on a busy machine may hang for so long that it loses the lease."""
+
 SMALL = {"width": 960, "height": 620}
 """Drawn by the processor alone, a picture takes its time; the fewer points, the less."""
 
@@ -86,8 +88,12 @@ class Console:
     def address(self, key=SECRET, host=HOST):
         return f"http://{host}:{self.port}/?key={key}"
 
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
     def close(self):
-        self.process.send_signal(signal.SIGCONT)
         self.process.terminate()
         self.process.wait()
         self.process.stdout.close()
@@ -159,6 +165,21 @@ class Site:
         """Return how fast the arm's joints move, in truth [rad/s]."""
         self.plant.turn()
         return max(abs(rate) for rate in self.plant.truth.dq)
+
+    def hold(self, page, key="r"):
+        """Hold a key until the arm moves by it; take the lease again if the page lost it before."""
+        for _ in range(TRIES):
+            self.go_on(page)
+            self.forget()
+            page.keyboard.down(key)
+            self.until(
+                lambda: self.speed() > 0.01 or self.mode(page) != "enabled",
+                "the arm does not move",
+            )
+            if self.speed() > 0.01:
+                return
+            page.keyboard.up(key)
+        raise AssertionError(f"the page loses the lease again and again; {self.plant.told()}")
 
     def until_moving(self):
         self.until(lambda: self.speed() > 0.01, "the arm does not move")

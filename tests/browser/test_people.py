@@ -15,8 +15,7 @@ SCRIPT = "<img src=x onerror=alert(1)>"
 
 def test_a_viewer_stops_the_arm_by_the_space_bar_and_clears_its_own_stop(site):
     ann, viewer = site.enabled(), site.page(key=WATCHER, name="eve")
-    ann.keyboard.down("r")
-    site.until_moving()
+    site.hold(ann)
     viewer.keyboard.press("Space")
     site.until_still()
     site.until(lambda: site.mode(ann) == "hold", "no stop")
@@ -98,8 +97,7 @@ def test_ten_viewers_watch_and_the_arm_goes_on(site):
     socket = "new WebSocket(`ws://${location.host}/ws?name=viewer${i}`)"
     page.evaluate(f"window.viewers = [...Array(9).keys()].map((i) => {socket})")
     site.until(lambda: page.text_content("#bar").find("pages10") > 0, "ten pages are not counted")
-    page.keyboard.down("r")
-    site.until_moving()
+    site.hold(page)
     page.keyboard.up("r")
     site.until_still()
     assert site.mode(page) == "enabled"

@@ -70,16 +70,10 @@ def renderers():
     return [pid for pid in found if ours(pid)]
 
 
-def hold(site, page):
-    site.forget()
-    page.keyboard.down("r")
-    site.until_moving()
-
-
 def test_a_held_key_moves_the_tool_until_it_is_released(site):
     page = site.enabled()
     before = site.plant.truth.pose_mrf
-    hold(site, page)
+    site.hold(page)
     page.keyboard.up("r")
     site.until_still()
     site.plant.turn()
@@ -92,7 +86,7 @@ def test_a_held_key_moves_the_tool_until_it_is_released(site):
 @pytest.mark.parametrize("ending", ["blur", "hidden"])
 def test_a_page_that_is_not_looked_at_lets_go_of_everything(site, ending):
     page = site.enabled()
-    hold(site, page)
+    site.hold(page)
     if ending == "blur":
         page.evaluate("window.dispatchEvent(new Event('blur'))")
     else:
@@ -107,7 +101,7 @@ def test_a_page_that_is_not_looked_at_lets_go_of_everything(site, ending):
 
 def test_a_page_that_is_closed_gives_the_lease_back_and_the_arm_holds(site):
     page = site.enabled()
-    hold(site, page)
+    site.hold(page)
     page.close()
     site.until_still()
     watcher = site.plant.operators[0]
@@ -118,7 +112,7 @@ def test_a_page_that_is_closed_gives_the_lease_back_and_the_arm_holds(site):
 @pytest.mark.parametrize("ending", ["frozen", "hung"])
 def test_a_page_that_hangs_stops_the_arm_and_loses_the_lease(site, ending):
     page = site.enabled()
-    hold(site, page)
+    site.hold(page)
     stopped = renderers() if ending == "frozen" else []
     for pid in stopped:
         os.kill(pid, signal.SIGSTOP)
@@ -140,7 +134,7 @@ def test_a_cut_cable_stops_the_arm_and_the_page_says_so(site):
     cable = Cable("127.0.0.2", site.console.port)
     try:
         page = site.enabled(host="127.0.0.1")
-        hold(site, page)
+        site.hold(page)
         cable.cut()
         site.until_still()
         site.until(lambda: page.is_visible("#over p"), "the page does not say that it is cut off")
@@ -150,7 +144,7 @@ def test_a_cut_cable_stops_the_arm_and_the_page_says_so(site):
 
 def test_a_page_that_is_loaded_again_in_motion_lets_go(site):
     page = site.enabled()
-    hold(site, page)
+    site.hold(page)
     page.reload()
     site.until_still()
     page.wait_for_selector("body[data-ready]")
@@ -160,9 +154,8 @@ def test_a_page_that_is_loaded_again_in_motion_lets_go(site):
 
 def test_a_console_that_is_killed_is_said_and_the_arm_holds(site):
     page = site.enabled()
-    hold(site, page)
-    site.console.process.kill()
-    site.console.process.wait()
+    site.hold(page)
+    site.console.kill()
     site.until_still()
     site.until(lambda: page.is_visible("#over p"), "the page does not say so")
     site.console.start()
@@ -171,7 +164,7 @@ def test_a_console_that_is_killed_is_said_and_the_arm_holds(site):
 
 def test_a_daemon_that_is_killed_is_said_and_found_again(site):
     page = site.enabled()
-    hold(site, page)
+    site.hold(page)
     site.plant.kill9_daemon()
     site.until_still()
     site.until(lambda: "silent" in page.text_content("#over p"), "the page does not say so")
