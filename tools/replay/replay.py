@@ -29,6 +29,8 @@ class Replayed(NamedTuple):
     """What the tick raised, in one line."""
     difference: str | None
     """What came out otherwise than recorded, first of all; None where nothing did."""
+    stamp_ns: int = 0
+    """Time of day of the recording [ns]."""
 
     @property
     def inputs(self) -> tuple[Inputs, ...]:
@@ -105,7 +107,7 @@ class Replay:
                     f"tick {record.tick}, {record.time_s:.3f} s: {replayed.difference}"
                 )
             memories = replayed.nexts or None
-            yield replayed
+            yield replayed._replace(stamp_ns=message.stamp_ns)
 
     def _tick(
         self, record: TickRecord, memories: tuple[Memory, ...], difference: str | None

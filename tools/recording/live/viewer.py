@@ -120,3 +120,12 @@ def _quaternion(R: Array) -> tuple[float, float, float, float]:
         q[3] = R[k, j] - R[j, k]
     x, y, z, w = (q / np.linalg.norm(q)).tolist()
     return x, y, z, w
+
+
+def picture_in(data: bytes) -> bytes:
+    """Return the PNG of a recorded picture. Raises `ConfigError` where the schemas are missing."""
+    require_schemas()
+    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+
+    picture: bytes = CompressedImage.FromString(data).data
+    return picture

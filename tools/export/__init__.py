@@ -1,0 +1,1 @@
+"""Recorded runs as tables: arrays, parquet, and data sets to learn from."""
