@@ -18,7 +18,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
     held.endAll();
     choices.choose({ hand: arm.selectedIndex, posture: false });
   } });
-  const armRow = el("div", { className: "row" }, el("span", { className: "dim" }, "arm"), arm);
+  const armRow = el("div", { className: "row", hidden: true }, el("span", { className: "dim" }, "arm"), arm);
   const postures = el("div", { className: "row" });
   const driving = el("div", { className: "row" });
   const joints = el("div", {});
