@@ -53,6 +53,17 @@ def test_tunnels_are_drawn_where_their_centre_line_is(name):
             assert (after[:3] - one[:3]) @ tangent > 0.0
 
 
+def test_a_bridge_stands_where_the_rig_has_it(described):
+    bridge = load_cell("rover_bridge").config.rig.bridge
+    boxes = {box["name"]: box for box in described("rover_bridge")["rig"]["boxes"]}
+    (left, right, beam) = (boxes[f"bridge_{name}"] for name in ("left", "right", "beam"))
+    assert beam["pose"][2] - beam["half_size"][2] == pytest.approx(bridge.height)
+    assert beam["pose"][0] - beam["half_size"][0] == pytest.approx(bridge.distance)
+    inner = left["pose"][1] - left["half_size"][1], right["pose"][1] + right["half_size"][1]
+    assert inner[0] - inner[1] == pytest.approx(bridge.width)
+    assert left["half_size"][2] == right["half_size"][2] == pytest.approx(0.5 * bridge.height)
+
+
 def test_names_of_links_stay_data(small):
     text = "<script>alert(1)</script>"
     escaped = text.replace("<", "&lt;").replace(">", "&gt;")

@@ -1,11 +1,13 @@
 """Surroundings of a cell: what the arms keep away from, and what the virtual world holds."""
 
+import math
 from typing import Any
 
 from .....config.load import Cell
 from .....config.schema.cameras import RigTag
 from .....config.schema.obstacles import Obstacle
 from .....config.schema.rig.beam import RigBeam
+from .....config.schema.rig.bridge import RigBridge
 from .....config.schema.rig.rig import Rig
 from .....drivers.device import DeviceError
 from .poses import Seven, along, of_pose, seven
@@ -43,7 +45,8 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
         "boxes": [
             {"name": b.name, "pose": seven(b.xyz, b.rpy), "half_size": b.half_size}
             for b in rig.boxes
-        ],
+        ]
+        + ([] if rig.bridge is None else _bridge(rig.bridge)),
         "wall": _wall(rig),
         "holes": [
             {
@@ -58,6 +61,29 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
         "beam": None if rig.beam is None else _beam(rig.beam),
         "tool_radius": rig.tool_radius,
     }
+
+
+def _bridge(bridge: RigBridge) -> list[dict[str, Any]]:
+    """Return pillars and beam; the near face's middle is `distance` ahead of World."""
+    c, s = math.cos(bridge.skew), math.sin(bridge.skew)
+    depth, side = 0.5 * bridge.thickness, 0.5 * bridge.side
+    across, high = 0.5 * bridge.width + side, 0.5 * bridge.height
+    each = (
+        ("bridge_left", across, high, (depth, side, high)),
+        ("bridge_right", -across, high, (depth, side, high)),
+        ("bridge_beam", 0.0, bridge.height + side, (depth, across + side, side)),
+    )
+    return [
+        {
+            "name": name,
+            "pose": seven(
+                (bridge.distance + c * depth - s * y, bridge.offset + s * depth + c * y, z),
+                (0.0, 0.0, bridge.skew),
+            ),
+            "half_size": half,
+        }
+        for name, y, z, half in each
+    ]
 
 
 def _wall(rig: Rig) -> dict[str, Any] | None:
