@@ -31,6 +31,7 @@ PATIENCE_S = 60.0
 TRIES = 5
 """A page on a busy machine may hang for so long that it loses the lease."""
 
+COARSE = 0.3
 SMALL = {"width": 960, "height": 620}
 """Drawn by the processor alone, a picture takes its time; the fewer points, the less."""
 
@@ -109,7 +110,9 @@ class Site:
 
     def page(self, key=SECRET, name="ann", host=HOST, script="", drawn=False, **context):
         """Return a page that has come in, and shows a state; its scene only if `drawn`."""
-        opened = self._browsers[drawn].new_context(**{"viewport": SMALL, **context})
+        opened = self._browsers[drawn].new_context(
+            **{"viewport": SMALL, "device_scale_factor": COARSE, **context}
+        )
         self._contexts.append(opened)
         page = opened.new_page()
         page.errors = []
