@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ....config.errors import ConfigError
 from ....config.schema.backbone import Backbone as Section
@@ -16,7 +17,8 @@ PAPER = (1.00, 0.94, 0.83, 0.68, 0.54, 0.44)
 """Free lengths of the paper, in lengths of the arm [1]."""
 NEAR = 0.01
 """A moment of the run counts for a free length within this [m]."""
-SIZE_IN = 2.3
+SIZE_IN, SPACE_IN = 2.3, 3.0
+"""Size of one moment, planar and in space [inch]."""
 LINK_PT = 2.6
 
 
@@ -31,7 +33,8 @@ def slithering(run: Recording) -> Figure:
         raise ConfigError(f"{run.cell.path}: mechanism.backbone: missing: there is no tunnel")
     moments = _moments(run, backbone)
     planar, centre = section.axes == "planar", Tunnel(section).points
-    figure = Figure(figsize=(SIZE_IN * len(moments), 2.0 * SIZE_IN + 0.5), layout="constrained")
+    size = SIZE_IN if planar else SPACE_IN
+    figure = Figure(figsize=(size * len(moments), 2.0 * size + 0.5), layout="constrained")
     figure.suptitle(f"{run.cell.config.name}: {run.path.name}", fontsize="medium")
     how: dict[str, Any] = {} if planar else {"projection": "3d"}
     for column, (s1, q) in enumerate(moments):
@@ -44,7 +47,9 @@ def slithering(run: Recording) -> Figure:
             dots = {"marker": ".", "ms": LINK_PT} if row else {}
             _line(ax, points, planar, color="k" if row else "tab:blue", lw=1.4, **dots)
             _line(ax, points[:1], planar, color="k", marker="s", ms=3.0)
-            _frame(ax, [centre, backbone.chain.points(backbone.fits).reshape(-1, 3)], planar)
+            low = _frame(ax, [centre, backbone.chain.points(backbone.fits).reshape(-1, 3)], planar)
+            if not planar:
+                _shadows(ax, (centre, points), low)
             if not row:
                 share = s1 / backbone.chain.length
                 ax.set_title(
@@ -85,12 +90,25 @@ def _line(ax: Axes, points: Array, planar: bool, **how: Any) -> None:
     ax.plot(*points.T[: 2 if planar else 3], **how)
 
 
-def _frame(ax: Axes, every: list[Array], planar: bool) -> None:
-    """Choose one square, or cube, for all moments."""
+def _frame(ax: Axes, every: list[Array], planar: bool) -> Array:
+    """Choose one square, or box, for all moments; return its lowest corner (3,) [m]."""
     points = np.vstack(every)
     low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = 0.5 * (low + high), 0.58 * float((high - low).max())
+    middle, half = 0.5 * (low + high), 0.58 * (high - low)
+    if planar:
+        half[:] = half.max()
     for i, axis in enumerate("xy" if planar else "xyz"):
-        getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
+        getattr(ax, f"set_{axis}lim")(middle[i] - half[i], middle[i] + half[i])
+        getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(4))
+        if not planar:
+            getattr(ax, f"set_{axis}label")(f"{axis} [m]", fontsize="xx-small")
     ax.set_aspect("equal")
     ax.tick_params(labelsize="xx-small")
+    return np.asarray(middle - half)
+
+
+def _shadows(ax: Axes, lines: tuple[Array, ...], low: Array) -> None:
+    """Draw lines on the floor, too: which of two is nearer is not seen otherwise."""
+    for points, width in zip(lines, (2.0, 1.0), strict=True):
+        on_floor = np.column_stack((points[:, :2], np.full(len(points), low[2])))
+        _line(ax, on_floor, planar=False, color="0.8", lw=width, alpha=0.6)
