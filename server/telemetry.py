@@ -151,7 +151,7 @@ def _of_task(
     """Return what is told of one arm and its task; `wrench` (6,) is what its sensor reads."""
     commands, perception = unit.commands, unit.perception
     vision, frames, external = (
-        perception.vision,
+        unit.vision,
         perception.moving_frames,
         perception.collisions.external,
     )

@@ -14,6 +14,7 @@
 | slip | wheel | its friction on the floor, 0.05 by default |
 | freeze | force_torque | 0: repeats its last sample (default); 1: sends none |
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
+| slip | force_torque | the payload that arms hold together slips out of this one's grasp |
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |
 | silence, drop, corrupt, crop | scanner | `nodes/scanner_node.py` |
 | cover | tag | nobody sees it (`tags.py`) |
@@ -59,6 +60,9 @@ class Faults:
                 raise _unknown(fault, self._wires)
             self._wires[fault.target].plugged = not fault.on
             return
+        if fault.kind == "slip" and fault.target in self._tools:
+            self._slip(fault, self._tools[fault.target])
+            return
         if fault.target in self._tools and fault.kind in ("push", "hand"):
             self._push_tool(fault)
             return
@@ -69,6 +73,16 @@ class Faults:
             node.link.disturb(fault)
         else:
             node.inject(fault)
+
+    def _slip(self, fault: RigFault, arm: int) -> None:
+        beam = self._world.beam
+        if beam is None or arm not in beam.held_by:
+            raise ValueError(f"fault slip: {fault.target} holds no payload with others")
+        pad = beam.held_by.index(arm)
+        if fault.on:
+            beam.let_go(pad)
+        else:
+            beam.take(pad)
 
     def _push_tool(self, fault: RigFault) -> None:
         force = vector_of(fault, MOST_FORCE, "N") if fault.on else None

@@ -95,6 +95,11 @@ class VisionTracker:
         return bool(self._tracks)
 
     @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras."""
+        return tuple(self._tracks)
+
+    @property
     def view(self) -> Pose | None:
         """The target in the Lens as last believed, None when stale."""
         track = self._tracks.get(self._camera)

@@ -6,19 +6,26 @@ from ...config.load import Cell, grasp_part, joint_part
 from ...config.schema.joint_task import JointTask
 from ...protocols.messages import messages as m
 from ...protocols.messages import motion, requests
+from ...protocols.messages.reflection import ReflectionRequest
 from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.evolve import evolve
+from ..control.frame_tree import Mount
 from ..control.spatial import Array, Pose
-from ..control.state import Inputs, Output
+from ..control.state import Inputs, Intent, Output
+from ..control.task.asked import ViewGoal
 from ..mode import Mode
+from ..perception.cameras import VisionTracker
 from ..perception.obstacle_map import ObstacleMap
 from ..plant import UnitReading
 from ..refusals import Refused, Why
 from ..runtime.events import Events
 from ..stability.gains import gain_check
 from .tick_inputs import tick_inputs
-from .unit import Unit
+from .unit import Unit, mrf_in_force
+
+WEIGHED_ALONE = (requests.PayloadRequest, requests.TareRequest)
+"""What a sensor that carries its share of a payload cannot tell."""
 
 AT_THE_ARM = (
     motion.RedundancyRequest, requests.GripperRequest, requests.AcknowledgeLoad, m.CancelGoals,
@@ -45,7 +52,11 @@ class JointUnit:
         self.commands.settings.on["following"] = False
         self.gain_bound = gain_check(grasp_part(cell, section, 0))
         self.arm, self.perception = units[0].arm, units[0].perception
-        self.commands.frames.lens = lambda: self.perception.vision.lens
+        first = (section.T_wrist_mrf[0].xyz, section.T_wrist_mrf[0].rpy)
+        self._T_wrist_payload = Pose.from_xyz_rpy(*first)
+        self._sees = next((u for u in units if u.vision.watching), units[0])
+        """The arm with the camera whose view is kept."""
+        self.commands.frames.lens = self._lens
         self.on = section.at_start
         """The arms hold the payload."""
         self.output: Output | None = None
@@ -55,11 +66,44 @@ class JointUnit:
     @property
     def T_world_mrf(self) -> Pose | None:
         """Where the command has the shared MRF in force; None while the task is off."""
-        if self.output is None:
+        return None if self.output is None else mrf_in_force(self.output, self.commands)
+
+    @property
+    def vision(self) -> VisionTracker:
+        """What is known of the view that is kept."""
+        return self._sees.vision
+
+    def look_through(self, camera: str | None) -> VisionTracker:
+        """Return what knows of the view of a camera of any arm, which is the one to keep now.
+
+        Raises `Refused` for a camera that none has; without a name it is the one that is kept.
+        """
+        if camera is not None:
+            held = [u for u in self.units if camera in u.vision.cameras]
+            if not held:
+                known = ", ".join(name for u in self.units for name in u.vision.cameras) or "none"
+                raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
+            self._sees = held[0]
+        return self.vision
+
+    def _T_first_wrist(self) -> Pose:
+        """Return the Wrist of the arm that sees, as the first's has it by the shared payload."""
+        memory = self._sees.memory
+        if memory is None or memory.held is None:
+            return Pose.identity()
+        return self._T_wrist_payload @ memory.held.T_wrist_payload.inverse()
+
+    def _lens(self) -> Mount | None:
+        lens = self.vision.lens
+        if lens is None or lens.on != "wrist":
+            return lens
+        return lens._replace(T=self._T_first_wrist() @ lens.T)
+
+    def _view(self, view: ViewGoal | None) -> ViewGoal | None:
+        """Return where a view is to bring a point that the first Wrist carries."""
+        if view is None:
             return None
-        then, now = self.output.T_wrist_mrf, self.commands.frames.T_wrist_mrf
-        T = self.output.T_world_mrf
-        return T if then is now else T @ (then.inverse() @ now)
+        return evolve(view, T_wrist_point=self._T_first_wrist() @ view.T_wrist_point)
 
     @property
     def reason_to_stop(self) -> str | None:
@@ -76,8 +120,26 @@ class JointUnit:
 
     def require(self, message: m.Message) -> None:
         """Raise `Refused` for what is meant for one arm alone while this is on."""
+        if self.on and isinstance(message, WEIGHED_ALONE):
+            why = "which it shares with others: let go of it first"
+            raise Refused(Why.NOT_NOW, f"the arm's sensor carries '{self.task}', {why}")
         if self.on and not isinstance(message, AT_THE_ARM):
             raise Refused(Why.NOT_NOW, f"the arm holds '{self.task}': command that task, or let go")
+
+    def require_shared(self, message: m.Message) -> None:
+        """Raise `Refused` for what a payload in several hands cannot do."""
+        match message:
+            case requests.SwitchRequest(source="following", on=True):
+                asked = True
+            case requests.GainRequest(source="following"):
+                asked = True
+            case _:
+                asked = False
+        if asked:
+            why = "each arm gives way at its own grasp, where a hand's force is one of several"
+            raise Refused(Why.NOT_NOW, f"nothing follows a hand on '{self.task}': {why}")
+        if isinstance(message, ReflectionRequest):
+            raise Refused(Why.NOT_NOW, f"forces on '{self.task}' are not reflected to a handle")
 
     def inputs(
         self,
@@ -101,7 +163,12 @@ class JointUnit:
         )
         asked = asked._replace(settings=settings, jog=None, posture=None)
         moved = first.commands.frames.moved
-        return tick_inputs(mode, tick, now_s, reading, q, asked, self.perception, obstacles, moved)
+        inputs = tick_inputs(
+            mode, tick, now_s, reading, q, asked, self.perception, obstacles, moved
+        )
+        if not self.vision.watching or inputs.intent is not Intent.MOVE:
+            return inputs
+        return evolve(inputs, view=self._view(self.vision.goal(moved.base.T)))
 
     def keep(self, output: Output | None) -> None:
         """Take in what a tick decided of the task; None while it is off."""

@@ -24,7 +24,7 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
         case requests.SwitchRequest():
             settings.require_source(message.source)
             if message.on and message.source == "vision":
-                unit.perception.vision.require_view()
+                unit.vision.require_view()
             settings.switch(message.source, message.on)
             commands.goals.idle = commands.goals.idle and not message.on
             if message.on and message.source == "position":
@@ -69,7 +69,7 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
         case requests.AcknowledgeLoad():
             settings.hear_of_load("acknowledged")
         case StoreView():
-            stored = unit.perception.vision.store(message.camera)
+            stored = unit.look_through(message.camera).store(message.camera)
             events.info("view_stored", message.camera or "", **stored)
         case _:
             raise Refused(Why.NOT_NOW, f"no service for {type(message).__name__}")

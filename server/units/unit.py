@@ -10,6 +10,7 @@ from ..control.mechanism.joint_motion import NOTHING
 from ..control.spatial import Array, Pose
 from ..control.state import Inputs, Memory, Output
 from ..mode import Mode
+from ..perception.cameras import VisionTracker
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
 from ..plant import UnitReading
@@ -46,16 +47,18 @@ class Unit:
         """Output of the last tick; None before the first."""
 
     @property
-    def T_world_mrf(self) -> Pose | None:
-        """Where the command has the MRF in force; None before the joints were heard.
+    def vision(self) -> VisionTracker:
+        """What is known of the views of its cameras."""
+        return self.perception.vision
 
-        The last tick's may have been another one.
-        """
-        if self.output is None:
-            return None
-        then, now = self.output.T_wrist_mrf, self.commands.frames.T_wrist_mrf
-        T = self.output.T_world_mrf
-        return T if then is now else T @ (then.inverse() @ now)
+    def look_through(self, _camera: str | None) -> VisionTracker:
+        """Return what knows of the view of a camera; it refuses one that the arm does not have."""
+        return self.vision
+
+    @property
+    def T_world_mrf(self) -> Pose | None:
+        """Where the command has the MRF in force; None before the joints were heard."""
+        return None if self.output is None else mrf_in_force(self.output, self.commands)
 
     def holding(self, q: Array) -> Array:
         """Return the torques (n,) that hold the arm at rest at q (n,) [N·m]."""
@@ -129,3 +132,12 @@ class Unit:
         """Commanded states of the outputs, by the names of their devices."""
         told = self.commands.settings.outputs
         return {f"{self.cell.prefix}{name}": on for name, on in told.items()}
+
+
+def mrf_in_force(output: Output, commands: Commands) -> Pose:
+    """Return where the command has the MRF in force, in World.
+
+    The tick that made the output may have had another one.
+    """
+    then, now, T = output.T_wrist_mrf, commands.frames.T_wrist_mrf, output.T_world_mrf
+    return T if then is now else T @ (then.inverse() @ now)

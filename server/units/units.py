@@ -70,14 +70,16 @@ class Units:
                 if joint.task == message.task:
                     if not joint.on:
                         raise Refused(Why.NOT_NOW, f"nobody holds '{joint.task}'")
+                    joint.require_shared(message)
                     return joint
             if message.task is not None:
                 unit = self._named(message.task, Why.UNKNOWN_TASK, "task")
-            elif isinstance(message, StoreView) and message.camera is not None:
-                unit = self.seeing(message.camera)
             else:
+                if isinstance(message, StoreView) and message.camera is not None:
+                    unit = self.seeing(message.camera)
                 held = self.holder_of(unit)
                 if held is not None:
+                    held.require_shared(message)
                     return held
         elif isinstance(message, MechanismCommand) and message.mechanism is not None:
             unit = self._named(message.mechanism, Why.UNKNOWN_MECHANISM, "mechanism")

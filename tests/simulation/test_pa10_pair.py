@@ -129,3 +129,50 @@ def test_without_force_control_the_nodes_are_met_with_many_times_the_push(cell):
     stiff = Simulation(cell, load_script("two_nodes_stiff")).run().summary
     assert (stiff["failure"], stiff["limit_violations"]) == (None, 0)
     assert stiff["push_n"] > 100.0  # with it at most 25
+
+
+NOT_TOGETHER = [
+    ("operator/switch", {"source": "following", "on": True}, "nothing follows a hand on 'beam'"),
+    (
+        "operator/gain",
+        {"source": "following", "gain": [1.0] * 6},
+        "nothing follows a hand on 'beam'",
+    ),
+    ("operator/reflection", {"protected": False}, "'beam' are not reflected"),
+    ("operator/payload", {"mass": 3.0, "com": [0.0] * 3}, "sensor carries 'beam'"),
+    ("operator/tare", {"mechanism": "right"}, "sensor carries 'beam'"),
+]
+
+
+@pytest.mark.parametrize(("topic", "message", "words"), NOT_TOGETHER, ids=lambda x: str(x)[:20])
+def test_what_a_payload_in_several_hands_cannot_do_is_refused_by_its_reason(
+    play, cell, topic, message, words
+):
+    run = play({"at_s": 0.1, topic: message}, seconds=0.15, cell=cell)
+    (refused,) = run.events("request_refused")
+    assert refused.values["reason"] == "not_now"
+    assert words in refused.detail
+
+
+def test_a_beam_that_slips_out_of_a_gripper_stops_both_and_they_let_go_of_it(play, cell):
+    run = play(
+        {"at_s": 0.1, "for_s": 2.0, "cmd/joystick": BACK},
+        {"at_s": 0.6, "rig/fault": {"kind": "slip", "target": "right.force_torque"}},
+        {"at_s": 1.3, "operator/mode": {"action": "resume"}},
+        {"at_s": 1.4, "operator/hold_together": {"on": False}},
+        seconds=1.5,
+        cell=cell,
+    )
+    # the whole weight on the left arm may stop them first, as a touch
+    assert run.events("stopping")[0].values["reason"] in ("touched", "beam slipped from right")
+    assert any("slipped:beam" in state.limits for state in run.states)
+    assert len(run.summary["refused"]) == 1  # to resume while it hangs in one gripper
+    assert run.summary["mode"] == "hold"
+    assert run.states[-1].held_by is None
+    assert run.summary["limit_violations"] == 0
+
+
+def test_only_who_holds_a_payload_can_lose_it(play):
+    fault = {"at_s": 0.05, "rig/fault": {"kind": "slip", "target": "force_torque"}}
+    run = play(fault, seconds=0.1)
+    assert "slip: force_torque holds no payload with others" in run.summary["failure"]

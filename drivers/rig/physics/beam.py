@@ -79,7 +79,9 @@ class Beam:
         self._body = int(model.body(BEAM).id)
         self._at = int(model.joint(BEAM).qposadr[0])
         self._first = _placed(cell.joint_tasks[0].T_wrist_mrf[0])
-        parts = [cell.parts[i] for i in held_by(cell)]
+        self.held_by = held_by(cell)
+        """Which mechanisms hold it, by their places in the cell."""
+        parts = [cell.parts[i] for i in self.held_by]
         self._pads = [_pad(model, part) for part in parts]
         k = len(self._pads)
         self._p, self._R = np.zeros((k, 3)), np.zeros((k, 3, 3))
@@ -111,6 +113,13 @@ class Beam:
     def let_go(self, pad: int) -> None:
         """Open a pad: the payload slips out of it."""
         self._closed[pad] = False
+
+    def take(self, pad: int) -> None:
+        """Close a pad again on the payload, where it is on it now."""
+        if not self._closed[pad]:
+            mujoco.mj_kinematics(self._model, self._data)
+            self._p[pad], self._R[pad] = self._seen(pad)
+            self._closed[pad] = True
 
     def lift(self, force: Vector) -> None:
         """Push the payload at its centre of mass with a World force (3,) [N], from now on."""

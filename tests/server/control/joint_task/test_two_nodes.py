@@ -20,11 +20,11 @@ TILTED = (
 )
 
 
-def inserted(run, seconds=12.0, deep=20e-3):
+def inserted(run, seconds=12.0, deep=20e-3, ahead=AHEAD):
     """Push ahead until both pegs are so deep; return their depths [m] and the greatest push [N]."""
     push = 0.0
     for _ in range(round(seconds / T)):
-        run.tick(AHEAD)
+        run.tick(ahead)
         push = max(push, float(np.linalg.norm(run.world.beam.push())))
         if min(run.world.beam.peg_depths()) >= deep:
             break
@@ -37,6 +37,15 @@ def test_both_pegs_go_in_gently_while_force_control_melts_what_does_not_fit(tmp_
     depths, push = inserted(run)
     assert min(depths) >= 20e-3
     assert 5.0 < push <= 25.0, "the pegs touched nothing, or were forced in"
+    assert max(force for force, _, _ in run.truth) <= 10.0
+
+
+def test_both_pegs_go_in_by_a_desired_wrench_alone(tmp_path):
+    run = Carrying(pair(tmp_path, nodes=True))
+    run.wrench_desired = np.array([22.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    depths, push = inserted(run, ahead=None)
+    assert min(depths) >= 20e-3
+    assert 5.0 < push <= 22.0
     assert max(force for force, _, _ in run.truth) <= 10.0
 
 

@@ -1,0 +1,72 @@
+"""Vision at either end of a payload: a camera of one of the arms that hold it together."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import HERE, load_cell
+
+pytestmark = pytest.mark.usefixtures("rendering")
+
+LENS = """
+[[tasks]]
+name = "look"
+by = ["{arm}"]
+[[tasks.cameras]]
+name = "wrist"
+T_wrist_lens = {{ xyz = [-0.15, 0.0, 0.0] }}
+size = [320, 240]
+focal = [280.0, 280.0]
+rate_hz = 20.0
+latency_s = 0.06
+tag = 7
+tag_size = 0.1
+[[rig.tags]]
+name = "floor"
+T_world_tag = {{ xyz = [0.70, {y}, 0.12] }}
+tag = 7
+size = 0.1
+"""
+AWAY = {"twist": [-0.06, 0.04, 0.0, 0.0, 0.0, 0.05], "expressed_in": "world"}
+END = {"left": 0.55, "right": -0.55}
+
+
+@pytest.fixture
+def cell_seen_by(tmp_path):
+    """Return the pair without nodes, with a camera on one of its arms over a tag."""
+
+    def make(arm):
+        text = (HERE / "cells/pa10_pair.toml").read_text()
+        text = text[: text.index("# Mouths")]
+        text = "\n".join(line for line in text.splitlines() if not line.startswith("pegs"))
+        path = tmp_path / "pair.toml"
+        path.write_text(text + LENS.format(arm=arm, y=END[arm]))
+        return load_cell(path)
+
+    return make
+
+
+@pytest.mark.parametrize("arm", ["left", "right"])
+def test_a_camera_at_either_end_leads_the_payload_back_to_its_view(play, cell_seen_by, arm):
+    run = play(
+        {"at_s": 0.3, "operator/store_view": {"camera": "wrist"}},
+        {"at_s": 0.3, "operator/switch": {"source": "vision", "on": True}},
+        {"at_s": 0.4, "for_s": 0.6, "cmd/joystick": AWAY},
+        seconds=4.5,
+        cell=cell_seen_by(arm),
+    )
+    assert run.summary["refused"] == []
+    assert run.summary["limit_violations"] == 0
+    assert run.events("view_found")[0].values["mechanism"] == arm
+    places = np.array([truth.beam.pose for truth in run.truths])
+    assert np.abs(places - places[0])[:, :3].max() > 0.01
+    np.testing.assert_allclose(places[-1][:3], places[0][:3], atol=4e-3)
+    np.testing.assert_allclose(places[-1][3:], places[0][3:], atol=0.01)
+    assert run.summary["internal_force_n"]["max"] < 10.0
+
+
+def test_a_view_of_no_arm_that_holds_it_is_refused(play, cell_seen_by):
+    run = play(
+        {"at_s": 0.1, "operator/store_view": {"task": "beam", "camera": "hand"}},
+        seconds=0.2,
+        cell=cell_seen_by("right"),
+    )
+    assert "'hand' is none of wrist" in run.summary["refused"][0]
