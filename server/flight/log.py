@@ -97,6 +97,8 @@ class FlightLog:
         self._wall_ns = wall_ns
         self._packers = [InputsPacker() for _ in range(arms)]
         self._pack: Callable[[Any], bytes] = msgpack.Packer().pack
+        self.lost = 0
+        """Ticks that could not be recorded [1]."""
         self._count = 0
         self._nexts: Sequence[Memory] = ()
 
@@ -118,11 +120,17 @@ class FlightLog:
             a is b for a, b in zip(memories, self._nexts, strict=True)
         )
         self._nexts = nexts
-        given = [p.pack(x) for p, x in zip(self._packers, inputs, strict=True)]
-        data = self._pack(
-            (self._count, tick, time_s, mode.value, goes_on, given, [*map(told, outputs)])
-        )
         self._count += 1
+        try:
+            given = [p.pack(x) for p, x in zip(self._packers, inputs, strict=True)]
+        except TypeError:  # a value of a kind that this cannot record: the arm goes on all the same
+            self.lost += 1
+            return
+        data = self._pack(
+            (
+                self._count - 1, tick, time_s, mode.value, goes_on, given, [*map(told, outputs)],
+            )
+        )  # fmt: skip
         key = tuple(memories) if not goes_on or tick % KEY_EVERY == 0 else None
         row = Row(tick, self._wall_ns(), data, key)
         self.rows.append(row)

@@ -94,6 +94,8 @@ def _lower(kind: Any) -> Lower:
         return special[kind]
     if issubclass(kind, np.generic):
         return lambda v: (_SCALAR, v.dtype.str, v.tobytes())
+    if issubclass(kind, enum.StrEnum) and not kind.__module__.startswith(CONTROL):
+        return lambda v: v.value  # a name from a message: it equals its text
     name = _name_of(kind)
     if issubclass(kind, enum.Enum):
         return lambda v: (_ENUM, name, v.name)

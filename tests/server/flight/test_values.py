@@ -5,6 +5,7 @@ from pathlib import Path
 import msgpack
 import numpy as np
 import pytest
+from telerobot.protocols.messages.messages import Frame
 from telerobot.server.control.scene import empty
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Intent
@@ -87,3 +88,7 @@ def test_a_foreign_object_is_not_recorded():
 def test_bytes_that_are_no_value_are_refused(data):
     with pytest.raises(RecordedValueError):
         unpack(data)
+
+
+def test_a_frame_s_name_from_a_message_is_its_text():
+    assert unpack(pack((Frame.BASE,))) == ("base",)
