@@ -216,7 +216,10 @@ class Telemetry:
     def publish_tick(self, row: Row) -> None:
         """Send what a tick looked at and decided, while somebody listens."""
         if self._link.heard(TICK):
-            memory = b"" if row.memories is None else pack_memories(row.memories)
+            try:
+                memory = b"" if row.memories is None else pack_memories(row.memories)
+            except TypeError:  # a value that cannot be recorded: the arm goes on all the same
+                memory = b""
             told = RecordedTick.model_construct(
                 tick=row.tick, stamp_ns=row.stamp_ns, data=row.data, memory=memory
             )
