@@ -38,9 +38,10 @@ class ChildDied(Exception):
 class LocalPlant:
     """Rig and daemon of a cell, on a private multicast group and endpoint; a context manager.
 
-    With an `endpoint` the daemon listens there instead. A cell with cameras has its vision process,
-    too. All are ended on the way out, by their own process ids, and by the kernel should this
-    process vanish. What they wrote to stderr is kept for `complaints`.
+    With an `endpoint` the daemon listens there instead. A cell with cameras or a laser scanner has
+    the process that looks through it, too. All are ended on the way out, by their own process ids,
+    and by the kernel should this process vanish. What they wrote to stderr is kept for
+    `complaints`.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class LocalPlant:
         self.rig: subprocess.Popen[bytes] | None = None
         self.daemon: subprocess.Popen[bytes] | None = None
         self.vision: subprocess.Popen[bytes] | None = None
+        self.scan: subprocess.Popen[bytes] | None = None
         self.console: subprocess.Popen[bytes] | None = None
         self._statistics = statistics
         self._page: tuple[list[str], dict[str, str]] = ([], {})
@@ -70,6 +72,8 @@ class LocalPlant:
         self.start_daemon()
         if self.cell.cameras:
             self.start_vision()
+        if self.cell.config.scanner is not None and self.cell.config.contour is not None:
+            self.start_scan()
         return self
 
     def __exit__(
@@ -94,6 +98,10 @@ class LocalPlant:
     def start_vision(self) -> None:
         """Start looking through the cell's cameras. A machine that can't goes on without."""
         self.vision = self._start("vision", self.cell, [])
+
+    def start_scan(self) -> None:
+        """Start looking through the cell's laser scanner."""
+        self.scan = self._start("scan", self.cell, [])
 
     def start_console(self, arguments: list[str], environment: dict[str, str]) -> None:
         """Start the operators' page, by further arguments and environment variables."""
@@ -148,7 +156,7 @@ class LocalPlant:
 
         Return whether rig and daemon ended well; pictures are something to do without.
         """
-        for child in (self.console, self.vision):
+        for child in (self.console, self.vision, self.scan):
             if child is not None:
                 end(child)
         codes = [end(child) for child in (self.daemon, self.rig) if child is not None]

@@ -9,6 +9,7 @@ import argparse
 import signal
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 
 from ...drivers.network.identity import identity_of
@@ -43,6 +44,8 @@ def run(args: argparse.Namespace) -> int:
     """Scan until told to end. Raises `ConfigError`."""
     cell = cell_from(args)
     scanning = Scanning(cell)
+    # Silence for as long as a search takes would stop the base.
+    scanning.reflex.elsewhere = ThreadPoolExecutor(1)
     identity = identity_of(cell, Role.SENSOR, "scan", t.CONTOUR.key)
     asked: list[int] = []
 

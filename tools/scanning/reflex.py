@@ -10,6 +10,7 @@ quickly the base may drive forward meanwhile. The tick decides whether that is d
 """
 
 import math
+from concurrent.futures import Executor, Future
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -80,6 +81,9 @@ class Reflex:
         """
         self._search, self._decide_s = search, decide_s
         self._in_sequence, self._wait, self._trigger = in_sequence, wait, trigger
+        self.elsewhere: Executor | None = None
+        """Who searches, so that contours go on meanwhile; None: the search is waited for."""
+        self._searching: Future[Found] | None = None
         self.forget()
 
     def forget(self) -> None:
@@ -134,13 +138,26 @@ class Reflex:
             return
         if not met or time_s - self._since_s < self._decide_s:
             return
-        found = self._find(q, ahead)
+        found = self._found(q, ahead)
+        if found is None:
+            return
         self._reason, self.goal = found.reason, found.q
         if found.q is None:
             self._go_to(Phase.REFUSED, time_s)
             return
         self._home = q if self._home is None else self._home
         self._go_to(Phase.FOLDING, time_s)
+
+    def _found(self, q: Array, ahead: Obstacles) -> Found | None:
+        """Return what a search found; None while it goes on elsewhere."""
+        if self.elsewhere is None:
+            return self._find(q, ahead)
+        if self._searching is None:
+            self._searching = self.elsewhere.submit(self._find, q, ahead)
+        if not self._searching.done():
+            return None
+        found, self._searching = self._searching.result(), None
+        return found
 
     def _find(self, q: Array, ahead: Obstacles) -> Found:
         return (

@@ -54,6 +54,7 @@ class Search:
     ) -> None:
         """Build it; what carries the arm is `base_width` wide [m], up to the arm's foot."""
         self.points, self.plane, self.reach = points, plane, reach
+        points.grid  # noqa: B018  made now: it takes a second
         half = 0.5 * base_width
         self._base = np.array([[0.0, -half, 0.0], [0.0, half, 0.0]])
         shoulder = points.of(np.zeros((1, len(points.lower))))[0, 0]
