@@ -191,7 +191,9 @@ class Reflex:
             return
         points = self._search.points.of(goal[None])[0]
         gives_up = clearance(points, ahead) < self._search.reach.give_up
-        if gives_up or (met and self._in_sequence):
+        # What is met but not yet given up would be waited for, for ever.
+        waits = met and (self._in_sequence or time_s - self._entered_s >= AGAIN_S)
+        if gives_up or waits:
             self._go_to(Phase.UNDECIDED, time_s)
             return
         # Over the whole depth, or it would fold, unfold and be refused.

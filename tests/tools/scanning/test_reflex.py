@@ -134,6 +134,16 @@ def test_the_base_stands_before_a_bridge_that_is_too_low_and_may_back_out(found:
     assert drive.reason == ""
 
 
+def test_what_turns_out_lower_than_it_seemed_is_not_waited_for_for_ever(found: Search) -> None:
+    drive = Drive(found, 0.45, 0.0, ahead=1.5)
+    drive.run(20)
+    assert drive.phases[-1] is Phase.FOLDED
+    drive.height = 0.40  # nearer than the folded arm may pass
+    drive.run(5)
+    assert drive.phases[-1] is Phase.REFUSED
+    assert drive.reason == "no_posture"
+
+
 def test_it_stays_folded_while_the_next_bridge_is_in_sight(found: Search) -> None:
     drive = Drive(found, 0.45, 0.0, ahead=1.5)
     drive.run(20)
