@@ -7,6 +7,7 @@ from .contact.peg_runs import PEG
 from .contact.reflection import REFLECTION
 from .contact.touch import TOUCH
 from .fuzz.runs import FUZZ
+from .hostile.replays import REPLAYS
 from .hostile.runs import HOSTILE
 from .hostile.wild_runs import WILD
 from .kernels.crossings import CROSSINGS
@@ -35,4 +36,5 @@ PARTS: dict[str, Part] = {
     "beam": BEAM,
     "tunnel": TUNNEL,
     "bridge": BRIDGE,
+    "replays": REPLAYS,
 }
