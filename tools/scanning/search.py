@@ -26,6 +26,10 @@ STILL: Final = 0.06
 """An elbow or a tool that moves less stands still, as the grid goes [m]."""
 
 
+BESIDE_BASE: Final = 0.03
+"""The base, whose width is told as it is, keeps so far from what is beside it [m]."""
+
+
 class Reach(NamedTuple):
     """How near obstacles may come to projected links [m]."""
 
@@ -94,14 +98,19 @@ class Search:
     def standing(self, obstacles: Obstacles) -> Array:
         """Return the distances (k,) of obstacles from what cannot move: base and column [m]."""
         column = clearances(self._column, obstacles)
-        return np.minimum(clearances(self._base, obstacles), column) if self._base.any() else column
+        if not self._base.any():
+            return column
+        return np.minimum(
+            clearances(self._base, obstacles) + self.reach.column - BESIDE_BASE, column
+        )
 
     def blocked(self, obstacles: Obstacles) -> str:
         """Return which part that cannot move does not pass; empty where all do."""
         for name, part in (("base_blocked", self._base), ("column_blocked", self._column)):
             if part is self._base and not part.any():
                 continue
-            if float(clearances(part, obstacles).min(initial=np.inf)) < self.reach.column:
+            reach = BESIDE_BASE if part is self._base else self.reach.column
+            if float(clearances(part, obstacles).min(initial=np.inf)) < reach:
                 return name
         return ""
 
