@@ -77,7 +77,9 @@ def _restored(path: Path, part: dict[str, Any], folder: Path, i: int) -> Cell:
     config = CellConfig.model_validate(part["config"])
     urdf = folder / f"{i}_{Path(part['urdf_name']).name}"
     urdf.write_text(part["urdf"], encoding="utf-8")
-    robot = read_robot(urdf, config.mechanism.tip_link, f"{path}: {part['place']}.tip_link")
+    mechanism, asked_by = config.mechanism, f"{path}: {part['place']}.tip_link"
+    drives = {drive.joint: drive for drive in mechanism.drives}
+    robot = read_robot(urdf, mechanism.tip_link, asked_by, drives, mechanism.inertials)
     for beside_chain in (with_sweep, with_wheels):  # postures have their joints already
         config, robot = beside_chain(path, config, robot, str)
     return Cell(path, config, robot, prefix=part["prefix"], place=part["place"], task=part["task"])

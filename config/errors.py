@@ -10,12 +10,14 @@ _LONGEST_VALUE: Final = 60
 class ConfigError(Exception):
     """A file that a person wrote says something that cannot be.
 
-    Its text is always one line, `file: key.path: value …: what is expected`: the reader of a
-    terminal needs no more, and no traceback.
+    Its text is one line for each thing, `file: key.path: value …: what is expected`: the reader of
+    a terminal needs no more, and no traceback.
     """
 
-    def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split()))
+    def __init__(self, *messages: str) -> None:
+        self.messages = tuple(" ".join(message.split()) for message in messages)
+        """What cannot be, a line each."""
+        super().__init__("\n".join(self.messages))
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

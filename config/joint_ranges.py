@@ -10,7 +10,7 @@ from .schema.mechanism import MOST_DRIVES, Drive
 
 HIGHEST_NODE: Final = 126
 """The daemon's own is the next one."""
-_RANGE: Final = re.compile(r"([a-z][a-z0-9_]*?)(\d+)\.\.([a-z][a-z0-9_]*?)(\d+)")
+_RANGE: Final = re.compile(r"([A-Za-z][A-Za-z0-9_-]*?)(\d+)\.\.([A-Za-z][A-Za-z0-9_-]*?)(\d+)")
 
 
 def expand(path: Path, config: CellConfig, place: str) -> CellConfig:

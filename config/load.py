@@ -17,6 +17,7 @@ from .errors import ConfigError, nearest, short
 from .joint_ranges import expand
 from .joint_tasks import agree, agree_with_beam
 from .parts import Part, joint_tables_of, on_top, parts_of
+from .rig_drives import with_drives
 from .schema.cameras import Camera
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
@@ -183,10 +184,13 @@ def _part(path: Path, part: Part) -> Cell:
     config = expand(path, validated(path, part.document, CellConfig, part.words), place)
     mechanism = config.mechanism
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: {place}.urdf: ")
-    robot = read_robot(urdf, mechanism.tip_link, f"{path}: {place}.tip_link")
+    of_joint = {drive.joint: drive for drive in mechanism.drives}
+    asked_by = f"{path}: {place}.tip_link"
+    robot = read_robot(urdf, mechanism.tip_link, asked_by, of_joint, mechanism.inertials)
     config, robot = with_sweep(path, config, robot, part.words)
     config, robot = with_wheels(path, config, robot, part.words)
     check_agreement(path, config, robot, part.words)
+    config = with_drives(config, robot)
     _find("scripts", config.default_script, path.parent, f"{path}: default_script: ")
     order = {joint.name: i for i, joint in enumerate(robot.joints)}
     mechanism = config.mechanism

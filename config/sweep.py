@@ -1,6 +1,7 @@
 """The axis that sweeps: a joint of the URDF beside the chain, after all others."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from .errors import ConfigError, nearest
@@ -43,6 +44,6 @@ def with_sweep(
         name: (*q, sweep.low) if len(q) == n else q for name, q in config.mechanism.postures.items()
     }
     mechanism = config.mechanism.model_copy(update={"postures": postures})
-    return config.model_copy(update={"mechanism": mechanism}), Robot(
-        robot.urdf, (*robot.joints, joint)
+    return config.model_copy(update={"mechanism": mechanism}), replace(
+        robot, joints=(*robot.joints, joint)
     )

@@ -1,17 +1,21 @@
 """The robot description: the serial chain of a URDF from its root link to the tip link.
 
 Only what the cell's drives are held against is read here; kinematics, inertias and shapes are for
-the libraries that compute with them.
+the libraries that compute with them. They are given a plain description: the chain's joints, all
+others fixed, and no meshes, which nothing that runs an arm reads.
 """
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from .errors import ConfigError, nearest
+from .schema.mechanism import Drive, LinkInertial
 from .urdf_elements import check_bodies, check_elements, normalise, unshaped_links
+from .urdf_plain import give_inertials, mesh_links, refuse_xacro, simplify
 
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
@@ -21,6 +25,7 @@ LARGEST_FILE: Final = 1 << 24
 DEEPEST: Final = 32
 """Elements are not nested more deeply than this [1]."""
 _MOVABLE: Final = ("revolute", "continuous", "prismatic")
+_SAID: Final = ("lower", "upper", "velocity", "effort")
 
 
 @dataclass(frozen=True)
@@ -49,32 +54,38 @@ class Robot:
 
     urdf: Path
     joints: tuple[UrdfJoint, ...]
+    inertials: tuple[LinkInertial, ...] = ()
+    """Of links for which the cell has others than the file, or the file none."""
 
     def links(self) -> list[str]:
         """Return the names of all links in the file."""
-        return [link.get("name", "") for link in _parse(self.urdf).findall("link")]
+        return [link.get("name", "") for link in read_tree(self.urdf).findall("link")]
 
     def unshaped_links(self) -> list[str]:
         """Return the names of links that have mass but no shape to keep clear by."""
-        return list(unshaped_links(_parse(self.urdf)))
+        return list(unshaped_links(read_tree(self.urdf)))
 
-    def description(self) -> str:
-        """Return the URDF's text, each continuous joint of the chain as a bounded revolute one.
+    def mesh_links(self) -> list[str]:
+        """Return the names of links whose shape holds a mesh: capsules have to stand for it."""
+        return mesh_links(read_tree(self.urdf))
 
-        Numbers are written in one way.
+    def description(self, root_link: str | None = None) -> str:
+        """Return a plain URDF: each continuous joint of the chain as a bounded revolute one.
+
+        Numbers are written in one way; joints outside of the chain are fixed, at zero; meshes and
+        all that is only looked at are left out; inertias are those that the cell has. With
+        `root_link` the root is called so.
 
         Libraries give a continuous joint two coordinates; a drive has one.
         """
-        root = _parse(self.urdf)
+        root = read_tree(self.urdf)
+        give_inertials(root, self.urdf, self.inertials)
+        simplify(root, [joint.name for joint in self.joints], root_link)
         normalise(root)
-        bounded = {j.name: j for j in self.joints if j.kind == "continuous"}
+        known = {joint.name: joint for joint in self.joints}
         for element in root.findall("joint"):
-            joint = bounded.get(element.get("name", ""))
-            limit = element.find("limit")
-            if joint is not None and limit is not None:
-                element.set("type", "revolute")
-                limit.set("lower", repr(joint.lower))
-                limit.set("upper", repr(joint.upper))
+            if (joint := known.get(element.get("name", ""))) is not None:
+                _give_limits(element, joint)
         return ET.tostring(root, encoding="unicode")
 
 
@@ -83,21 +94,31 @@ def joints_of_root(urdf: Path) -> dict[str, UrdfJoint]:
 
     Raises `ConfigError`.
     """
-    root = _parse(urdf)
+    root = read_tree(urdf)
     joints = root.findall("joint")
     children = {_end(joint, "child", urdf) for joint in joints}
     moving = [joint for joint in joints if joint.get("type") != "fixed"]
-    found = [_joint(joint, urdf) for joint in moving if _end(joint, "parent", urdf) not in children]
+    found = [
+        _joint(joint, urdf, None) for joint in moving if _end(joint, "parent", urdf) not in children
+    ]
     return {joint.name: joint for joint in found}
 
 
-def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
+def read_robot(
+    urdf: Path,
+    tip_link: str,
+    asked_by: str,
+    drives: Mapping[str, Drive] | None = None,
+    inertials: tuple[LinkInertial, ...] = (),
+) -> Robot:
     """Read the chain that ends in `tip_link`.
 
-    `asked_by` is the file and key that names the tip link, for the error. Raises `ConfigError` if
-    the file cannot be read, is not a URDF, or holds no such chain of joints that we can drive.
+    `asked_by` is the file and key that names the tip link, for the error. `drives`, by joint, and
+    `inertials` say what the file leaves out. Raises `ConfigError` if the file cannot be read, is
+    not a URDF, or holds no such chain of joints that we can drive.
     """
-    root = _parse(urdf)
+    root = read_tree(urdf)
+    give_inertials(root, urdf, inertials)
     links = [link.get("name", "") for link in root.findall("link")]
     if tip_link not in links:
         hint = nearest(tip_link, links)
@@ -113,31 +134,38 @@ def read_robot(urdf: Path, tip_link: str, asked_by: str) -> Robot:
         raise ConfigError(f"{urdf}: links '{roots[0]}' and '{roots[1]}': only one can be the root")
     check_elements(root, urdf)
     joints: list[UrdfJoint] = []
+    wrong: list[str] = []
     visited = {tip_link}
     link = tip_link
     while link in parent_joint:
         element = parent_joint[link]
-        if element.get("type") != "fixed":
-            joints.append(_joint(element, urdf))
+        if not _is_fixed(element, roots):
+            try:
+                joints.append(_joint(element, urdf, (drives or {}).get(element.get("name", ""))))
+            except ConfigError as error:
+                wrong += error.messages
         link = _end(element, "parent", urdf)
         if link in visited:
             raise ConfigError(f"{urdf}: link '{link}': the chain runs in a circle")
         if link not in links:
             raise ConfigError(f"{urdf}: joint '{element.get('name')}': no link '{link}'")
         visited.add(link)
+    if wrong:
+        raise ConfigError(*reversed(wrong))
     if not joints:
         raise ConfigError(f"{asked_by}: value '{tip_link}': no movable joint leads to it in {urdf}")
     check_bodies(root, urdf, [joint.name for joint in joints], parent_joint)
-    return Robot(urdf, tuple(reversed(joints)))
+    return Robot(urdf, tuple(reversed(joints)), inertials)
 
 
 def axis_of(urdf: Path, joint: str) -> tuple[float, ...]:
     """Return the axis of a joint in its own frame. Raises `ConfigError`."""
-    found = _parse(urdf).find(f"joint[@name='{joint}']/axis")
+    found = read_tree(urdf).find(f"joint[@name='{joint}']/axis")
     return tuple(map(float, ("1 0 0" if found is None else found.get("xyz", "")).split()))
 
 
-def _parse(urdf: Path) -> ET.Element:
+def read_tree(urdf: Path) -> ET.Element:
+    """Return the outer element of a URDF. Raises `ConfigError` for a file that is none."""
     try:
         size = urdf.stat().st_size
         if size > LARGEST_FILE:
@@ -149,6 +177,7 @@ def _parse(urdf: Path) -> ET.Element:
         raise ConfigError(f"{urdf}: not well-formed XML: {error}") from None
     if _depth(root) > DEEPEST:
         raise ConfigError(f"{urdf}: elements are nested more than {DEEPEST} deep")
+    refuse_xacro(root, urdf)
     if root.tag != "robot":
         raise ConfigError(f"{urdf}: not a URDF: the outer element is <{root.tag}>, not <robot>")
     return root
@@ -170,7 +199,28 @@ def _end(joint: ET.Element, which: str, urdf: Path) -> str:
     return link
 
 
-def _joint(element: ET.Element, urdf: Path) -> UrdfJoint:
+def _give_limits(element: ET.Element, joint: UrdfJoint) -> None:
+    """Write the limits of a joint where the file has none, or others."""
+    limit = element.find("limit")
+    if limit is None:
+        limit = ET.SubElement(element, "limit")
+    if joint.kind == "continuous":
+        element.set("type", "revolute")
+    for key in _SAID:
+        value, said = getattr(joint, key), limit.get(key)
+        if said is None or float(said) != value:
+            limit.set(key, repr(value))
+
+
+def _is_fixed(element: ET.Element, roots: list[str]) -> bool:
+    """Return whether a joint is fixed, or lets the whole arm float: Base is where the cell says."""
+    kind, parent = element.get("type"), element.find("parent")
+    on_root = parent is not None and parent.get("link") in roots
+    return kind == "fixed" or (kind == "floating" and on_root)
+
+
+def _joint(element: ET.Element, urdf: Path, drive: Drive | None) -> UrdfJoint:
+    """Read a joint; what its limits leave out, its drive says."""
     name, kind = element.get("name", ""), element.get("type", "")
     where = f"{urdf}: joint '{name}'"
     if kind not in _MOVABLE:
@@ -178,25 +228,52 @@ def _joint(element: ET.Element, urdf: Path) -> UrdfJoint:
     if element.find("mimic") is not None:
         raise ConfigError(f"{where}: <mimic>: a joint of the chain needs a drive of its own")
     limit = element.find("limit")
-    if limit is None:
-        raise ConfigError(f"{where}: <limit> is missing: velocity and effort bounds are needed")
+    read = (
+        {} if limit is None else {key: float(text) for key, text in limit.items() if key in _SAID}
+    )
+    lower, upper = read.get("lower", 0.0), read.get("upper", 0.0)
+    if kind == "continuous" and (lower == upper or "lower" not in read or "upper" not in read):
+        # Some exporters write zeros where the standard wants nothing.
+        lower, upper = read.get("lower", 0.0), read.get("upper", 0.0)
+        lower, upper = (lower or -CONTINUOUS_RANGE), (upper or CONTINUOUS_RANGE)
+    lower, upper = _range(where, lower, upper, drive)
+    speed, effort = (
+        _bound(where, key, read.get(key, 0.0), told)
+        for key, told in (
+            ("velocity", None if drive is None else drive.max_velocity),
+            ("effort", None if drive is None else drive.max_torque),
+        )
+    )
+    return UrdfJoint(name, lower, upper, speed, effort, kind)
 
-    def number(attribute: str, default: float | None = None) -> float:
-        text = limit.get(attribute)
-        if text is None and default is None:
-            raise ConfigError(f"{where}: <limit {attribute}>: value None: must be a number")
-        return float(text) if text is not None else default or 0.0
 
-    if kind == "continuous":
-        lower, upper = number("lower", -CONTINUOUS_RANGE), number("upper", CONTINUOUS_RANGE)
-        if lower == upper == 0.0:  # some exporters write zeros where the standard wants nothing
-            lower, upper = -CONTINUOUS_RANGE, CONTINUOUS_RANGE
-    else:
-        lower, upper = number("lower", 0.0), number("upper", 0.0)
+def _range(where: str, lower: float, upper: float, drive: Drive | None) -> tuple[float, float]:
+    """Return least and greatest position: the file's, or the drive's inside of them."""
+    low = None if drive is None else drive.lower
+    high = None if drive is None else drive.upper
     if not lower < upper:
-        raise ConfigError(f"{where}: <limit>: lower {lower:g} must be below upper {upper:g}")
-    joint = UrdfJoint(name, lower, upper, number("velocity"), number("effort"), kind)
-    for what, bound in (("velocity", joint.velocity), ("effort", joint.effort)):
-        if bound <= 0.0:
-            raise ConfigError(f"{where}: <limit {what}>: value {bound:g}: must be above 0")
-    return joint
+        if low is None or high is None:
+            raise ConfigError(
+                f"{where}: <limit>: lower {lower:g} must be below upper {upper:g}; where the file "
+                "has no limits, its drive says 'lower' and 'upper'"
+            )
+        lower, upper = low, high
+    for key, value in (("lower", low), ("upper", high)):
+        if value is not None and not lower <= value <= upper:
+            raise ConfigError(
+                f"{where}: value {value:g} of its drive's '{key}': must be within the file's "
+                f"limits, {lower:g} to {upper:g}"
+            )
+    lower, upper = lower if low is None else low, upper if high is None else high
+    if not lower < upper:
+        raise ConfigError(f"{where}: its drive's lower {lower:g} must be below upper {upper:g}")
+    return lower, upper
+
+
+def _bound(where: str, key: str, value: float, told: float | None) -> float:
+    """Return a bound of a joint: the file's, or the drive's where the file has none."""
+    if value > 0.0:
+        return value
+    if told is None:
+        raise ConfigError(f"{where}: <limit {key}>: value {value:g}: must be above 0")
+    return told

@@ -67,14 +67,20 @@ SHAPES: Final = ("box", "cylinder", "sphere", "capsule", "mesh")
 
 def check_elements(root: ET.Element, urdf: Path) -> None:
     """Raise `ConfigError`, with file, link or joint, and value, for what a parser would drop."""
+    wrong: list[str] = []
     for kind in ("link", "joint"):
         names: set[str | None] = set()
         for part in root.findall(kind):
             name = part.get("name")
             if name in names:
-                raise ConfigError(f"{urdf}: {kind} '{name}': is there twice")
+                wrong.append(f"{urdf}: {kind} '{name}': is there twice")
             names.add(name)
-            _check_part(part, f"{urdf}: {kind} '{name}'")
+            try:
+                _check_part(part, f"{urdf}: {kind} '{name}'")
+            except ConfigError as error:
+                wrong += error.messages
+    if wrong:
+        raise ConfigError(*wrong)
 
 
 def check_bodies(
@@ -94,13 +100,16 @@ def check_bodies(
             joint = None if above is None else parents.get(above.get("link", ""))
         if joint is not None and weight is not None:
             mass[joint.get("name", "")] += float(weight.get("value", "0"))
+    wrong = []
     for element in parents.values():
         name, child = element.get("name", ""), element.find("child")
         if mass.get(name, 1.0) <= 0.0 and child is not None:
-            raise ConfigError(
+            wrong.append(
                 f"{urdf}: link '{child.get('link')}': <inertial> is missing or of mass 0: "
                 f"joint '{name}' would move nothing; give mass and inertia"
             )
+    if wrong:
+        raise ConfigError(*wrong)
 
 
 def normalise(root: ET.Element) -> None:
@@ -123,26 +132,17 @@ def unshaped_links(root: ET.Element) -> Iterator[str]:
 
 
 def _check_part(part: ET.Element, where: str) -> None:
-    for element in part.iter():
+    read = [e for top in part if top.tag != "visual" for e in top.iter()]
+    for element in (part, *read):
         children = [child.tag for child in element]
         for tag in sorted(_ONCE & set(children)):
             if children.count(tag) > 1:
                 raise ConfigError(f"{where}: <{tag}>: is there {children.count(tag)} times")
-    for element in part.iter():
+    for element in read:
         for attribute, rule in _RULES.get(element.tag, {}).items():
             _check_numbers(element, attribute, rule, where)
-    for shape in (*part.findall("collision"), *part.findall("visual")):
-        geometry = shape.find("geometry")
-        found = [] if geometry is None else [e.tag for e in geometry]
-        if len(found) != 1 or found[0] not in SHAPES:
-            shown = ", ".join(found) or "nothing"
-            raise ConfigError(
-                f"{where}: <{shape.tag}>: <geometry> holds {shown}: must be one of "
-                f"{', '.join(SHAPES)}"
-            )
-        mesh = shape.find("geometry/mesh")
-        if mesh is not None and not mesh.get("filename"):
-            raise ConfigError(f"{where}: <{shape.tag}>: <mesh filename=…> is missing")
+    for shape in part.findall("collision"):
+        check_shape(shape, where)
     inertial = part.find("inertial")
     if inertial is not None:
         _check_inertial(inertial, where)
@@ -153,6 +153,43 @@ def _check_part(part: ET.Element, where: str) -> None:
             raise ConfigError(
                 f"{where}: <axis xyz>: value {axis.get('xyz')!r}: must not be of length 0"
             )
+
+
+def check_shape(shape: ET.Element, where: str) -> None:
+    """Raise `ConfigError` for a `<collision>` or `<visual>` whose shape cannot be read."""
+    geometry = shape.find("geometry")
+    found = [] if geometry is None else [e.tag for e in geometry]
+    if len(found) != 1 or found[0] not in SHAPES:
+        shown = ", ".join(found) or "nothing"
+        raise ConfigError(
+            f"{where}: <{shape.tag}>: <geometry> holds {shown}: must be one of {', '.join(SHAPES)}"
+        )
+    for element in shape.iter():
+        for attribute, rule in _RULES.get(element.tag, {}).items():
+            _check_numbers(element, attribute, rule, where)
+    mesh = shape.find("geometry/mesh")
+    if mesh is not None and not mesh.get("filename"):
+        raise ConfigError(f"{where}: <{shape.tag}>: <mesh filename=…> is missing")
+
+
+def inertial_fault(link: ET.Element) -> str | None:
+    """Return why a link's `<inertial>` is none of a body, or None: for one that has none, too."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    try:
+        for element in inertial.iter():
+            for attribute, rule in _RULES.get(element.tag, {}).items():
+                _check_numbers(element, attribute, rule, "")
+        _check_inertial(inertial, "")
+    except ConfigError as error:
+        return str(error).removeprefix(": ")
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None or float(mass.get("value", "0")) <= 0.0:
+        return None
+    if all(float(inertia.get(name, "0")) < 1e-12 for name in ("ixx", "iyy", "izz")):
+        return "mass without inertia"
+    return None
 
 
 def _check_inertial(inertial: ET.Element, where: str) -> None:

@@ -28,8 +28,8 @@ def validated(
     except ValidationError as error:
         # A misspelt required key shows twice, as missing and as unknown: the second helps more.
         found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise ConfigError(f"{path}: {words(_explain(found[0], kind))}{more}") from None
+        told = dict.fromkeys(f"{path}: {words(_explain(one, kind))}" for one in found)
+        raise ConfigError(*told) from None
 
 
 def under(place: str, words: str) -> str:

@@ -40,5 +40,5 @@ def with_wheels(
         name: (0.0, 0.0, *q) if len(q) == n else q for name, q in config.mechanism.postures.items()
     }
     mechanism = config.mechanism.model_copy(update={"postures": postures})
-    robot = Robot(robot.urdf, (*found, *robot.joints))
+    robot = replace(robot, joints=(*found, *robot.joints))
     return config.model_copy(update={"mechanism": mechanism}), robot

@@ -57,6 +57,8 @@ COMMANDS: Final = (
             ("telerobot drive pa10", "telerobot drive pa10 pose_move")),
     Command("console", "operator.web.cli", "the operator's page in the browser",
             ("telerobot console pa10", "telerobot console pa10 --listen=127.0.0.1:8090 --open")),
+    Command("init", "init.cli", "a cell for any arm, from its URDF alone",
+            ("telerobot init arm.urdf", "telerobot init arm.urdf --tip=flange --out my_cell.toml")),
     Command("check", "commands.check",
             "judge a cell: timeouts, bus load, drives, stability, postures",
             ("telerobot check pa10", "telerobot check my/cell.toml --json")),

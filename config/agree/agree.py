@@ -22,17 +22,16 @@ INT32_MAX: Final = 2**31 - 1
 def check_agreement(
     path: Path, config: CellConfig, robot: Robot, words: Callable[[str], str]
 ) -> None:
-    """Raise `ConfigError`, of the first disagreement found, naming the file and the key.
+    """Raise `ConfigError`, of all disagreements found, each naming the file and the key.
 
     `words` turns a complaint about a mechanism's cell into one that begins with the file's key.
     """
-    first = next(_disagreements(config, robot), None)
-    if first is not None:
-        raise ConfigError(f"{path}: {words(first)}")
+    found = list(_pairing(config.mechanism.drives, robot)) or list(_disagreements(config, robot))
+    if found:
+        raise ConfigError(*(f"{path}: {words(text)}" for text in found))
 
 
 def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
-    yield from _pairing(config.mechanism.drives, robot)
     joints = {joint.name: joint for joint in robot.joints}
     for i, drive in enumerate(config.mechanism.drives):
         endless = drive.joint in config.mechanism.wheels
@@ -56,7 +55,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):
             count = len(getattr(config.rig.drive, key))
-            if count not in (1, n):
+            if count not in (0, 1, n):
                 yield f"rig.drive.{key}: {count} values: must be 1, or {n}: one per joint"
 
 

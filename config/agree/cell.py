@@ -26,10 +26,10 @@ Parts = Sequence[PartOf]
 
 
 def check_cell(path: Path, parts: Parts, devices: Sequence[Entry]) -> None:
-    """Raise `ConfigError`, of the first disagreement found, naming the file and the key."""
-    first = next(_disagreements(parts, devices), None)
-    if first is not None:
-        raise ConfigError(f"{path}: {first}")
+    """Raise `ConfigError`, of all disagreements found, each naming the file and the key."""
+    found = list(_disagreements(parts, devices))
+    if found:
+        raise ConfigError(*(f"{path}: {text}" for text in found))
 
 
 def _disagreements(parts: Parts, devices: Sequence[Entry]) -> Iterator[str]:

@@ -52,6 +52,13 @@ def link_disagreements(config: CellConfig, robots: Sequence[tuple[str, Robot]]) 
                         f"avoidance.capsules: link '{prefix}{link}' of {robot.urdf} has mass but "
                         "no <collision>: nothing would keep it clear; give it capsules here"
                     )
+            for link in robot.mesh_links():
+                if f"{prefix}{link}" not in shaped:
+                    yield (
+                        f"avoidance.capsules: link '{prefix}{link}' of {robot.urdf} has a mesh, "
+                        f"which is not read: give it capsules here, as `telerobot init "
+                        f"{robot.urdf}` finds them"
+                    )
     links = [f"{prefix}{link}" for prefix, robot in robots for link in robot.links()]
     named = [
         (f"avoidance.capsules[{i}].link", c.link) for i, c in enumerate(config.avoidance.capsules)

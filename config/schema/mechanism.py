@@ -7,16 +7,14 @@ from pydantic import Field, PrivateAttr, model_validator
 from .backbone import Backbone
 from .base import DifferentialBase
 from .on_bus import BusFrames, CanId, CanOpenNode, OnBus
-from .section import Name, Pose, Section, Vector6
+from .section import Name, Pose, Section, UrdfName, Vector3, Vector6
 from .sweep import Sweep
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
 """Controlword, and the setpoint of each operation mode."""
 MOST_DRIVES: Final = 64
 """Joints of a cell [1]."""
-JointName = Annotated[
-    str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}(\.\.[a-z][a-z0-9_]{0,31})?$", max_length=66)
-]
+JointName = UrdfName
 TPDO_BYTES: Final = 8
 """Statusword, position and torque."""
 
@@ -34,6 +32,15 @@ class Drive(CanOpenNode):
     direction: Literal[1, -1] = Field(1, description="+1 if counts grow with the joint angle")
     zero_rad: float = Field(
         0.0, ge=-100, le=100, description="joint angle at encoder count zero [rad]"
+    )
+    lower: float | None = Field(
+        None,
+        ge=-1e3,
+        le=1e3,
+        description="least position, where the URDF has none, or a lower one [rad]",
+    )
+    upper: float | None = Field(
+        None, ge=-1e3, le=1e3, description="greatest position, likewise [rad]"
     )
     rated_torque: float = Field(
         ge=1e-6, le=1e5, description="torque at the joint that 6077h reports as 1000 [N·m]"
@@ -101,6 +108,21 @@ class Payload(Section):
     mass: float = Field(0.0, ge=0, le=500, description="mass [kg]")
     com: tuple[Lever, Lever, Lever] = Field(
         (0.0, 0.0, 0.0), description="centre of mass in the Sensor frame [m]"
+    )
+
+
+Moment = Annotated[float, Field(ge=-1e6, le=1e6)]
+"""Of inertia [kg·m²]."""
+
+
+class LinkInertial(Section):
+    """Mass and inertia of a link, where the URDF has none or one that no body can have."""
+
+    link: UrdfName = Field(description="link of the URDF")
+    mass: float = Field(gt=0, le=1e6, description="mass [kg]")
+    com: Vector3 = Field((0.0, 0.0, 0.0), description="centre of mass in the link's frame [m]")
+    inertia: tuple[Moment, Moment, Moment, Moment, Moment, Moment] = Field(
+        description="xx, yy, zz, xy, xz, yz about the centre of mass, in the link's axes [kg·m²]"
     )
 
 
@@ -208,6 +230,9 @@ class Mechanism(Section):
     )
     drives: tuple[Drive, ...] = Field(
         min_length=1, max_length=MOST_DRIVES, description="one per joint"
+    )
+    inertials: tuple[LinkInertial, ...] = Field(
+        (), max_length=128, description="masses and inertias in place of the URDF's"
     )
     force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
     gripper: Gripper | None = Field(None, description="gripper at the tool, if any")

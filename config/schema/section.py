@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 _Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
 _Component = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -11,11 +11,30 @@ Vector6 = Annotated[
     tuple[_Component, _Component, _Component, _Component, _Component, _Component],
     Field(description="linear x, y, z, then angular x, y, z"),
 ]
+
+
+def _listed(value: object) -> object:
+    """Return a tuple of one for a number: it stands for a list of equal ones."""
+    if isinstance(value, list):
+        return tuple(value)
+    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+EachJoint = BeforeValidator(_listed)
+"""One number stands for a list of equal ones, one per joint."""
 Positive = Annotated[float, Field(gt=0, le=1e9)]
 NonNegative = Annotated[float, Field(ge=0, le=1e9)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
-LinkName = Annotated[str, Field(pattern=r"^([a-z][a-z0-9_]{0,31}\.)?[a-z][a-z0-9_]{0,31}$")]
+UrdfName = Annotated[
+    str,
+    Field(
+        pattern=r"^[^\s\x00-\x1f\x7f\"'](?:[^\x00-\x1f\x7f\"']*[^\s\x00-\x1f\x7f\"'])?$",
+        max_length=128,
+    ),
+]
+"""A name as URDFs have them: no quotes, no control characters, no blank at either end."""
+LinkName = UrdfName
 """A link; in a cell of several mechanisms it begins with the name of its own: `left.hand`."""
 
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .section import Section
+from .section import EachJoint, Section
 
 Torque = Annotated[float, Field(gt=0, le=1e5)]
 
@@ -12,7 +12,7 @@ Torque = Annotated[float, Field(gt=0, le=1e5)]
 class Touch(Section):
     """Contact that no sensor sees: what the drives give beside what the model says they need."""
 
-    torque: tuple[Torque, ...] = Field(
+    torque: Annotated[tuple[Torque, ...], EachJoint] = Field(
         min_length=1,
         max_length=32,
         description="external torque that means contact, one for all joints or one each [N·m]",

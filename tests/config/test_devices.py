@@ -104,4 +104,4 @@ def test_ids_are_unique_on_a_bus_whoever_the_devices_belong_to(cell, old, new, w
     with pytest.raises(ConfigError) as caught:
         cell(PAIR.replace(old, new, 1))
     assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert all(line.startswith("/") for line in str(caught.value).splitlines()), "a file, a line"

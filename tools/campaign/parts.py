@@ -18,6 +18,7 @@ from .requests import ASKING
 from .scenes.runs import SCENES
 from .torques import TORQUES
 from .tunnels.runs import TUNNEL
+from .urdfs.runs import URDF
 
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
@@ -37,4 +38,5 @@ PARTS: dict[str, Part] = {
     "tunnel": TUNNEL,
     "bridge": BRIDGE,
     "replays": REPLAYS,
+    "urdf": URDF,
 }

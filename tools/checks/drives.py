@@ -3,12 +3,15 @@
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from ...config.load import Cell
 from ...config.schema.base import DifferentialBase
 from ...config.schema.mechanism import Drive
 from ...config.urdf import UrdfJoint
 from ...drivers.servo_status import MOST_MISSED_SYNCS
 from ...protocols.canopen.counter import HALF, SPAN
+from ...server.control.mechanism.kinematics import Mechanism
 from .findings import Finding, Status, graded
 
 QUANTISATION_NOTICE = 0.25
@@ -24,10 +27,12 @@ ENDLESS_STOP_S = 2.0
 def drives(cell: Cell) -> Iterator[Finding]:
     """Judge every drive against its joint in the URDF, against its encoder and its own ramp."""
     by_joint = {d.joint: d for d in cell.config.mechanism.drives}
-    for joint in cell.robot.joints:
+    ready = np.array(cell.config.mechanism.postures["ready"])
+    weight = np.abs(Mechanism.from_cell(cell).gravity(ready)[0])
+    for i, joint in enumerate(cell.robot.joints):
         drive = by_joint[joint.name]
         yield _speed(drive, joint)
-        yield _torque(drive, joint)
+        yield _torque(drive, joint, float(weight[i]))
         yield _encoder(drive, cell.config.timing.period_s)
         yield _stop(drive)
         if joint.name in cell.config.mechanism.wheels and cell.config.mechanism.base is not None:
@@ -43,10 +48,13 @@ def _speed(drive: Drive, joint: UrdfJoint) -> Finding:
     )
 
 
-def _torque(drive: Drive, joint: UrdfJoint) -> Finding:
+def _torque(drive: Drive, joint: UrdfJoint, weight: float) -> Finding:
     per_mille = 1000.0 * drive.max_torque / drive.rated_torque
     status = graded(drive.max_torque, joint.effort, joint.effort)
     text = f"{drive.max_torque:g} N·m, URDF {joint.effort:g}"
+    if status is Status.ERROR and joint.effort < weight:
+        status = Status.WARN
+        text += f", which would not hold the {weight:.3g} N·m of `ready`"
     if per_mille > TORQUE_PER_MILLE_MAX:
         status = Status.ERROR
         text += f"; {per_mille:.0f} thousandths of the rated torque do not fit into 6077h"

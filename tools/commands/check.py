@@ -17,15 +17,23 @@ from ..checks.loops.joint_tasks import joint_tasks
 from ..checks.loops.reflection import reflection
 from ..checks.loops.stability import stability
 from ..checks.loops.torque import torque
+from ..checks.model.postures import postures
+from ..checks.model.starting import starting
 from ..checks.network import network
-from ..checks.postures import postures
 from ..checks.sensors import sensors
 from ..checks.timing import sampling, timing
 from ..checks.tunnel import tunnel
 
 Check = Callable[[Cell], Iterator[Finding]]
 
-OF_THE_CELL: Final[tuple[Check, ...]] = (timing, network, bus_load, arms, joint_tasks)
+OF_THE_CELL: Final[tuple[Check, ...]] = (
+    timing,
+    network,
+    bus_load,
+    arms,
+    joint_tasks,
+    starting,
+)
 
 OF_AN_ARM: Final[tuple[Check, ...]] = (
     sampling,

@@ -1,23 +1,38 @@
 """Schema of the virtual hardware, and of what stands about the arm."""
 
+from typing import Annotated
+
 from pydantic import Field
 
 from ..cameras import RigTag
 from ..moving import RigFrames
-from ..section import Name, NonNegative, Positive, Section, Vector3, Vector6
+from ..section import EachJoint, Name, NonNegative, Positive, Section, Vector3, Vector6
 from .beam import RigBeam
 from .bridge import RigBridge, RigPerson, RigScanner
 from .peg import RigHole, RigPeg
 
 
 class RigDrive(Section):
-    """The physics behind one simulated drive; one value for all joints or one each."""
+    """The physics behind one simulated drive; one value for all joints or one each.
 
-    stiffness: tuple[Positive, ...] = Field(description="position loop K_p [N·m/rad]")
-    damping: tuple[Positive, ...] = Field(description="position loop K_d [N·m·s/rad]")
-    integral: tuple[NonNegative, ...] = Field(description="position loop K_i [N·m/(rad·s)]")
-    armature: tuple[NonNegative, ...] = Field(description="rotor inertia at the joint [kg·m²]")
-    friction: tuple[NonNegative, ...] = Field(description="Coulomb friction [N·m]")
+    None given: as the arm's own inertia wants them, so that the drives are alike to all arms.
+    """
+
+    stiffness: Annotated[tuple[Positive, ...], EachJoint] = Field(
+        (), description="position loop K_p; none: by the arm's inertia [N·m/rad]"
+    )
+    damping: Annotated[tuple[Positive, ...], EachJoint] = Field(
+        (), description="position loop K_d, likewise [N·m·s/rad]"
+    )
+    integral: Annotated[tuple[NonNegative, ...], EachJoint] = Field(
+        (), description="position loop K_i, likewise [N·m/(rad·s)]"
+    )
+    armature: Annotated[tuple[NonNegative, ...], EachJoint] = Field(
+        (), description="rotor inertia at the joint, likewise [kg·m²]"
+    )
+    friction: Annotated[tuple[NonNegative, ...], EachJoint] = Field(
+        (), description="Coulomb friction; none: a part of max_torque [N·m]"
+    )
     torque_filter_s: float = Field(
         0.005, ge=0, le=0.1, description="time constant of the torque that it reports [s]"
     )
@@ -96,7 +111,9 @@ class Rig(Section):
 
     seed: int = Field(1, ge=0, description="seed of the sensor noise [1]")
     physics_step_s: float = Field(0.001, ge=1e-4, le=0.002, description="physics step [s]")
-    drive: RigDrive = Field(description="what is behind every simulated drive")
+    drive: RigDrive = Field(
+        default_factory=RigDrive, description="what is behind every simulated drive"
+    )
     force_torque: RigForceTorque = Field(
         default_factory=RigForceTorque, description="sensor imperfections"
     )

@@ -10,6 +10,7 @@ from ....config.schema.rig.rig import Rig, Wall
 from ....config.schema.section import Pose
 from .beam import add_beam
 from .bridge import add_bridge, add_person
+from .capsules import add_capsules, exclude_contacts, give_mass
 from .chassis import add_floor, put_on_wheels
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
 from .peg import add_hole, add_peg
@@ -29,6 +30,9 @@ TOOL_BALL = "tool_ball"
 HELD = "held"
 """Body of what the gripper holds, at the sensor's site."""
 
+WORLD = "world"
+ROOT = "world_link"
+"""The root of an arm that calls it as MuJoCo does its own."""
 _LOCK_SOLREF = (0.002, 1.0)
 _LOCK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """A closed brake gives way by microradians: MuJoCo's constraints are springs, this one is hard."""
@@ -114,7 +118,12 @@ def _arm_of(part: Cell) -> mujoco.MjSpec:
     mechanism, rig = part.config.mechanism, part.config.rig
     if rig is None:
         raise ValueError(f"cell {part.config.name} has no [rig]: nothing to simulate")
-    arm = mujoco.MjSpec.from_file(str(part.robot.urdf))
+    # MuJoCo takes a link called "world" for its own, with no place that could be given.
+    named = ROOT if WORLD in part.robot.links() else None
+    arm = mujoco.MjSpec.from_string(part.robot.description(named))
+    arm.compiler.fusestatic = False
+    add_capsules(arm, part)
+    exclude_contacts(arm, part)
     _furnish_arm(arm, mechanism, rig)
     if mechanism.base is not None:
         put_on_wheels(arm, mechanism.base)
@@ -163,6 +172,7 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
     n = len(mechanism.drives)
     for geom in arm.geoms:
         of_arm(geom)
+        geom.density = 0.0  # a link weighs what its URDF or the cell says, and no more
     for i, drive in enumerate(mechanism.drives):
         joint = arm.joint(drive.joint)
         if joint is None:
@@ -185,6 +195,7 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
         )
         lock.solref[:], lock.solimp[:] = _LOCK_SOLREF, _LOCK_SOLIMP
     _exclude_neighbours(arm)
+    give_mass(arm)
     mrf = mechanism.T_wrist_mrf
     tip.add_site(name="mrf", pos=mrf.xyz, quat=quaternion(mrf))
     if rig.tool_radius > 0:
@@ -228,9 +239,11 @@ def _exclude_neighbours(arm: mujoco.MjSpec) -> None:
     for body in arm.bodies[1:]:
         above = moving.get(body.parent.name, 0)
         moving[body.name] = above + (1 if body.joints else 0)
+    known = {frozenset((e.bodyname1, e.bodyname2)) for e in arm.excludes}
     for first, depth in moving.items():
         for second, deeper in moving.items():
-            if first < second and abs(depth - deeper) <= 2:
+            near = abs(depth - deeper) <= 2 and frozenset((first, second)) not in known
+            if first < second and near:
                 arm.add_exclude(bodyname1=first, bodyname2=second)
 
 

@@ -60,7 +60,7 @@ class Mechanism:
         self.joints = joints
         self.T_world_base = T_world_base
         self._data = model.createData()
-        self.tip = model.getFrameId(tip_link)
+        self.tip = model.getFrameId(tip_link, pin.FrameType.BODY)
         self.rolling = rolling
         self._base_is_world = bool(
             np.array_equal(T_world_base.R, np.eye(3)) and not T_world_base.p.any()

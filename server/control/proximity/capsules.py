@@ -128,7 +128,16 @@ def _of_urdf(part: Cell, branch: Branch, stated: set[str]) -> list[Capsule]:
 
     Links whose capsules are `stated` may have any shape.
     """
-    found = []
+    found: list[Capsule] = []
+    bare = [link for link in part.robot.mesh_links() if branch.prefix + link not in stated]
+    if bare:
+        raise ConfigError(
+            *(
+                f"{part.path}: avoidance.capsules: link '{branch.prefix}{link}' of "
+                f"{part.robot.urdf} is a mesh: give it capsules here"
+                for link in bare
+            )
+        )
     for shape in _collision_shapes(part, branch):
         link = branch.prefix + branch.model.frames[shape.parentFrame].name
         body, T = branch.carried(shape.parentJoint, shape.placement)

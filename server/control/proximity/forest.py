@@ -60,9 +60,9 @@ class Branch:
 
         Raises `KeyError` for a link that the URDF does not have.
         """
-        if not self.model.existFrame(link):
+        if not self.model.existFrame(link, pin.FrameType.BODY):
             raise KeyError(link)
-        placed = self.model.frames[self.model.getFrameId(link)]
+        placed = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
         return self.carried(placed.parentJoint, placed.placement)
 
     def carried(self, joint: int, placement: "pin.SE3") -> tuple[int, Pose]:
@@ -182,7 +182,7 @@ class Forest:
         """
         for branch in self.branches:
             own = link.removeprefix(branch.prefix)
-            if link.startswith(branch.prefix) and branch.model.existFrame(own):
+            if link.startswith(branch.prefix) and branch.model.existFrame(own, pin.FrameType.BODY):
                 return branch.body_of(own)
         raise KeyError(link)
 

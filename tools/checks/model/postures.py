@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...config.agree.agree import REQUIRED_POSTURES
-from ...config.load import Cell
-from ...server.control.mechanism.kinematics import Mechanism
-from ...server.control.spatial import Pose
-from .findings import Finding, Status
+from ....config.agree.agree import REQUIRED_POSTURES
+from ....config.load import Cell
+from ....server.control.mechanism.kinematics import Mechanism
+from ....server.control.spatial import Pose
+from ..findings import Finding, Status
 
 
 def postures(cell: Cell) -> Iterator[Finding]:

@@ -1,0 +1,89 @@
+"""A URDF made plain: one chain of joints, no meshes, inertias where the file lacks them."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Final
+
+from .errors import ConfigError, nearest
+from .schema.mechanism import LinkInertial
+
+_LOOKED_AT: Final = ("gazebo", "material", "transmission", "mujoco", "ros2_control", "sensor")
+"""Elements that say nothing about a chain's motion."""
+
+
+def refuse_xacro(root: ET.Element, urdf: Path) -> None:
+    """Raise `ConfigError` for a file of macros: it has to be expanded first."""
+    macros = [e.tag for e in root.iter() if isinstance(e.tag, str) and "xacro}" in e.tag]
+    if macros or urdf.suffix == ".xacro":
+        out = urdf.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
+        raise ConfigError(
+            f"{urdf}: holds xacro macros: expand them first, with `xacro {urdf.name} > {out}` "
+            "(from ROS, or `pip install xacro`), and take that file"
+        )
+
+
+def mesh_links(root: ET.Element) -> list[str]:
+    """Return the names of links with a mesh among their shapes: those looked at, without others."""
+    kinds = {link: "visual" if link.find("collision") is None else "collision"
+             for link in root.findall("link")}  # fmt: skip
+    return [
+        link.get("name", "")
+        for link, kind in kinds.items()
+        if link.find(f"{kind}/geometry/mesh") is not None
+    ]
+
+
+def give_inertials(root: ET.Element, urdf: Path, inertials: Iterable[LinkInertial]) -> None:
+    """Write inertials into their links, in place of what is there. Raises `ConfigError`."""
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    for given in inertials:
+        link = links.get(given.link)
+        if link is None:
+            hint = nearest(given.link, links)
+            raise ConfigError(
+                f"mechanism.inertials: value '{given.link}': no such link in {urdf}{hint}"
+            )
+        for old in link.findall("inertial"):
+            link.remove(old)
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=_text(given.com), rpy="0 0 0")
+        ET.SubElement(inertial, "mass", value=repr(given.mass))
+        names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        ET.SubElement(inertial, "inertia", dict(zip(names, map(repr, given.inertia), strict=True)))
+
+
+def simplify(root: ET.Element, moved: Collection[str], root_link: str | None) -> None:
+    """Leave the joints in `moved` movable, fix all others at zero, and drop meshes and looks."""
+    for element in list(root):
+        if element.tag in _LOOKED_AT:
+            root.remove(element)
+    for link in root.findall("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            if shape.tag == "visual" or shape.find("geometry/mesh") is not None:
+                link.remove(shape)
+    children = set()
+    for joint in root.findall("joint"):
+        children |= {child.get("link") for child in joint.findall("child")}
+        if joint.get("name") in moved:
+            continue
+        joint.set("type", "fixed")
+        for element in list(joint):
+            if element.tag not in ("origin", "parent", "child"):
+                joint.remove(element)
+    if root_link is not None:
+        for link in root.findall("link"):
+            if link.get("name") not in children:
+                _rename(root, link, root_link)
+
+
+def _rename(root: ET.Element, link: ET.Element, name: str) -> None:
+    was = link.get("name")
+    link.set("name", name)
+    for parent in root.findall("joint/parent"):
+        if parent.get("link") == was:
+            parent.set("link", name)
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return " ".join(repr(x) for x in numbers)

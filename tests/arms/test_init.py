@@ -1,0 +1,169 @@
+"""Any serial URDF becomes a cell that moves, as it is."""
+
+import math
+
+import numpy as np
+import pytest
+from telerobot.config.errors import ConfigError
+from telerobot.config.load import load_cell
+from telerobot.tools.campaign.urdfs.collection import published
+from telerobot.tools.campaign.urdfs.trial import try_arm
+from telerobot.tools.cli import main
+from telerobot.tools.init.capsules import fit
+from telerobot.tools.init.robot import read_arm
+from telerobot.tools.init.shapes import Shape, link_shape
+
+
+def refusal(urdf, tip=None):
+    with pytest.raises(ConfigError) as caught:
+        read_arm(urdf, tip, {})
+    return caught.value.messages
+
+
+def test_an_odd_arm_goes_from_its_urdf_to_motion(odd):
+    """Capitals, slashes, dots and blanks; a floating root; mimic fingers; no inertia of a link; no
+    limits of a joint; meshes in millimetres: a push, a clearance and a pose, without an edit."""
+    odd.replace('<mass value="0.8"/>', '<mass value="0"/>')
+    odd.replace('lower="-3.0" upper="3.0" velocity="2" effort="150"', "")
+    trial = try_arm("odd", odd.write())
+    assert trial.reasons == []
+    assert trial.joints == 6
+
+
+@pytest.mark.parametrize("name", ["panda_collision", "iiwa"])
+def test_a_published_arm_goes_from_its_urdf_to_motion(name):
+    urdf = next((arm.urdf for arm in published() if arm.name == name), None)
+    if urdf is None:
+        pytest.skip(f"{name}: its description is not installed: pip install 'telerobot[arms]'")
+    assert try_arm(name, urdf).reasons == []
+
+
+def test_init_writes_a_cell_that_says_what_must_be_confirmed(odd, tmp_path, capsys):
+    urdf, out = (
+        odd.replace('<mass value="0.8"/>', '<mass value="0"/>').write(),
+        tmp_path / "my.toml",
+    )
+    assert main(["init", str(urdf), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "Link_5: mass" in said
+    assert "held at zero: left_finger_joint, right_finger_joint" in said
+    text = out.read_text()
+    for confirmed in ("tip_link", "T_wrist_mrf", "[mechanism.postures]", "[[mechanism.inertials]]"):
+        before = text[: text.index(confirmed)].splitlines()[-4:]
+        assert any("CONFIRM" in line for line in before) or confirmed.startswith("[mechanism.p")
+    cell = load_cell(out)
+    assert cell.joints == (
+        "Shoulder/Pan",
+        "Link_2",
+        "elbow.flex",
+        "Forearm Roll",
+        "WRIST-pitch",
+        "j6",
+    )
+    assert main(["init", str(urdf), "--out", str(out)]) == 2
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_every_mesh_that_is_missing_is_named_with_its_link(odd):
+    urdf = odd.write()
+    for path in (odd.folder / "meshes").iterdir():
+        path.unlink()
+    told = refusal(urdf)
+    assert len(told) == 6
+    assert all(f"link 'Link_{i}'" in line for i, line in enumerate(told, start=1))
+    assert "value 'package://odd_description/meshes/link1.stl': no such file" in told[0]
+
+
+def test_a_package_elsewhere_is_found_where_it_is_said(odd, tmp_path, monkeypatch):
+    urdf = odd.write()
+    (odd.folder / "meshes").rename(tmp_path / "meshes")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "meshes").rename(tmp_path / "elsewhere" / "meshes")
+    assert read_arm(urdf, None, {"odd_description": tmp_path / "elsewhere"}).fits
+    (tmp_path / "ws").mkdir()
+    (tmp_path / "elsewhere").rename(tmp_path / "ws" / "odd_description")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ws"))
+    assert read_arm(urdf, None, {}).fits
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "dae"])
+def test_meshes_of_all_formats_are_read_in_metres(odd, suffix):
+    odd.mesh, odd.scale = f"../meshes/link{{i}}.{suffix}", 1.0
+    arm = read_arm(odd.write(), None, {})
+    link = next(e for e in arm.root.findall("link") if e.get("name") == "Link_2")
+    shape = link_shape(link, arm.urdf, {})
+    assert shape is not None
+    assert np.ptp(shape.triangles.reshape(-1, 3), axis=0) == pytest.approx([0.06, 0.05, 0.3])
+
+
+def test_meshes_in_millimetres_without_their_scale_are_told(odd):
+    odd.replace('scale="0.001 0.001 0.001"', "")
+    assert all("meshes in millimetres have" in line for line in refusal(odd.write()))
+
+
+def test_xacro_is_refused_with_what_to_run(odd):
+    odd.replace(
+        '<robot name="odd">', '<robot name="odd" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    )
+    odd.replace('<link name="Flange"/>', '<link name="Flange"/><xacro:include filename="a"/>')
+    assert "expand them first, with `xacro Odd Arm.urdf > " in refusal(odd.write())[0]
+
+
+def test_fingers_are_no_part_of_the_arm_and_the_tip_can_be_said(odd):
+    urdf = odd.write()
+    assert read_arm(urdf, None, {}).tip == "Flange"
+    assert [j.get("name") for j in read_arm(urdf, "Link_3", {}).chain][-1] == "elbow.flex"
+    assert "did you mean 'Link_3'?" in refusal(urdf, "Link3")[0]
+
+
+def test_two_arms_in_one_file_ask_for_the_tip(odd):
+    joint = (
+        '<joint name="b{i}" type="revolute"><parent link="{above}"/><child link="B_{i}"/></joint>'
+    )
+    second = [joint.format(i=i, above="Base" if i == 0 else f"B_{i - 1}") for i in range(4)]
+    second += [f'<link name="B_{i}"/>' for i in range(4)]
+    odd.replace('<link name="Flange"/>', '<link name="Flange"/>' + "".join(second))
+    told = refusal(odd.write())[0]
+    assert "link 'Base' carries 2 chains of joints" in told
+    assert "--tip LINK: one of B_3, " in told
+
+
+def _blob(seed, count=60):
+    """Return triangles (t, 3, 3) of no particular shape: an L of scattered corners."""
+    draw = np.random.default_rng(seed)
+    size = draw.uniform(0.02, 0.4, 3)
+    corners = draw.uniform(-0.5, 0.5, (count, 3, 3)) * size
+    corners[: count // 2] += [size[0], 0.0, draw.uniform(0.0, 0.3)]
+    return corners
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_capsules_hold_every_point_of_the_shape(seed):
+    triangles = _blob(seed)
+    found = fit(Shape("link", triangles, False))
+    assert 1 <= len(found.tubes) <= 3
+    part = np.random.default_rng(seed).dirichlet([0.3, 0.3, 0.3], (len(triangles), 200))
+    points = np.einsum("tsk,tkx->tsx", part, triangles).reshape(-1, 3)
+    assert np.any([tube.holds(points) for tube in found.tubes], axis=0).all()
+
+
+def test_a_capsule_is_found_as_tight_as_it_is():
+    turns = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+    ring = np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1)
+    tilts = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 13)
+    corners = np.concatenate(
+        [
+            0.05 * (math.cos(a) * ring + [0.0, 0.0, math.sin(a)]) + [0.0, 0.0, z]
+            for a in tilts
+            for z in (0.0, 0.3)
+        ]
+    )
+    tilt = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    index = np.arange(len(corners))
+    triangles = (corners @ tilt.T)[
+        np.stack([index, np.roll(index, -1), np.roll(index, -2)], axis=1)
+    ]
+    found = fit(Shape("link", triangles, False))
+    assert len(found.tubes) == 1
+    assert found.tubes[0].radius == pytest.approx(0.05, abs=1.5e-3)
+    assert found.ratio < 1.12

@@ -1,0 +1,1 @@
+"""Arms that others published, from their URDFs to motion."""

@@ -1,0 +1,49 @@
+"""Part `urdf`: every serial arm among installed robot descriptions, from its URDF to motion."""
+
+from ..part import Part, Selection
+from ..runs import Runs
+from .collection import NEEDED, Published, published
+from .trial import Trial, try_arm
+
+
+class Trials(Runs[Trial]):
+    """Summary of all arms."""
+
+    def figures(self) -> dict[str, object]:
+        """Return everything as plain values."""
+        return super().figures() | {
+            "arms": {
+                run.name: {
+                    "joints": run.joints,
+                    "pose_m": run.pose_m,
+                    "force_n": run.force_n,
+                    "clearance_m": run.clearance_m,
+                    "capsules_by_hull": run.ratio,
+                }
+                for run in self.runs
+            }
+        }
+
+    def lines(self) -> list[str]:
+        """Return a line for each arm, then what speaks against any."""
+        rows = [
+            f"{run.name:16} {run.joints} joints, pose {1e3 * run.pose_m:.2f} mm, push "
+            f"{run.force_n:.2f} N, clearance {1e3 * run.clearance_m:.1f} mm, capsules "
+            f"{run.ratio:.2f} × hulls"
+            for run in self.runs
+        ]
+        return [*(rows or [f"no arms are installed: {NEEDED}"]), *super().lines()]
+
+
+def play(arm: Published) -> Trial:
+    """Try one arm."""
+    return try_arm(arm.name, arm.urdf)
+
+
+def jobs(selection: Selection) -> list[Published]:
+    """Return the installed arms, or those that `--cells` names."""
+    found = published()
+    return [arm for arm in found if arm.name in selection.cells] or found
+
+
+URDF = Part(jobs, play, Trials)

@@ -1,0 +1,1 @@
+"""Checks that need the arm's model: where it stands, and whether it starts."""

@@ -1,0 +1,1 @@
+"""`telerobot init`: a complete cell for an arm, from its URDF alone."""

@@ -1,0 +1,87 @@
+"""`telerobot init ARM.urdf`: writes a cell for an arm that runs on virtual hardware at once."""
+
+import argparse
+import math
+import time
+from pathlib import Path
+
+from ...config.errors import ConfigError
+from ...config.load import load_cell
+from ..checks.findings import Status
+from ..commands.check import judge
+from .make import Made, make
+from .packages import packages_of
+from .robot import Arm, read_arm
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument("urdf", metavar="ARM.urdf", type=Path, help="the arm's robot description")
+    parser.add_argument(
+        "--tip",
+        metavar="LINK",
+        help="last link of the arm, which the tool is bolted to; found where it is not said",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="CELL.toml",
+        type=Path,
+        help="file to write, its script beside it; by default the URDF's name, in this folder",
+    )
+    parser.add_argument(
+        "--package",
+        metavar="NAME=DIR",
+        action="append",
+        default=[],
+        help="folder of a package that the URDF names as package://NAME; may be said again",
+    )
+    parser.add_argument("--force", action="store_true", help="write over files that exist")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the cell and its script; return 0, or 1 where a check of it fails.
+
+    Raises `ConfigError` for a URDF that no cell can be made of.
+    """
+    began = time.monotonic()
+    if not args.urdf.is_file():
+        raise ConfigError(f"{args.urdf}: no such file")
+    out = args.out or Path(f"{args.urdf.name.split('.')[0]}.toml")
+    if out.suffix != ".toml":
+        raise ConfigError(f"--out: value '{out}': must end in .toml")
+    beside = out.with_name(f"{out.stem}_script.toml")
+    for path in (out, beside):
+        if path.exists() and not args.force:
+            raise ConfigError(f"{path}: is there already: give another --out, or --force")
+        if not path.parent.is_dir():
+            raise ConfigError(f"{path.parent}: no such folder")
+    print(f"{args.urdf}: fitting capsules around its links …", flush=True)
+    arm = read_arm(args.urdf, args.tip, packages_of(args.package))
+    made = make(arm, out)
+    out.write_text(made.cell, encoding="utf-8")
+    beside.write_text(made.script, encoding="utf-8")
+    bad = [f for f in judge(load_cell(out)) if f.status is Status.ERROR]
+    for line in _report(arm, made):
+        print(line)
+    for finding in bad:
+        print(f"error  {finding.check}: {finding.text}")
+    print(f"written in {time.monotonic() - began:.0f} s: {out} and {beside}")
+    print(f"next: telerobot simulate {out}; then look at the lines that say CONFIRM")
+    return 1 if bad else 0
+
+
+def _report(arm: Arm, made: Made) -> list[str]:
+    """Return what was found and what was made up, a line each."""
+    drives = made.draft.drives
+    lines = [f"arm: {len(drives)} joints, {drives[0].joint} to {drives[-1].joint}; tip {arm.tip}"]
+    if arm.held:
+        lines += [f"held at zero: {', '.join(arm.held)}"]
+    for fit in arm.fits:
+        tight = "its shape is flat" if math.isinf(fit.ratio) else f"{fit.ratio:.2f} × its hull"
+        lines += [f"link {fit.link}: {len(fit.tubes)} capsules, {tight}"]
+    lines += [
+        f"link {given.link}: mass {given.mass:.3g} kg estimated from its shape: {given.why}"
+        for given in arm.inertials
+    ]
+    lines += [f"joint {drive.joint}: {note}" for drive in drives for note in drive.notes]
+    return lines

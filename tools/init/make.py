@@ -1,0 +1,267 @@
+"""From a URDF to a cell: what can be read is read, what can be found is found."""
+
+import math
+import tempfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from ...config.errors import ConfigError
+from ...config.load import Cell, load_cell
+from ...config.rig_drives import greatest_inertias
+from ..checks.findings import Status
+from ..checks.loops.stability import stability
+from .draft import Draft, text_of
+from .drives import cell_name, drive_of, limit_of, range_of
+from .payload import beyond
+from .robot import Arm
+from .script import Plan
+from .script import text_of as script_of
+from .shapes import Array
+from .study import Found, Study
+from .toml_text import path_from
+
+QUICKEST: Final = 8.0
+"""No joint accelerates more [rad/s²]."""
+BALL: Final = 0.012
+"""Radius of the tool's ball [m]."""
+STANDS_OUT: Final = 0.02
+"""The ball stands out from the arm by so much [m]."""
+TO_WALL: Final = 0.06
+"""From the ball to the wall at `ready` [m]."""
+INTO_WALL: Final = 0.03
+_TRIES: Final = 25
+"""So many free postures are tried for the way to a wall [1]."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """The two files of a cell, and how it was found."""
+
+    cell: str
+    script: str
+    draft: Draft
+    plan: Plan
+
+
+def make(arm: Arm, out: Path) -> Made:
+    """Return the texts of a cell and its script, which will stand beside each other in `out`.
+
+    Raises `ConfigError` for an arm that no cell can be made of.
+    """
+    stem = out.stem
+    draft = Draft(
+        arm=arm,
+        name=cell_name(stem),
+        urdf=str(arm.urdf.resolve()),
+        script="pose_move",
+        drives=[drive_of(joint) for joint in arm.chain],
+        postures={},
+        mrf=np.zeros(3),
+        port=43300 + zlib.crc32(stem.encode()) % 2000,
+    )
+    middle = [
+        0.5 * sum(range_of(joint, d)) for joint, d in zip(arm.chain, draft.drives, strict=True)
+    ]
+    draft.postures = {"start": middle, "ready": middle}
+    with tempfile.TemporaryDirectory() as folder:
+        bench = _Bench(Path(folder))
+        _tool(draft, bench)
+        _strength(draft, bench)
+        plan = _postures(draft, bench)
+        _gains(draft, bench)
+    plan = replace_force(plan, draft)
+    draft.urdf = path_from(out.parent, arm.urdf)
+    draft.script = f"./{stem}_script.toml"
+    return Made(text_of(draft), script_of(plan, draft.name), draft, plan)
+
+
+class _Bench:
+    """Loads drafts as the daemon would."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / "draft.toml"
+
+    def load(self, draft: Draft) -> Cell:
+        self._path.write_text(text_of(draft), encoding="utf-8")
+        return load_cell(self._path)
+
+    def study(self, draft: Draft) -> Study:
+        return Study(self.load(draft), draft.length)
+
+
+def _tool(draft: Draft, bench: _Bench) -> None:
+    """Put the MRF in front of all that is fixed to the last joint, and weigh that."""
+    draft.payload, draft.com = beyond(draft.arm)
+    study = bench.study(draft)
+    forest = study.capsules.forest
+    body, T_body_tip = forest.body_of(draft.arm.tip)
+    mine = np.flatnonzero(study.capsules.body == body)
+    placed = study.capsules.place(np.zeros((1, forest.n)))
+    frame = placed.frames[0, body - 1]
+    points = (placed.ends[0][mine].reshape(-1, 3) - frame[:, 3]) @ frame[:, :3]
+    points = (points - T_body_tip.p) @ T_body_tip.R  # in the tip link
+    radii = np.repeat(study.capsules.radius[mine], 2)
+    axis = T_body_tip.R.T @ forest.tree.axis[body - 1]
+    joint = -T_body_tip.R.T @ T_body_tip.p
+    way = -joint
+    if float(np.linalg.norm(way)) < 0.02 and len(points):
+        way = points.mean(axis=0) - joint
+    if float(np.linalg.norm(way)) < 0.005:
+        way = axis
+    outward = np.eye(3)[int(np.argmax(np.abs(way)))]
+    outward = outward * math.copysign(1.0, float(outward @ way))
+    most = float((points @ outward + radii).max(initial=0.0))
+    draft.mrf = outward * round(max(most, 0.0) + STANDS_OUT + BALL, 4)
+    inside = max(most - 0.02, 0.0)
+    draft.tool = (outward * round(inside, 4), BALL)
+    draft.contacts = bench.study(draft).overlapping()
+
+
+def _strength(draft: Draft, bench: _Bench) -> None:
+    """Set torques, accelerations and sizes by what the arm weighs and how far it reaches."""
+    cell = bench.load(draft)
+    study = Study(cell, draft.length)
+    postures = study.drawn(300)
+    gravity = np.abs([study.mechanism.gravity(q)[0] for q in postures]).max(axis=0)
+    moved = greatest_inertias(cell.robot, draft.arm.tip, [], 0.0)
+    places = np.array([study.tool_pose(q).p for q in postures])
+    draft.reach = float(np.linalg.norm(places - study.mechanism.T_world_base.p, axis=1).max())
+    draft.length = float(np.clip(0.3 * draft.reach, 0.03, 0.3))
+    for joint, drive, weight, inertia in zip(
+        draft.arm.chain, draft.drives, gravity.tolist(), moved.tolist(), strict=True
+    ):
+        effort = limit_of(joint, "effort")
+        needed = 3.0 * weight + 6.0 * inertia + 0.5
+        drive.torque = effort
+        if effort <= 0.0 or effort > 1e4:
+            drive.torque = float(f"{needed:.2g}")
+            drive.notes.append(f"the URDF's torque limit of {drive.joint} is missing, or absurd")
+        elif effort < 1.1 * weight:
+            drive.torque = float(f"{needed:.2g}")
+            drive.notes.append(
+                f"the URDF's torque limit of {drive.joint}, {effort:g}, would not hold the arm, "
+                f"which takes {weight:.3g}"
+            )
+        spare = max(drive.torque - weight, 0.1 * drive.torque)
+        most = min(QUICKEST, 0.33 * spare / max(1.3 * inertia + 5e-3, 1e-6))
+        drive.acceleration = max(most, 3.0 * drive.velocity, 0.05)
+
+
+def _postures(draft: Draft, bench: _Bench) -> Plan:
+    """Find `start` and `ready`, the wall in front of it, and the script's ways."""
+    study = bench.study(draft)
+    forward = draft.mrf / np.linalg.norm(draft.mrf)
+    torques = np.array([drive.torque for drive in draft.drives])
+    best: Found | None = None
+    for tried, found in enumerate(study.good(forward, torques)):
+        if best is None:
+            best = found
+        if tried >= _TRIES:
+            break
+        plan = _plan(draft, study, found, forward)
+        if plan is not None:
+            return plan
+    if best is None:
+        raise ConfigError(
+            f"{draft.arm.urdf}: no posture is free: links that are never apart may need "
+            "avoidance.allowed_contacts"
+        )
+    raise ConfigError(
+        f"{draft.arm.urdf}: of {_TRIES} free postures none has room to move the tool by "
+        f"{TO_WALL:g} m: is {draft.arm.tip} the arm's last link? Say --tip LINK"
+    )
+
+
+def _plan(draft: Draft, study: Study, found: Found, forward: Array) -> Plan | None:
+    """Return the script from a posture, or None where a way is not free; set what it needs."""
+    least = 0.5 * found.sigma
+    q, T = found.q.round(4), study.tool_pose(found.q.round(4))
+    d = T.R @ forward
+    scale = float(np.clip(draft.reach, 0.3, 1.0))
+    toward = np.concatenate([d, np.zeros(3)])
+    full = study.mechanism.rank == 6
+    if full and study.walk(q, toward, TO_WALL + INTO_WALL, 0.6 * least) is None:
+        return None
+    if not _wall(draft, study, q, T.p, d):
+        return None
+    aside = [v for v in np.eye(3) if abs(v @ d) < 0.8]
+    target = start = None
+    stick = np.zeros(6)
+    for side in (*aside, *(-v for v in aside)):
+        turn = 0.8 * np.cross(side, d)
+        twist = np.concatenate([side - 0.3 * d, turn])
+        reached = study.walk(q, twist, 0.08 * scale, least) if full else None
+        if not full:
+            reached = _nudged(study, q, 0.12)
+        back = np.concatenate([0.5 * side - d, np.zeros(3)])
+        begun = study.walk(q, back, 0.08 * scale, 0.6 * least) if full else None
+        if begun is None:
+            begun = _nudged(study, q, -0.15)
+        if reached is None or begun is None or not study.free(begun, q):
+            continue
+        target, start = reached, begun.round(4)
+        stick = np.concatenate([0.02 * scale * side, np.zeros(3)])
+        break
+    if target is None or start is None:
+        return None
+    draft.postures = {"start": start.tolist(), "ready": q.tolist()}
+    draft.singular_region = float(np.clip(0.4 * found.sigma, 1e-3, 0.05))
+    speeds = np.array([drive.velocity for drive in draft.drives])
+    moved_s = float((np.abs(start - q) / speeds).max()) * 1.5 + 2.0
+    target_s = float((np.abs(target - q) / speeds).max()) * 2.0 + 4.0
+    J = study.mechanism.kinematics(q, study.tool).J[:3]
+    gravity = np.abs(study.mechanism.gravity(q)[0])
+    torques = np.array([drive.torque for drive in draft.drives])
+    spare = np.maximum(torques - gravity, 0.05 * torques)
+    draft.push = float(min(10.0, (0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min()))
+    pose = study.tool_pose(target).to_xyz_rpy()
+    return Plan(
+        moved_s, stick, (np.array(pose[:3]), np.array(pose[3:])), target_s, d,
+        (0.03, TO_WALL / 0.03 + 1.0), 0.0, draft.push,
+    )  # fmt: skip
+
+
+def _nudged(study: Study, q: Array, by: float) -> Array | None:
+    """Return a posture beside another one, all joints moved a little, or None."""
+    draw = np.random.default_rng(2)
+    for _ in range(40):
+        other = q + by * draw.uniform(0.3, 1.0, len(q)) * draw.choice([-1.0, 1.0], len(q))
+        if not study.outside(other) and study.free(q, other):
+            return np.asarray(other)
+    return None
+
+
+def _wall(draft: Draft, study: Study, q: Array, p: Array, d: Array) -> bool:
+    """Put the wall in front of the tool; return whether all of the arm is on this side of it."""
+    face = p + d * (BALL + TO_WALL)
+    ends = study.ends(q)
+    ahead = (ends - face) @ d + study.capsules.radius[:, None]
+    if float(ahead.max()) > -0.5 * TO_WALL:
+        return False
+    half = float(np.clip(0.25 * draft.reach, 0.05, 0.25))
+    draft.wall = (face.round(4), -d, round(half, 3))
+    return True
+
+
+def _gains(draft: Draft, bench: _Bench) -> None:
+    """Lower the force gains until the judge of stability has no complaint."""
+    for _ in range(30):
+        found = [f for f in stability(bench.load(draft)) if f.check.startswith("force")]
+        bad = [f.check for f in found if f.status is not Status.OK]
+        if not bad:
+            return
+        linear, angular = draft.gain
+        if any(c[-2:] not in ("rx", "ry", "rz") for c in bad):
+            linear *= 0.8
+        if any(c[-2:] in ("rx", "ry", "rz") for c in bad):
+            angular *= 0.8
+        draft.gain = (float(f"{linear:.3g}"), float(f"{angular:.3g}"))
+
+
+def replace_force(plan: Plan, draft: Draft) -> Plan:
+    """Return the plan with the stick that pushes by its force, at the gain that was found."""
+    return plan._replace(press=draft.push * draft.gain[0], force=draft.push)

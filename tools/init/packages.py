@@ -1,0 +1,68 @@
+"""Files that a URDF names: `package://` and relative paths, and where they are looked for.
+
+Beside the URDF and above it, in `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`, in installed Python
+packages (and the `share` of those that hold a prefix), and where `--package NAME=DIR` says.
+"""
+
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from urllib.parse import unquote
+
+from ...config.errors import ConfigError
+
+_UP = 6
+"""Folders above the URDF's that are looked into [1]."""
+
+
+def packages_of(given: Sequence[str]) -> dict[str, Path]:
+    """Return the folders that `--package NAME=DIR` says. Raises `ConfigError`."""
+    found = {}
+    for text in given:
+        name, is_there, folder = text.partition("=")
+        if not (name and is_there and Path(folder).is_dir()):
+            raise ConfigError(f"--package: value '{text}': must be NAME=DIR, a folder that exists")
+        found[name] = Path(folder).resolve()
+    return found
+
+
+def find_mesh(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | None:
+    """Return the file that a URDF calls `name`, or None where there is none."""
+    return next((path for path in _places(name, urdf, packages) if path.is_file()), None)
+
+
+def _places(name: str, urdf: Path, packages: Mapping[str, Path]) -> Iterator[Path]:
+    scheme, is_uri, path = name.partition("://")
+    if not is_uri:
+        yield urdf.parent / name
+        yield from _beside(Path(name).parts, urdf)
+        return
+    path = unquote(path)
+    if scheme == "file":
+        yield Path("/") / path.lstrip("/")
+        return
+    package, _, rest = path.partition("/")
+    if package in packages:
+        yield packages[package] / rest
+    yield from _beside((package, *Path(rest).parts), urdf)
+    for root in _roots():
+        yield root / package / rest
+        yield root / "share" / package / rest
+        yield root / package.replace("-", "_") / rest
+
+
+def _beside(parts: tuple[str, ...], urdf: Path) -> Iterator[Path]:
+    """Yield the path from every folder above the URDF, whole and without its package's name."""
+    above = urdf.resolve().parents
+    for folder in above[:_UP]:
+        yield folder.joinpath(*parts)
+        yield folder.joinpath(*parts[1:])
+
+
+def _roots() -> Iterator[Path]:
+    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        yield from (Path(p) for p in os.environ.get(variable, "").split(os.pathsep) if p)
+    for folder in (*sys.path, sys.prefix):
+        yield Path(folder)
+        yield Path(folder) / "cmeel.prefix"

@@ -1,0 +1,73 @@
+"""The default script of a cell that `init` makes: it moves, stops, and touches a wall."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .shapes import Array
+
+
+class Plan(NamedTuple):
+    """What the script does; in World."""
+
+    ready_s: float
+    """From `start` to `ready` [s]."""
+    aside: Array
+    """Twist (6,) of the stick [m/s]."""
+    target: tuple[Array, Array]
+    """Pose of the MRF: place [m], roll, pitch, yaw [rad]."""
+    target_s: float
+    forward: Array
+    """Direction of the wall (3,)."""
+    approach: tuple[float, float]
+    """Speed of the stick towards it [m/s], and how long [s]."""
+    press: float
+    """Speed of the stick that pushes [m/s]."""
+    force: float
+    """What that comes to [N]."""
+
+
+def text_of(plan: Plan, name: str) -> str:
+    """Return the script's file."""
+    at = 0.2
+    steps = [_step(at, '"cmd/posture" = { posture = "ready" }')]
+    at += plan.ready_s
+    stick = f'"cmd/joystick" = {{ twist = {_six(plan.aside)}, expressed_in = "world" }}'
+    steps += ["# aside by the stick; the verified stop while it moves; on", _step(at, stick, 2.0)]
+    steps += [_step(at + 1.0, '"operator/mode" = { action = "hold" }')]
+    steps += [_step(at + 2.0, '"operator/mode" = { action = "resume" }')]
+    at += 2.5
+    xyz, rpy = plan.target
+    pose = f'xyz = {_list(xyz)}, rpy = {_list(rpy)}, relative_to = "world"'
+    steps += ["# to a pose, and back", _step(at, f'"cmd/position" = {{ {pose} }}')]
+    at += plan.target_s
+    steps += [_step(at, '"cmd/cancel" = {}')]
+    steps += [_step(at, '"cmd/posture" = { posture = "ready" }')]
+    at += max(plan.ready_s, plan.target_s)
+    speed, lasts = plan.approach
+    toward = np.concatenate([plan.forward, np.zeros(3)])
+    stick = f'"cmd/joystick" = {{ twist = {_six(speed * toward)}, expressed_in = "world" }}'
+    steps += [
+        "# into the wall: speed / force gain is the force that it settles at",
+        _step(at, stick),
+    ]
+    at += lasts
+    stick = f'"cmd/joystick" = {{ twist = {_six(plan.press * toward)}, expressed_in = "world" }}'
+    steps += [_step(at, stick)]
+    at += 4.0
+    words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
+    head = [f'description = "{words}"', f"duration_s = {at:.1f}", ""]
+    return "\n".join([*head, *steps])
+
+
+def _step(at: float, body: str, for_s: float | None = None) -> str:
+    lasts = "" if for_s is None else f"for_s = {for_s}\n"
+    return f"[[step]]\nat_s = {at:.2f}\n{lasts}{body}\n"
+
+
+def _six(twist: Array) -> str:
+    return _list(twist, 5)
+
+
+def _list(values: Array, digits: int = 5) -> str:
+    return "[" + ", ".join(f"{float(v) + 0.0:.{digits}f}" for v in values) + "]"

@@ -1,0 +1,164 @@
+"""Search in a cell's own model: free postures, ways of the tool, what always overlaps."""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ...config.joint_bounds import joint_bounds
+from ...config.load import Cell
+from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.proximity.capsules import Capsules
+from ...server.control.proximity.distance import measured
+from ...server.control.scene import empty
+from ...server.control.spatial import Pose
+from .shapes import Array
+
+NEIGHBOURS: Final = 2
+"""Links so many joints apart, or fewer, may overlap."""
+ALWAYS: Final = 0.5
+"""Links that overlap in more of all postures than this are built so [1]."""
+APART: Final = 0.03
+"""Distance that links have in a posture that is found [m]."""
+TOUCHING: Final = 0.012
+"""Links that are nearer count as overlapping: clearance and margin [m]."""
+_DRAWN: Final = 4000
+_LOOKED_AT: Final = 400
+_STEP: Final = 0.005
+"""Of a way that is tried [m]."""
+
+
+class Found(NamedTuple):
+    """A posture, and how good it is."""
+
+    q: Array
+    sigma: float
+    """Least singular value, of the axes that the arm reaches [m]."""
+
+
+class Study:
+    """One arm's kinematics and capsules."""
+
+    def __init__(self, cell: Cell, length: float) -> None:
+        self.cell = cell
+        self.mechanism = Mechanism.from_cell(cell)
+        self.capsules = Capsules(cell)
+        config = cell.config.mechanism
+        self.tool = Pose.from_xyz_rpy(config.T_wrist_mrf.xyz, config.T_wrist_mrf.rpy)
+        self.lower, self.upper = (
+            np.array(b) for b in joint_bounds(cell.robot.joints, config.drives)
+        )
+        self._weight = np.array([1.0] * 3 + [length] * 3)
+        contacts = {(c.link, c.other) for c in cell.config.avoidance.allowed_contacts}
+        self.links, moves = self.capsules.links, self.capsules.moves
+        pairs = [
+            (i, j)
+            for j in range(len(self.links))
+            for i in range(j)
+            if int((moves[i] ^ moves[j]).sum()) > NEIGHBOURS
+            and not {(self.links[i], self.links[j]), (self.links[j], self.links[i])} & contacts
+        ]
+        self._pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+    def drawn(self, count: int = _DRAWN) -> Array:
+        """Return postures (count, n) inside the limits, some way from them."""
+        span = np.minimum(self.upper, math.pi) - np.maximum(self.lower, -math.pi)
+        wide = span > 0.0
+        low = np.where(wide, np.maximum(self.lower, -math.pi), self.lower)
+        high = np.where(wide, np.minimum(self.upper, math.pi), self.upper)
+        room = np.minimum(0.12 * (high - low), 0.3)
+        draw = np.random.default_rng(1)
+        return np.asarray(draw.uniform(low + room, high - room, size=(count, len(low))))
+
+    def overlapping(self) -> list[tuple[str, str]]:
+        """Return the links that overlap almost everywhere: they are built so."""
+        postures = self.drawn(200)
+        gaps = np.array([self._gaps(q) for q in postures]).reshape(len(postures), -1)
+        often = (gaps < TOUCHING).mean(axis=0) > ALWAYS
+        named = {(self.links[a], self.links[b]) for a, b in self._pairs[often].tolist()}
+        return sorted({(min(pair), max(pair)) for pair in named if pair[0] != pair[1]})
+
+    def gap(self, q: Array) -> float:
+        """Return the least distance of two links at a posture [m]."""
+        gaps = self._gaps(q)
+        return float(gaps.min()) if len(gaps) else math.inf
+
+    def sigma(self, q: Array) -> float:
+        """Return the least singular value at a posture, of the axes that are reached [m]."""
+        J = self.mechanism.kinematics(q, self.tool).J * self._weight[:, None]
+        each = np.linalg.svd(J, compute_uv=False)
+        return float(each[min(self.mechanism.rank, len(each)) - 1])
+
+    def tool_pose(self, q: Array) -> Pose:
+        """Return the MRF's pose in World."""
+        return self.mechanism.kinematics(q, self.tool).T_world_mrf
+
+    def ends(self, q: Array) -> Array:
+        """Return the capsules' ends (c, 2, 3) in World [m]."""
+        return np.asarray(self.capsules.place(q[None]).ends[0])
+
+    def good(self, direction: Array, torques: Array) -> Iterator[Found]:
+        """Yield free postures, the best first, whose tool looks along `direction` (3,) of the MRF.
+
+        Away from singularities and limits; the tool level and outward, the arm above its Base, and
+        gravity below half of `torques` (n,), as far as that can be had.
+        """
+        postures = self.drawn()
+        sigma = np.array([self.sigma(q) for q in postures])
+        poses = [self.tool_pose(q) for q in postures]
+        p = np.array([T.p for T in poses]) - self.mechanism.T_world_base.p
+        d = np.array([T.R @ direction for T in poses])
+        flat = p[:, :2] / np.maximum(np.linalg.norm(p[:, :2], axis=1), 1e-6)[:, None]
+        reach = float(np.linalg.norm(p, axis=1).max())
+        score = sigma / max(float(sigma.max()), 1e-12)
+        score += 0.3 * (1.0 - np.abs(d[:, 2])) + 0.3 * (d[:, :2] * flat).sum(axis=1)
+        score -= 1.0 * (p[:, 2] < 0.15 * reach) + 0.5 * (np.linalg.norm(p, axis=1) > 0.9 * reach)
+        order = np.argsort(-score, kind="stable")[:_LOOKED_AT]
+        kept = []
+        for i in order.tolist():
+            q = postures[i]
+            if self.gap(q) < APART:
+                continue
+            weight = np.abs(self.mechanism.gravity(q)[0]) / torques
+            low = float(self.ends(q)[self._far(), :, 2].min(initial=0.0))
+            penalty = 2.0 * max(0.0, float(weight.max()) - 0.5) + 2.0 * max(0.0, -low)
+            kept.append((float(score[i]) - penalty, i))
+        for _, i in sorted(kept, reverse=True):
+            yield Found(postures[i], float(sigma[i]))
+
+    def walk(self, q: Array, twist: Array, length: float, least: float) -> Array | None:
+        """Return where a straight way of the tool ends, `twist` (6,) a metre, or None.
+
+        None where it would meet a limit, the arm itself, or a singular value below `least` [m].
+        """
+        steps = max(1, round(length / _STEP))
+        for _ in range(steps):
+            J = self.mechanism.kinematics(q, self.tool).J * self._weight[:, None]
+            wanted = twist * self._weight * (length / steps)
+            q = q + J.T @ np.linalg.solve(J @ J.T + 1e-8 * np.eye(6), wanted)
+            if self.outside(q) or self.sigma(q) < least or self.gap(q) < APART / 2:
+                return None
+        return q
+
+    def free(self, a: Array, b: Array) -> bool:
+        """Return whether the straight way between two postures is free of the arm itself."""
+        return all(
+            self.gap(a + s * (b - a)) > APART / 2 and not self.outside(a + s * (b - a))
+            for s in np.linspace(0.0, 1.0, 20)
+        )
+
+    def outside(self, q: Array, room: float = 0.02) -> bool:
+        """Return whether a joint is at a limit."""
+        return bool((q < self.lower + room).any() or (q > self.upper - room).any())
+
+    def _far(self) -> Array:
+        """Return which capsules more than two joints move (c,)."""
+        return np.asarray(self.capsules.moves.sum(axis=1) > 2)
+
+    def _gaps(self, q: Array) -> Array:
+        if not len(self._pairs):
+            return np.zeros(0)
+        ends = self.capsules.place(q[None]).ends
+        apart = measured(ends, (self._pairs[:, 0], self._pairs[:, 1]), empty().segments)[0]
+        return np.asarray(apart - self.capsules.radius[self._pairs].sum(axis=1))
