@@ -84,12 +84,12 @@ def test_bad_usage_is_one_line_and_code_2(argv, capsys):
     assert captured.err.count("\n") == 1
 
 
-def test_a_bad_cell_is_one_line_and_code_2(small, capsys):
+def test_a_bad_cell_is_a_line_for_each_mistake_and_code_2(small, capsys):
     assert main(["check", str(small.replace("node = 2", "node = 1"))]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith(f"telerobot: {small.cell}: mechanism.drives[1].node: value 1: ")
-    assert captured.err.count("\n") == 1
+    assert captured.err.count(f"{small.cell}: ") == captured.err.count("\n")
 
 
 @pytest.mark.parametrize(

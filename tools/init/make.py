@@ -16,8 +16,7 @@ from ..checks.findings import Status
 from ..checks.loops.stability import stability
 from .draft import Draft, text_of
 from .drives import cell_name, drive_of, limit_of, range_of
-from .payload import beyond
-from .robot import Arm
+from .robot import Arm, beyond
 from .script import Plan
 from .script import text_of as script_of
 from .shapes import Array

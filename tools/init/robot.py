@@ -14,7 +14,7 @@ from ...config.errors import ConfigError, nearest
 from ...config.urdf import read_tree
 from ...config.urdf_elements import inertial_fault
 from .capsules import Fit, extreme, fit
-from .shapes import Array, hull_of, link_shape
+from .shapes import Array, hull_of, link_shape, placement
 
 FINGERS: Final = 2
 """A branch of so many movable joints, or fewer, is a finger [1]."""
@@ -91,6 +91,39 @@ def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> Arm:
     if wrong:
         raise ConfigError(*wrong)
     return arm
+
+
+def beyond(arm: Arm) -> tuple[float, tuple[float, ...]]:
+    """Return mass [kg] and centre of mass (3,) [m] of the tip link and what it carries.
+
+    In the tip link's frame, all joints beyond it at zero.
+    """
+    below: dict[str, list[ET.Element]] = {}
+    for joint in arm.root.findall("joint"):
+        parent = joint.find("parent")
+        below.setdefault("" if parent is None else parent.get("link", ""), []).append(joint)
+    links = {link.get("name", ""): link for link in arm.root.findall("link")}
+    estimated = {given.link: given for given in arm.inertials}
+    mass, moment = 0.0, np.zeros(3)
+    waiting: list[tuple[str, Array, Array]] = [(arm.tip, np.eye(3), np.zeros(3))]
+    while waiting:
+        name, R, p = waiting.pop()
+        if name in estimated:
+            own, com = estimated[name].mass, estimated[name].com
+        else:
+            inertial = links[name].find("inertial")
+            told = None if inertial is None else inertial.find("mass")
+            own = 0.0 if told is None else float(told.get("value", "0"))
+            com = placement(inertial)[1]
+        mass += own
+        moment = moment + own * (p + R @ com)
+        for joint in below.get(name, []):
+            child = joint.find("child")
+            turn, shift = placement(joint)
+            if child is not None:
+                waiting.append((child.get("link", ""), R @ turn, p + R @ shift))
+    com = moment / mass if mass > 0.0 else moment
+    return round(mass, 4), tuple(com.round(4).tolist())
 
 
 def _look_at(

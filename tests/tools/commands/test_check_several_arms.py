@@ -71,7 +71,7 @@ def test_the_load_of_a_bus_is_that_of_all_devices_on_it(path):
         + "\n".join(
             f"{key} = {value!r}"
             for key, value in d.model_dump(
-                exclude={"joint", "node", "bus", "max_torque_rate"}
+                exclude={"joint", "node", "bus"}, exclude_none=True
             ).items()
         )
         + "\n"
