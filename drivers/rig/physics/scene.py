@@ -172,7 +172,8 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
     n = len(mechanism.drives)
     for geom in arm.geoms:
         of_arm(geom)
-        geom.density = 0.0  # a link weighs what its URDF or the cell says, and no more
+        if geom.parent.parent.name != WORLD:  # a link weighs what its URDF or the cell says
+            geom.density = 0.0
     for i, drive in enumerate(mechanism.drives):
         joint = arm.joint(drive.joint)
         if joint is None:
