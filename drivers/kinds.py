@@ -17,6 +17,7 @@ from ..protocols.canopen.cia402 import OperationMode
 from .canopen.enabling import EnablingInput
 from .canopen.gripper import GripperOutput
 from .canopen.servo import ServoDrive
+from .canopen.stop_ramp import StopRamp
 from .device import Device
 from .fieldbus import Fieldbus
 from .fieldbuses import Fieldbuses
@@ -75,11 +76,14 @@ def make_drivers(cell: Cell, buses: Fieldbuses) -> tuple[Device, ...]:
     """Return the drivers of a cell's devices, in the order of booting; none is opened yet."""
     by_name = {c.name: bus for c, bus in zip(cell.config.fieldbuses, buses, strict=True)}
     parts = cell.parts
+    together = {name for t in cell.joint_tasks if t.quick_stop == "in_proportion" for name in t.by}
     drivers = []
     for entry in cell.devices:
         part = cell if entry.part is None else parts[entry.part]
         make = KINDS[type(entry.section)].driver
         driver = make(entry.section, entry, by_name[entry.bus], part)
         driver.part = entry.part
+        if isinstance(driver, ServoDrive) and part.config.mechanism.name in together:
+            driver.ramp = StopRamp(by_name[entry.bus], driver.node, driver.drive)
         drivers.append(driver)
     return tuple(drivers)

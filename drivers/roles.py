@@ -74,6 +74,12 @@ class JointDrive(Device):
     def request_fault_reset(self) -> None:
         """Acknowledge trouble and stop, and reset the drive's fault."""
 
+    def tell_ramp(self, deceleration: float) -> None:
+        """Tell the ramp of a quick stop that is about to be sent [rad/s²].
+
+        A drive that cannot be told keeps its own.
+        """
+
     @abstractmethod
     def prepare(self, torque: float) -> bool:
         """Prepare the drive, while off, for its joint's position, and a torque that holds it [N·m].

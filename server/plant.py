@@ -227,8 +227,13 @@ class Plant:
         for drive in self.drives:
             drive.request_fault_reset()
 
-    def quick_stop(self) -> None:
-        """Stop every device by its own means, now: the drives on their own ramps."""
+    def quick_stop(self, ramps: Mapping[int, float] | None = None) -> None:
+        """Stop every device by its own means, now: the drives on their own ramps.
+
+        `ramps` [rad/s²] are told before to drives that can be, by their places among all.
+        """
+        for i, ramp in (ramps or {}).items():
+            self.drives[i].tell_ramp(ramp)
         for device in self.devices:
             device.stop()
 

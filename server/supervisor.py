@@ -57,7 +57,7 @@ class Supervisor:
 
     def quick_stop(self, trouble: Trouble, name: str) -> None:
         """Stop every drive on its own ramp, now, and tell why by an event of that name."""
-        self._plant.quick_stop()
+        self._plant.quick_stop(self._units.stop_ramps)
         self._trouble = trouble
         self.mode = Mode.FAULT
         self.enabled_since = None

@@ -1,6 +1,6 @@
 """Schema of a task that several mechanisms hold together."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -46,6 +46,11 @@ class JointTask(Section):
     )
     most_internal: float = Field(
         60.0, gt=0, le=1e5, description="internal force beyond which the arms stop [N]"
+    )
+    quick_stop: Literal["in_proportion", "each"] = Field(
+        "in_proportion",
+        description="in_proportion: drives are told ramps by which all joints come to rest "
+        "together (6085h by RPDO2); each: every joint by its own quick_stop_deceleration",
     )
     T_world_crf: Pose = Field(
         default_factory=Pose, description="control reference frame in World, at start"

@@ -24,6 +24,7 @@ from .controlword import next_word
 from .position import JointPosition
 from .setpoint import Setpoint
 from .standstill import Standstill
+from .stop_ramp import StopRamp
 
 BOOT_TIMEOUT_S: Final = 2.0
 _ENABLED: Final = DriveState.OPERATION_ENABLED
@@ -62,12 +63,14 @@ class ServoDrive(JointDrive):
         dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
         self.answer_stamp = 0.0
         """The bus' stamp of the newest TPDO1, which a SYNC asked for [s], on the bus' own clock."""
-        self._node = fieldbus.add_node(drive.node, dictionary)
-        self._standstill = Standstill(self._node, drive, mode, lower, upper)
-        self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
-        self._node.emcy.add_callback(self._on_emcy)
+        self.node = fieldbus.add_node(drive.node, dictionary)
+        self._standstill = Standstill(self.node, drive, mode, lower, upper)
+        self.node.nmt.add_heartbeat_callback(self._on_heartbeat)
+        self.node.emcy.add_callback(self._on_emcy)
         fieldbus.listen(can301.tpdo1_id(drive.node), self._on_feedback)
         self._rpdo_id = can301.rpdo1_id(drive.node)
+        self.ramp: StopRamp | None = None
+        """Tells the drive the ramp of a quick stop, set before it is opened; None: its own."""
         self._booted = self._opened = False
         self._forget()
 
@@ -88,17 +91,17 @@ class ServoDrive(JointDrive):
         """Reset the node's communication, configure it and start it. Blocks; `DeviceError`."""
         self._booted = self._opened = False
         try:
-            self._node.nmt.send_command(can301.NmtCommand.RESET_COMMUNICATION)
+            self.node.nmt.send_command(can301.NmtCommand.RESET_COMMUNICATION)
             if not self._bus.wait_until(lambda: self._booted, BOOT_TIMEOUT_S):
-                raise DeviceError(
-                    f"{self.name} (node {self.drive.node}): no boot-up message within "
-                    f"{BOOT_TIMEOUT_S} s of a reset"
-                )
+                missing = f"no boot-up message within {BOOT_TIMEOUT_S} s of a reset"
+                raise DeviceError(f"{self.name} (node {self.drive.node}): {missing}")
             servo_setup.configure(
-                self._node, self.drive, self._timing, *self._limits, self._mode, self._bus.pause
+                self.node, self.drive, self._timing, *self._limits, self._mode, self._bus.pause
             )
+            if self.ramp is not None:
+                self.ramp.map()
             self._standstill.configured()
-            self._node.nmt.send_command(can301.NmtCommand.START)
+            self.node.nmt.send_command(can301.NmtCommand.START)
         except can.CanError as error:
             raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
         self._forget()
@@ -120,8 +123,7 @@ class ServoDrive(JointDrive):
     def read(self) -> ServoReading:
         """Return what the drive last said, and what is wrong with it."""
         age = self._bus.sync_count - self._answered_sync
-        if self._heartbeat_s is None:
-            self._heartbeat_s = self._bus.now
+        self._heartbeat_s = self._bus.now if self._heartbeat_s is None else self._heartbeat_s
         wrong = self._judge(age)
         if self._reset_sync is not None:
             # A drive that has not spoken since is not yet well: it may still be in its fault.
@@ -134,14 +136,13 @@ class ServoDrive(JointDrive):
         last, drive = self._feedback, self.drive
         if last is None:
             return ServoReading.of_none(age, self._trouble)
-        torque = last.torque * 1e-3 * drive.rated_torque * drive.direction
         return ServoReading(
             ready=True,
             fresh=age == 0,
             age_syncs=age,
             sampled_s=self._sampled_s,
             position_rad=self._position.rad,
-            torque_nm=torque,
+            torque_nm=last.torque * 1e-3 * drive.rated_torque * drive.direction,
             velocity_rad_s=None,
             state=self._state,
             obeyed=self._obeyed,
@@ -196,6 +197,11 @@ class ServoDrive(JointDrive):
         self._bus.send(self._rpdo_id, self._setpoint.pack(word, raw))
         return Sent(word, raw, self._setpoint.command(raw))
 
+    def tell_ramp(self, deceleration: float) -> None:
+        """Send the ramp of a quick stop, which the drive takes over at once [rad/s²]."""
+        if self.ramp is not None and self._opened and not self._stopped:
+            self.ramp.send(deceleration)
+
     def stop(self) -> None:
         """Send the quick stop now, and with every write until a reset."""
         self._stopped = True
@@ -210,9 +216,9 @@ class ServoDrive(JointDrive):
         """Take the voltage off and leave the node in *Pre-operational*. Never raises."""
         word, self._opened = Control.DISABLE_VOLTAGE.to_bytes(2, "little"), False
         with suppress(SdoError, can.CanError, OSError):
-            self._node.sdo.download(Object.CONTROLWORD, 0, word)
+            self.node.sdo.download(Object.CONTROLWORD, 0, word)
         with suppress(can.CanError, OSError):
-            self._node.nmt.send_command(can301.NmtCommand.PRE_OPERATIONAL)
+            self.node.nmt.send_command(can301.NmtCommand.PRE_OPERATIONAL)
         self._forget()
 
     def _aim(self, target: DriveState) -> None:

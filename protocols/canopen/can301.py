@@ -18,6 +18,8 @@ DEFAULT_PDOS: Final = 4
 """Number of PDOs per direction that the pre-defined connection set gives a node."""
 EVERY_SYNC: Final = 1
 """Transmission type: sampled, or applied, at every SYNC."""
+AT_ONCE: Final = 255
+"""Transmission type: applied when it comes, by no SYNC."""
 EMCY_MANUFACTURER_BYTES: Final = 5
 """Length of the manufacturer's part of an emergency message [byte]."""
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ...config.load import Cell, grasp_part, joint_part
 from ...config.schema.joint_task import JointTask
 from ...protocols.messages import messages as m
@@ -13,6 +15,7 @@ from ..control.evolve import evolve
 from ..control.frame_tree import Mount
 from ..control.spatial import Array, Pose
 from ..control.state import Inputs, Intent, Output
+from ..control.stop.quick_stop import ramps_in_proportion
 from ..control.task.asked import ViewGoal
 from ..mode import Mode
 from ..perception.cameras import VisionTracker
@@ -23,6 +26,9 @@ from ..runtime.events import Events
 from ..stability.gains import gain_check
 from .tick_inputs import tick_inputs
 from .unit import Unit, mrf_in_force
+
+REFERENCE_LAG = 2
+"""A drive follows the command of so many periods ago [1]."""
 
 WEIGHED_ALONE = (requests.PayloadRequest, requests.TareRequest)
 """What a sensor that carries its share of a payload cannot tell."""
@@ -61,6 +67,8 @@ class JointUnit:
         """The arms hold the payload."""
         self.output: Output | None = None
         """Output of the task in the last tick; None while it is off."""
+        self.in_proportion = section.quick_stop == "in_proportion"
+        """A quick stop is told the ramps by which all joints come to rest together."""
         self._told = [0] * len(units)
 
     @property
@@ -169,6 +177,25 @@ class JointUnit:
         if not self.vision.watching or inputs.intent is not Intent.MOVE:
             return inputs
         return evolve(inputs, view=self._view(self.vision.goal(moved.base.T)))
+
+    def stop_ramps(self) -> dict[int, float]:
+        """Return the ramps by which all joints of its arms come to rest together [rad/s²].
+
+        By the joints' places in the cell; none before the first tick.
+        """
+        told = [(unit, unit.output) for unit in self.units if unit.output is not None]
+        if len(told) < len(self.units):
+            return {}
+        dq = np.concatenate([output.dq for _, output in told])
+        drives = [d for unit in self.units for d in unit.cell.config.mechanism.drives]
+        period_s = self.arm.p.period_s
+        ramps = ramps_in_proportion(
+            dq,
+            np.array([d.quick_stop_deceleration for d in drives]),
+            np.array([REFERENCE_LAG * period_s * d.max_acceleration for d in drives]),
+        )
+        places = [i for unit in self.units for i in range(unit.joints.start, unit.joints.stop)]
+        return dict(zip(places, ramps.tolist(), strict=True))
 
     def keep(self, output: Output | None) -> None:
         """Take in what a tick decided of the task; None while it is off."""

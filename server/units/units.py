@@ -180,6 +180,18 @@ class Units:
             return None
         return errors[0] if len(errors) == 1 else np.concatenate(errors)
 
+    @property
+    def stop_ramps(self) -> dict[int, float]:
+        """Ramps of a quick stop now, of joints that are to come to rest together [rad/s²].
+
+        By the joints' places in the cell: those of arms that hold a payload together.
+        """
+        found: dict[int, float] = {}
+        for joint in self.joint:
+            if joint.on and joint.in_proportion:
+                found.update(joint.stop_ramps())
+        return found
+
     def holding(self, q: Array) -> Array:
         """Return the torques (n,) that hold all joints at rest at q (n,) [N·m]."""
         held = [unit.holding(q[unit.joints]) for unit in self.each]

@@ -176,3 +176,14 @@ def test_only_who_holds_a_payload_can_lose_it(play):
     fault = {"at_s": 0.05, "rig/fault": {"kind": "slip", "target": "force_torque"}}
     run = play(fault, seconds=0.1)
     assert "slip: force_torque holds no payload with others" in run.summary["failure"]
+
+
+def test_joints_of_one_payload_come_to_rest_together_in_a_quick_stop(play, cell):
+    run = play(
+        {"at_s": 0.05, "for_s": 2.0, "cmd/joystick": {**BACK, "twist": [-0.25, 0, 0, 0, 0, 0]}},
+        {"at_s": 0.5, "rig/fault": {"kind": "emcy", "target": "left.w2"}},
+        seconds=0.8,
+        cell=cell,
+    )
+    assert run.summary["mode"] == "fault"
+    assert run.summary["internal_force_n"]["max"] < 16.0  # 20.8 with each joint on its own ramp

@@ -58,7 +58,7 @@ class CanNode:
     def on_written(self, index: int, subindex: int, value: int) -> None:
         """An object was written, over SDO or by an RPDO. May raise `WrongStateError`."""
 
-    def on_rpdo(self) -> None:
+    def on_rpdo(self, _pdo: Pdo) -> None:
         """All objects of one RPDO have been written."""
 
     def on_setpoint_frame(self) -> None:
@@ -189,7 +189,7 @@ class CanNode:
     def _apply(self, pdo: Pdo, data: bytes) -> None:
         for key, value in zip(pdo.keys, pdo.layout.unpack_from(data), strict=True):
             self.objects[key] = value
-        self.on_rpdo()
+        self.on_rpdo(pdo)
 
     def _map_pdos(self) -> dict[int, Pdo]:
         if self._rpdos is None:

@@ -11,6 +11,7 @@ from ....protocols.canopen.cia401 import KEEP, Object
 from .bench import Bench
 from .can_node import CanNode
 from .link import NodeLink
+from .pdo import Pdo
 
 EDS = Path(__file__).resolve().parents[3] / "config" / "devices" / "simulated_output.eds"
 
@@ -53,7 +54,7 @@ class SimulatedGripper(CanNode):
         if index == Object.WRITE_OUTPUT:
             self._grasp(self.closed)
 
-    def on_rpdo(self) -> None:
+    def on_rpdo(self, _pdo: Pdo) -> None:
         """Act on the output's new value."""
         self._grasp(self.closed)
 

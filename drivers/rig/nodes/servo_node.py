@@ -34,6 +34,7 @@ from .drive_setpoint import deceleration, follow, tune
 from .joint_faults import inject_at_joint
 from .link import NodeLink
 from .objects import WrongStateError
+from .pdo import Pdo
 
 _AT_ONCE = 0
 _STAYS = frozenset((5, 6))
@@ -68,7 +69,7 @@ class SimulatedDrive(CanNode):
         self._broken = False
         self._controlword = 0
         self._error = EmcyCode.NO_ERROR
-        self._follows_at_s = NEVER
+        self._follows_at_s = self._lets_go_at_s = NEVER
         self._setpoint_s = 0.0
         self._cut = False
         live = self.objects.live
@@ -152,8 +153,10 @@ class SimulatedDrive(CanNode):
         """Restart the watch for setpoints."""
         self._setpoint_s = self.clock()
 
-    def on_rpdo(self) -> None:
-        """Obey the controlword, then follow the setpoint of the mode."""
+    def on_rpdo(self, _pdo: Pdo) -> None:
+        """Obey the controlword, then follow the setpoint of the mode, of a PDO that has them."""
+        if (Object.CONTROLWORD, 0) not in _pdo.keys:
+            return
         self._obey(self.objects[Object.CONTROLWORD, 0])
         if self.state is _ENABLED:
             self._follow()
@@ -178,6 +181,8 @@ class SimulatedDrive(CanNode):
         """Do what is due: brake and torque, ends of ramps, watches."""
         super().tick()
         now = self.clock() + 1e-7
+        if now >= self._lets_go_at_s:
+            self._let_go()
         if now >= self._follows_at_s:
             self._begin()
         if self._loop.steps_beyond[self._joint]:
@@ -191,7 +196,7 @@ class SimulatedDrive(CanNode):
         if self.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE):
             self._end_of_ramp()
             self.due_s = 0.0
-        self.due_s = min(self.due_s, self._follows_at_s)
+        self.due_s = min(self.due_s, self._follows_at_s, self._lets_go_at_s)
 
     def _obey(self, word: int) -> None:
         before, previous = self.state, self._controlword
@@ -215,6 +220,7 @@ class SimulatedDrive(CanNode):
     def _enable(self) -> None:
         if self._mode not in _MODES:
             return
+        self._let_go()
         sags = self._sag_s > 0.0
         if sags:
             self._world.set_brake(self._joint, closed=False)
@@ -238,18 +244,28 @@ class SimulatedDrive(CanNode):
         self._setpoint_s = self.clock()
         self.state = _ENABLED
 
-    def _disable(self, state: DriveState) -> None:
-        self._power_off()
+    def _disable(self, state: DriveState, *, at_once: bool = False) -> None:
+        self._power_off(at_once=at_once)
         self.state = state
 
-    def _power_off(self) -> None:
+    def _power_off(self, *, at_once: bool = False) -> None:
+        """Close the brake, and hold the joint until it has closed; not if the power is lost."""
         self._follows_at_s = NEVER
-        self._loop.release(self._joint)
         self._world.set_brake(self._joint, closed=True)
+        delay_s = self._world.brakes.delay_s(self._joint)
+        if at_once or delay_s <= 0.0:
+            self._let_go()
+        elif self._lets_go_at_s == NEVER:
+            self._lets_go_at_s = self.clock() + delay_s
+            self.due_s = min(self.due_s, self._lets_go_at_s)
+
+    def _let_go(self) -> None:
+        self._lets_go_at_s = NEVER
+        self._loop.release(self._joint)
 
     def _quick_stop(self) -> None:
         if self.objects[Object.QUICK_STOP_OPTION, 0] == _AT_ONCE:
-            self._disable(DriveState.SWITCH_ON_DISABLED)
+            self._disable(DriveState.SWITCH_ON_DISABLED, at_once=True)
             return
         self.state = DriveState.QUICK_STOP_ACTIVE
         self._ramp_down()
@@ -277,7 +293,7 @@ class SimulatedDrive(CanNode):
             self.state = DriveState.FAULT_REACTION_ACTIVE
             self._ramp_down()
         else:
-            self._disable(DriveState.FAULT)
+            self._disable(DriveState.FAULT, at_once=True)
 
     def _reset_fault(self) -> None:
         still = (self._error is EmcyCode.HEARTBEAT and self.master_lost) or self._broken

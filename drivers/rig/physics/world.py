@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ....config.load import Cell
 from ....config.schema.rig.rig import RigGripper
 from .beam import Beam
+from .brakes import Brakes
 from .chassis import GRIP, ROLLS
 from .distances import WorldDistances
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
@@ -60,10 +61,14 @@ class World:
             self._arm(part, prefix) for part, prefix in zip(cell.parts, prefixes(cell), strict=True)
         )
         self._root_of = self.model.body_rootid[self.model.geom_bodyid]
-        self._lock_ids = [int(self.model.equality(f"{name}_lock").id) for name in cell.joints]
-        self._locks = np.zeros((self.n, 2), dtype=bool)  # brake, jam
         arm = slice(self._first, self._first + self.n)
-        self._friction = self.model.dof_frictionloss[arm].copy()
+        behind = [
+            (len(p.config.mechanism.drives), p.config.rig.drive) for p in cell.parts if p.config.rig
+        ]
+        self.q: Vector = self.data.qpos[self._first + self.rolls :][: self.n]
+        self.dq: Vector = self.data.qvel[arm]
+        self.brakes = Brakes(self.model, self.data, cell.joints, self._first, self.q, behind)
+        """What keeps joints from moving: brakes, jams, friction."""
         self.ahead_s = 0.0
         """How far the bus' time is ahead of the state [s]: a SYNC comes between two steps."""
         self._pushes: dict[int, Vector] = {}
@@ -72,11 +77,8 @@ class World:
         roots = [arm.root for arm in self._arms]
         self.distances = WorldDistances(self.model, self.data, self._fixed, roots)
         """Of arms from what stands around them, and from each other."""
-        self.q: Vector = self.data.qpos[self._first + self.rolls :][: self.n]
-        self.dq: Vector = self.data.qvel[arm]
         self.q[:] = [q for part in cell.parts for q in part.config.mechanism.postures["start"]]
-        for joint in range(self.n):
-            self.set_brake(joint, closed=True)
+        self.brakes.lock()
         self.beam: Beam | None = None
         """The payload that the arms of a joint task hold; None where they hold nothing."""
         if cell.config.rig.beam is not None:
@@ -112,6 +114,7 @@ class World:
 
     def step(self, torque: Vector) -> None:
         """Advance by one physics step under joint torques (n,) [N·m]."""
+        self.brakes.step()
         self.data.ctrl[:] = torque
         if self.beam is not None:
             self.beam.clear()
@@ -127,16 +130,16 @@ class World:
     # --- what holds and pushes the arm --------------------------------------------------------
 
     def set_brake(self, joint: int, *, closed: bool) -> None:
-        """Close or open the holding brake of a joint; a closed one holds it where it is."""
-        self._set_lock(joint, 0, closed)
+        """Close or open the holding brake of a joint; one that has closed holds it where it is."""
+        self.brakes.set(joint, closed=closed)
 
     def set_jam(self, joint: int, *, jammed: bool) -> None:
         """Block a joint mechanically where it is, or free it."""
-        self._set_lock(joint, 1, jammed)
+        self.brakes.jam(joint, jammed=jammed)
 
     def set_extra_friction(self, joint: int, torque: float) -> None:
         """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
-        self.model.dof_frictionloss[self._first + joint] = self._friction[joint] + torque
+        self.brakes.stick(joint, torque)
 
     def set_grip(self, joint: int, friction: float = GRIP) -> None:
         """Change how a wheel grips the floor: its friction [1]. Raises `ValueError` for another."""
@@ -172,14 +175,6 @@ class World:
         self._swells.pop(tip, None)
         if force is not None and duration_s is not None:
             self._swells[tip] = self.time_s, duration_s
-
-    def _set_lock(self, joint: int, which: int, on: bool) -> None:
-        was = bool(self._locks[joint].any())
-        self._locks[joint, which] = on
-        now = bool(self._locks[joint].any())
-        if now and not was:
-            self.model.eq_data[self._lock_ids[joint], 0] = self.q[joint]
-        self.data.eq_active[self._lock_ids[joint]] = now
 
     def _push(self, body: int, force: Vector | None) -> None:
         if force is None:
