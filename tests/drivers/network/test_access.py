@@ -16,7 +16,7 @@ REQUESTS = {key for key in EVERY_KEY if key.startswith("operator/")}
 TELEMETRY = {"tlm/state", "tlm/event", "tlm/description", "tlm/reflection", "tlm/tick"}
 FAULTS = {"rig/fault", "rig/motion"}
 TRUTH = {"rig/truth"}
-SENSORS = {"sensor/vision", "sensor/obstacle", "sensor/frame"}
+SENSORS = {"sensor/vision", "sensor/obstacle", "sensor/contour", "sensor/frame"}
 
 MAY = {
     "operator-ann": {"put": COMMANDS, "ask": REQUESTS, "hear": TELEMETRY},
