@@ -10,7 +10,7 @@ from telerobot.protocols.roles import Grant
 from telerobot.tools.certify.authority import Authority
 
 HOSTS = ("localhost", "127.0.0.1", "::1")
-ALL_SENSORS = ("pa10/sensor/vision", "pa10/sensor/obstacle", "pa10/sensor/frame")
+ALL_SENSORS = tuple(f"pa10/sensor/{of}" for of in ("vision", "obstacle", "contour", "frame"))
 HOLDERS = {
     "daemon-pa10": ("pa10/daemon",),
     "daemon-ur5e": ("ur5e/daemon",),
