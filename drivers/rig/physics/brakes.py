@@ -4,7 +4,8 @@ A brake closes a while after its coil was switched off; then it slips with its t
 joint stands, and holds it where that is, whatever pulls. Without a torque of its own it locks at
 once. Servo motors' brakes take 10 to 30 ms with their coils switched on the DC side, 65 to 150 ms
 on the AC side (Mitsubishi Electric, MELSERVO-J2-Super instruction manual, 10.1.3, braking delay
-time; mayr, ROBA-servostop 8982, 5.2.6, connection time).
+time; mayr, ROBA-servostop 8982, 5.2.6, connection time), and hold 120 % of the rated torque and
+more (Yaskawa Electric, servo motors with holding brakes).
 """
 
 from collections.abc import Sequence
