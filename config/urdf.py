@@ -69,18 +69,18 @@ class Robot:
         """Return the names of links whose shape holds a mesh: capsules have to stand for it."""
         return mesh_links(read_tree(self.urdf))
 
-    def description(self, root_link: str | None = None) -> str:
+    def description(self, root_link: str | None = None, *, looks: bool = False) -> str:
         """Return a plain URDF: each continuous joint of the chain as a bounded revolute one.
 
         Numbers are written in one way; joints outside of the chain are fixed, at zero; meshes and
-        all that is only looked at are left out; inertias are those that the cell has. With
-        `root_link` the root is called so.
+        all that is only looked at are left out, unless `looks`; inertias are those that the cell
+        has. With `root_link` the root is called so.
 
         Libraries give a continuous joint two coordinates; a drive has one.
         """
         root = read_tree(self.urdf)
         give_inertials(root, self.urdf, self.inertials)
-        simplify(root, [joint.name for joint in self.joints], root_link)
+        simplify(root, [joint.name for joint in self.joints], root_link, looks=looks)
         normalise(root)
         known = {joint.name: joint for joint in self.joints}
         for element in root.findall("joint"):

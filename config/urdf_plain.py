@@ -53,13 +53,18 @@ def give_inertials(root: ET.Element, urdf: Path, inertials: Iterable[LinkInertia
         ET.SubElement(inertial, "inertia", dict(zip(names, map(repr, given.inertia), strict=True)))
 
 
-def simplify(root: ET.Element, moved: Collection[str], root_link: str | None) -> None:
-    """Leave the joints in `moved` movable, fix all others at zero, and drop meshes and looks."""
+def simplify(
+    root: ET.Element, moved: Collection[str], root_link: str | None, *, looks: bool
+) -> None:
+    """Leave the joints in `moved` movable, fix all others at zero, and drop meshes and looks.
+
+    With `looks` what is to be looked at stays, meshes among it.
+    """
     for element in list(root):
-        if element.tag in _LOOKED_AT:
+        if element.tag in _LOOKED_AT and not looks:
             root.remove(element)
     for link in root.findall("link"):
-        for shape in (*link.findall("visual"), *link.findall("collision")):
+        for shape in () if looks else (*link.findall("visual"), *link.findall("collision")):
             if shape.tag == "visual" or shape.find("geometry/mesh") is not None:
                 link.remove(shape)
     children = set()

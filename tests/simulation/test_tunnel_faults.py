@@ -1,5 +1,7 @@
 """Inside a tunnel a snake gives way to what it meets, and a drive's fault touches no wall."""
 
+from dataclasses import replace
+
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.tools.simulation.simulation import simulate
@@ -31,13 +33,15 @@ def test_a_drive_that_faults_inside_stops_all_and_touches_no_wall(play, speed, j
     assert run.summary["min_clearance_m"] > 0.005
 
 
-def test_a_joint_that_is_blocked_inside_holds_up_all_and_lets_the_arm_withdraw(play):
+def test_without_touch_a_joint_blocked_inside_holds_up_all_and_lets_the_arm_withdraw(play):
+    snake = load_cell("snake")
+    unfeeling = replace(snake, config=snake.config.model_copy(update={"touch": None}))
     run = play(
         {"at_s": 0.3, "cmd/drive": {"rates": [0.08]}},
         {"at_s": 1.1, "rig/fault": {"kind": "block", "target": "j22"}},
         {"at_s": 2.2, "cmd/drive": {"rates": [-0.06]}},
         seconds=2.9,
-        cell=load_cell("snake"),
+        cell=unfeeling,
     )
     assert run.result.ok
     depth = {t: run.at(t).insertion["depth"] for t in (1.1, 1.6, 2.1, 2.8)}

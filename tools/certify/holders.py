@@ -5,6 +5,7 @@ import ipaddress
 import re
 import socket
 from dataclasses import dataclass
+from typing import Final
 
 from ...config.load import Cell
 from ...drivers.network.certificates import AUTHORITY, certificate, issued
@@ -21,6 +22,10 @@ class Holder:
     """The common name."""
     grants: frozenset[Grant]
     hosts: frozenset[str] = frozenset()
+
+
+PUTS: Final = {"contour": ("sensor/contour", "sensor/obstacle")}
+"""Keys of a sensor that puts on more than its own: a scanner tells of obstacles, too."""
 
 
 def named(cells: list[Cell], args: argparse.Namespace) -> list[Holder]:
@@ -40,7 +45,7 @@ def named(cells: list[Cell], args: argparse.Namespace) -> list[Holder]:
     operators, observers, sensors = args.operator, args.observer, args.sensor
     if not (operators or observers or sensors or args.router):
         operators, observers = ["operator"], ["observer"]
-        sensors = [(key, (f"sensor/{key}",)) for key in _used(cells)]
+        sensors = [(key, PUTS.get(key, (f"sensor/{key}",))) for key in _used(cells)]
     for role, each in ((Role.OPERATOR, operators), (Role.OBSERVER, observers)):
         made += [
             Holder(f"{role}-{who}", frozenset(Grant(cell, role) for cell in names)) for who in each
@@ -81,6 +86,7 @@ def _used(cells: list[Cell]) -> list[str]:
     used = {
         "vision": any(cell.config.cameras for cell in cells),
         "obstacle": any(cell.config.keeps_clear for cell in cells),
+        "contour": any(cell.config.scanner is not None for cell in cells),
         "frame": any(cell.config.frames.moving for cell in cells),
     }
     return [key for key in sensor_keys() if used[key]]

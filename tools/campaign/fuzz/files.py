@@ -43,8 +43,9 @@ def play(seed: int) -> Outcome:
                     outcome.inputs["cells simulated"] += 1
                     Simulation(cell, Script(duration_s=0.2), cameras=lambda _s: Blind()).run()
             except ConfigError as refusal:
-                if "\n" in str(refusal) or len(str(refusal)) > 1000:
-                    outcome.reasons.append(f"{what}: not one line: {str(refusal)[:100]!r}")
+                lines = str(refusal).splitlines()
+                if not all(line.startswith(folder) and len(line) <= 1000 for line in lines):
+                    outcome.reasons.append(f"{what}: not a line each: {str(refusal)[:100]!r}")
             except DeviceError:
                 outcome.inputs["devices refused"] += 1
             except Exception as error:  # noqa: BLE001  that nothing else is raised is what is tried

@@ -34,8 +34,9 @@ def test_rates_do_not_jump_where_an_arm_crosses_a_singularity(name):
         jumps, crossed = arm.line(rng).jumps()
         assert jumps == []
         crossings += crossed
-    # Thirty joints are seldom singular.
-    assert crossings > (10 if len(cell.robot.joints) < 20 else 1)
+    # Thirty joints are seldom singular; ways along joints beside the chain cross nothing.
+    seldom = bool(cell.config.mechanism.beside_chain)
+    assert crossings > (5 if seldom else 10 if len(cell.robot.joints) < 20 else 1)
 
 
 @pytest.mark.parametrize("name", ["planar of five", "five joints", "planar of three"])

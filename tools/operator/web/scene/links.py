@@ -30,7 +30,7 @@ def described_links(cell: Cell) -> list[dict[str, Any]]:
 
 
 def _tree(part: Cell, before: int, first: int, meshes: Mapping[Path, str]) -> list[dict[str, Any]]:
-    root = ET.fromstring(part.robot.description())
+    root = ET.fromstring(part.robot.description(looks=True))
     colours = colours_of(root)
     index = {joint.name: first + i for i, joint in enumerate(part.robot.joints)}
     by_name = {link.get("name", ""): link for link in root.findall("link")}

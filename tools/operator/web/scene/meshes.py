@@ -46,7 +46,7 @@ def resolved(urdf: Path, filename: str) -> Path | None:
 def _numbered(cell: Cell) -> list[tuple[str, Path]]:
     found: list[Path] = []
     for part in cell.parts:
-        root = ET.fromstring(part.robot.description())
+        root = ET.fromstring(part.robot.description(looks=True))
         for mesh in root.iter("mesh"):
             file = resolved(part.robot.urdf, mesh.get("filename", ""))
             if file is not None and file.suffix.lower() in SUFFIXES and file not in found:
