@@ -77,9 +77,9 @@ def test_a_recorder_that_is_killed_leaves_a_run_that_others_read_and_that_replay
         assert limited.stderr.read().count("recording ended") == 1
     finally:
         for each in (child, limited):
-            if each is not None and each.poll() is None:
-                each.send_signal(signal.SIGKILL)
-                each.wait()
+            if each is not None:
+                each.send_signal(signal.SIGKILL)  # nothing, to one that has ended
+                each.communicate()
     (path,) = (tmp_path / "run").iterdir()
     replay = Replay(path, read_cell(path))
     moved = [tick.outputs[0].q for tick in replay.run()]
