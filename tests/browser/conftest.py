@@ -164,6 +164,13 @@ class Site:
             self.plant.turn()
             assert time.monotonic() < deadline_s, f"{why}; {self.plant.told()}"
 
+    def soon(self, done):
+        """Return whether something comes to hold within `AGAIN_S`."""
+        deadline_s = time.monotonic() + AGAIN_S
+        while not done() and time.monotonic() < deadline_s:
+            self.plant.turn()
+        return done()
+
     def speed(self):
         """Return how fast the arm's joints move, in truth [rad/s]."""
         self.plant.turn()
