@@ -1,4 +1,4 @@
-"""What the scanner's process tells the daemon of what is ahead of the arm."""
+"""Contour message: obstacles ahead of the arm, from the scanner's process to the daemon."""
 
 from typing import Annotated, Final, Literal
 

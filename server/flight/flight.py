@@ -1,4 +1,4 @@
-"""What the cycle tells its flight recorder: every tick, and when the mode changes."""
+"""Flight recorder of the cycle: it keeps every tick, and acts when the mode changes."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""What a contour ahead does to one tick: a base that is driven ahead slows down, the arm folds.
+"""Effect of a contour ahead on a tick: a base that is driven ahead slows down, the arm folds.
 
 An axis that sweeps goes on sweeping. Avoidance switched off leaves the rest to the operator.
 """

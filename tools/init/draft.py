@@ -1,4 +1,4 @@
-"""What `init` knows of a cell while it makes one, and the text of its file."""
+"""Draft of a cell while `init` makes it, and the text of its file."""
 
 import math
 from dataclasses import dataclass, field

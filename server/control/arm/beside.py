@@ -1,4 +1,4 @@
-"""What is asked of joints beside the twists of a task, added to one arm's joint rates."""
+"""Joint rates that are asked for beside the twists of a task, added to one arm's own."""
 
 from ..mechanism.joint_motion import FOLDING
 from ..mechanism.kinematics import Kinematics

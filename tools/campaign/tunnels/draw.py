@@ -1,4 +1,4 @@
-"""What the part `tunnel` draws: tunnels, gaps between them, drives, and what the operator does."""
+"""Draws of the part `tunnel`: tunnels, gaps between them, drives, and the operator's acts."""
 
 import math
 from dataclasses import replace

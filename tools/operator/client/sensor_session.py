@@ -1,4 +1,4 @@
-"""What processes that tell the daemon of the world have in common: they dial, and look for news."""
+"""Session of a process that tells the daemon of the world: it dials, and looks for news."""
 
 import sys
 import time
