@@ -6,10 +6,8 @@ hardware tells. Either way the same code looks at the picture.
 """
 
 import argparse
-import signal
 import time
 from pathlib import Path
-from types import FrameType
 from typing import Protocol
 
 from ...config.load import Cell, ConfigError
@@ -25,6 +23,7 @@ from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
+from ..host.ending import until_told
 from ..operator.client.sensor_session import Over, dial, newest
 from ..operator.client.session import Session
 from ..simulation.pictures import told
@@ -115,22 +114,11 @@ def run(args: argparse.Namespace) -> int:
         wanted = "cameras" if args.camera is None else f"camera {args.camera!r}"
         raise ConfigError(f"{cell.path}: cameras: the cell has no {wanted}")
     identity = identity_of(cell, Role.SENSOR, "vision", t.SIGHTING.key)
-    asked: list[int] = []
-
-    def on_signal(number: int, _frame: FrameType | None) -> None:
-        asked.append(number)
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, on_signal)
+    over = until_told(args.seconds)
     world = _World(cell) if any(c.device is None for c in cameras) else None
     lookers = [Looker(c, _eye(c, world), cell.config.timing.period_s) for c in cameras]
     if args.pictures is not None:
         args.pictures.mkdir(parents=True, exist_ok=True)
-    end_s = None if args.seconds is None else time.monotonic() + args.seconds
-
-    def over() -> bool:
-        return bool(asked) or (end_s is not None and time.monotonic() > end_s)
-
     session = dial(cell, identity, over, f"the cameras of {cell.config.name} are looking")
     if session is not None:
         try:

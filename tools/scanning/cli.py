@@ -6,11 +6,9 @@ ahead.
 """
 
 import argparse
-import signal
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from types import FrameType
 
 from ...drivers.network.identity import identity_of
 from ...drivers.scanner.client import ScannerClient
@@ -23,6 +21,7 @@ from ...protocols.sick.cola import TelegramError
 from ...protocols.sick.scan_data import Scan
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
+from ..host.ending import until_told
 from ..operator.client.sensor_session import Over, dial
 from ..operator.client.session import Session
 from .geometry import instant_of
@@ -47,18 +46,7 @@ def run(args: argparse.Namespace) -> int:
     # Silence for as long as a search takes would stop the base.
     scanning.reflex.elsewhere = ThreadPoolExecutor(1)
     identity = identity_of(cell, Role.SENSOR, "scan", t.CONTOUR.key)
-    asked: list[int] = []
-
-    def on_signal(number: int, _frame: FrameType | None) -> None:
-        asked.append(number)
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, on_signal)
-    end_s = None if args.seconds is None else time.monotonic() + args.seconds
-
-    def over() -> bool:
-        return bool(asked) or (end_s is not None and time.monotonic() > end_s)
-
+    over = until_told(args.seconds)
     session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
     work = None
     if session is not None:

@@ -16,10 +16,10 @@ RETRY_S = 0.5
 """While nobody answers, the daemon is dialled again after [s]."""
 
 
-def dial(cell: Cell, identity: Identity | None, over: Over, ready: str) -> Session | None:
+def dial(cell: Cell, identity: Identity | None, over: Over, ready: str = "") -> Session | None:
     """Return a session with the daemon, however long it takes to appear; None when told to end.
 
-    `ready` is what is printed then.
+    `ready` is printed then, if given.
     """
     told_so = False
     while not over():
@@ -31,7 +31,8 @@ def dial(cell: Cell, identity: Identity | None, over: Over, ready: str) -> Sessi
                 print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
             time.sleep(RETRY_S)
         else:
-            print(f"telerobot: {ready}", flush=True)
+            if ready:
+                print(f"telerobot: {ready}", flush=True)
             return session
     return None
 

@@ -1,20 +1,18 @@
 """`telerobot record CELL`: a running cell as MCAP files, by a process of its own."""
 
 import argparse
-import signal
 import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
-from ....config.load import Cell
-from ....drivers.network.identity import Identity, identity_of
+from ....drivers.network.identity import identity_of
 from ....protocols.topics import Role
 from ...host.address import add_cell_arguments, cell_from, duration
-from ...operator.client.session import Session
+from ...host.ending import until_told
+from ...operator.client.sensor_session import dial
 from .files import Files
 from .listener import Listener
 from .viewer import require_schemas
@@ -54,21 +52,10 @@ def run(args: argparse.Namespace) -> int:
     require_schemas()
     cell = cell_from(args)
     identity = identity_of(cell, Role.OBSERVER, "recorder")
-    asked: list[int] = []
-
-    def on_signal(number: int, _frame: FrameType | None) -> None:
-        asked.append(number)
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, on_signal)
-    end_s = None if args.seconds is None else time.monotonic() + args.seconds
-
-    def over() -> bool:
-        return bool(asked) or (end_s is not None and time.monotonic() > end_s)
-
+    over = until_told(args.seconds)
     stem = f"{cell.config.name}_{datetime.now(UTC).strftime('%Y%m%dT%H%M%SZ')}"
     files = Files(args.out, stem, cell, round(args.split * 1e6))
-    session = _dial(cell, identity, over)
+    session = dial(cell, identity, over)
     if session is None:
         files.close()
         return 0
@@ -104,17 +91,3 @@ def _size(text: str) -> float:
     if not 1.0 <= size <= 1e6:
         raise argparse.ArgumentTypeError(f"{text!r}: must be from 1 to 1000000 MB")
     return size
-
-
-def _dial(cell: Cell, identity: Identity | None, over: Callable[[], bool]) -> Session | None:
-    """Return a session with the daemon, however long it takes to appear; None when told to end."""
-    told = False
-    while not over():
-        try:
-            return Session(cell.config.name, cell.config.zenoh.dialled, identity)
-        except ConnectionError as error:
-            if not told:
-                told = True
-                print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
-            time.sleep(RETRY_S)
-    return None
