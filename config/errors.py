@@ -16,7 +16,7 @@ class ConfigError(Exception):
 
     def __init__(self, *messages: str) -> None:
         self.messages = tuple(" ".join(message.split()) for message in messages)
-        """What cannot be, a line each."""
+        """Mistakes, a line each."""
         super().__init__("\n".join(self.messages))
 
 

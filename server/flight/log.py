@@ -33,7 +33,7 @@ class Row(NamedTuple):
     data: bytes
     """See `TickRecord`."""
     memories: tuple[Memory, ...] | None
-    """What the tick began with, where that is kept."""
+    """Memory that the tick began with, where that is kept."""
 
 
 class TickRecord(NamedTuple):
@@ -48,7 +48,7 @@ class TickRecord(NamedTuple):
     """It began with the memories that the tick before ended with."""
     inputs: tuple[Inputs, ...]
     told: tuple[Any, ...]
-    """What came out, as `told` takes it from an output, of each arm; none where it raised."""
+    """Outputs of each arm, as `told` takes them; none where the tick raised."""
 
 
 def told(output: Output) -> tuple[Any, ...]:

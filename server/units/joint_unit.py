@@ -31,7 +31,7 @@ REFERENCE_LAG = 2
 """A drive follows the command of so many periods ago [1]."""
 
 WEIGHED_ALONE = (requests.PayloadRequest, requests.TareRequest)
-"""What a sensor that carries its share of a payload cannot tell."""
+"""Requests that need a whole load on the sensor, not an arm's share of one."""
 
 AT_THE_ARM = (
     motion.RedundancyRequest, requests.GripperRequest, requests.AcknowledgeLoad, m.CancelGoals,
@@ -78,7 +78,7 @@ class JointUnit:
 
     @property
     def vision(self) -> VisionTracker:
-        """What is known of the view that is kept."""
+        """The view that is kept, as far as known."""
         return self._sees.vision
 
     def look_through(self, camera: str | None) -> VisionTracker:

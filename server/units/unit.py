@@ -48,7 +48,7 @@ class Unit:
 
     @property
     def vision(self) -> VisionTracker:
-        """What is known of the views of its cameras."""
+        """The views of its cameras, as far as known."""
         return self.perception.vision
 
     def look_through(self, _camera: str | None) -> VisionTracker:

@@ -8,7 +8,7 @@ from .shapes import Array
 
 
 class Plan(NamedTuple):
-    """What the script does; in World."""
+    """Figures of the script's steps; in World."""
 
     ready_s: float
     """From `start` to `ready` [s]."""
@@ -24,7 +24,7 @@ class Plan(NamedTuple):
     press: float
     """Speed of the stick that pushes [m/s]."""
     force: float
-    """What that comes to [N]."""
+    """Force that follows from it [N]."""
 
 
 def text_of(plan: Plan, name: str) -> str:

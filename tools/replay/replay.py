@@ -26,15 +26,15 @@ class Replayed(NamedTuple):
     nexts: tuple[Memory, ...]
     outputs: tuple[Output, ...]
     raised: str | None
-    """What the tick raised, in one line."""
+    """Error that the tick raised, in one line."""
     difference: str | None
-    """What came out otherwise than recorded, first of all; None where nothing did."""
+    """First output that differs from the record; None where none does."""
     stamp_ns: int = 0
     """Time of day of the recording [ns]."""
 
     @property
     def inputs(self) -> tuple[Inputs, ...]:
-        """What the tick looked at, of each arm."""
+        """Inputs of the tick, of each arm."""
         return self.record.inputs
 
 

@@ -17,7 +17,7 @@ VOXEL: Final = 0.0125
 BEYOND: Final = 0.10
 """A ray that goes on so far behind a point went through it [m]: eight times the noise."""
 LEAST: Final = 0.4
-"""What was gone through so often that fewer hits are left is forgotten [1]."""
+"""A cell that rays went through until fewer hits are left is forgotten [1]."""
 MOST_HITS: Final = 250.0
 """No point counts for more [1]."""
 _BITS: Final = 20

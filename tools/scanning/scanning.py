@@ -38,7 +38,7 @@ MISSING_EVERY_S: Final = 5.0
 MOST_MISSING: Final = 0.9
 """A sweep in which more rays had no echo saw nothing: a cover, or dirt [1]."""
 BEHIND_REAR: Final = 0.05
-"""What is so far behind the arm's rear is passed [m]."""
+"""Obstacles so far behind the arm's rear are passed [m]."""
 BOX_MOVED: Final = 0.01
 """Boxes are told anew when a side has moved by so much [m]."""
 WAITING: Final = 8

@@ -40,7 +40,7 @@ class Reach(NamedTuple):
     give_up: float
     """A posture once chosen is given up."""
     column: float
-    """What cannot move does not fit."""
+    """The fixed column does not fit if something is nearer."""
 
 
 class Found(NamedTuple):

@@ -23,7 +23,7 @@ STANDS = 1e-3
 
 
 class Brakes:
-    """What holds the joints of one world; `first` is the first joint's freedom in the model."""
+    """Brakes of the joints of one world; `first` is the first joint's freedom in the model."""
 
     def __init__(
         self,

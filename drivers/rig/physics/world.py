@@ -68,7 +68,7 @@ class World:
         self.q: Vector = self.data.qpos[self._first + self.rolls :][: self.n]
         self.dq: Vector = self.data.qvel[arm]
         self.brakes = Brakes(self.model, self.data, cell.joints, self._first, self.q, behind)
-        """What keeps joints from moving: brakes, jams, friction."""
+        """Brakes, jams and friction, which keep joints from moving."""
         self.ahead_s = 0.0
         """How far the bus' time is ahead of the state [s]: a SYNC comes between two steps."""
         self._pushes: dict[int, Vector] = {}

@@ -78,7 +78,7 @@ class Fold(NamedTuple):
 
 
 class Beside(NamedTuple):
-    """What is asked of joints in one tick."""
+    """Requests to the joints in one tick."""
 
     fold: Fold | None = None
     sweep: tuple[int, float] | None = None

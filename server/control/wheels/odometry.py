@@ -20,7 +20,7 @@ class Odometry(NamedTuple):
     commanded: Rolled
     measured: Rolled
     drift: Array
-    """What is still to be corrected (6,): a turn about the measured base, World axes [m, rad]."""
+    """Correction still to be made (6,): a turn about the measured base, World axes [m, rad]."""
 
     @staticmethod
     def at(T_world_base: Pose, wheels: Array) -> "Odometry":

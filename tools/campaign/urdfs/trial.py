@@ -27,7 +27,7 @@ FORCE: Final = 0.1
 """A push settles within this part of what was planned, and `NOISE` [1]."""
 NOISE_N: Final = 0.3
 CLEARANCE: Final = 0.02
-"""What the cells of `init` promise [m]."""
+"""Clearance that the cells of `init` promise [m]."""
 ROUNDING: Final = 1e-3
 """Of what is measured in the physics, where the arm lags behind what it is told [m]."""
 SPHERE: Final = 0.05

@@ -20,7 +20,7 @@ NAMES = {"joystick": "stick"}
 
 @dataclass(frozen=True)
 class Link:
-    """What an operator knows of the link and the lease."""
+    """Link and lease, as an operator knows them."""
 
     mine: bool
     round_trip_s: float | None

@@ -27,7 +27,7 @@ HELD_S: Final = 0.05
 """Motion of a page that is silent for longer ends [s]."""
 
 LAPSED_S: Final = 0.25
-"""What a page held that was silent for longer has to be let go of before it counts again [s]."""
+"""Keys of a page that was silent for longer count only once they were let go of [s]."""
 
 ALIVE_S: Final = 1.0
 """The lease of a page that is silent for longer is not renewed [s]: so long may a page stutter."""
@@ -40,7 +40,7 @@ _ANYBODYS: Final = (t.PROTECTIVE_STOP, t.PROTECTIVE_CLEAR)
 
 
 class Page:
-    """What one page holds, is told and asks for; its socket is the server's."""
+    """Session of one page: its lease, held controls and messages; its socket is the server's."""
 
     def __init__(
         self,

@@ -8,7 +8,7 @@ from .refusals import NEXT
 
 
 class EventWords(TypedDict):
-    """What happened, why, and what a person does next; empty where there is nothing to do."""
+    """Event, cause, and a person's next step; that is empty where there is nothing to do."""
 
     sentence: str
     next: str

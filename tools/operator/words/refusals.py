@@ -21,7 +21,7 @@ NEXT = {
     "no_answer": "The daemon did not answer: is it running?",
     "not_certified": "The certificate or login that was used does not allow it.",
 }
-"""What to do next, by the reason's name."""
+"""Next step for a person, by the reason's name."""
 
 
 def refusal_words(reply: requests.Reply) -> str:

@@ -1,4 +1,4 @@
-"""What a recorder hears: all topics that it may, all frames on all buses, pictures in a folder."""
+"""Sources of a recorder: all topics that it may hear, frames on all buses, pictures in a folder."""
 
 import time
 from collections.abc import Iterator

@@ -34,7 +34,7 @@ follows in full, and in between in part [m/s]."""
 STANDING = 1e-6
 """Share of the work of wheels that stand [1]: no division by zero."""
 RESIDUE = 1e-9
-"""What the arm leaves of a twist below this is rounding [m/s, rad/s]."""
+"""A remainder of a twist below this is rounding [m/s, rad/s]."""
 WHEELS = slice(0, 2)
 """Where the wheels are among the joints."""
 
