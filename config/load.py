@@ -16,7 +16,7 @@ from .devices import devices_of, shared_devices
 from .errors import ConfigError, nearest, short
 from .joint_ranges import expand
 from .joint_tasks import agree, agree_with_beam
-from .parts import Part, joint_tables_of, on_top, parts_of
+from .parts import MechanismKeys, joint_tables_of, on_top, parts_of
 from .rig_drives import with_drives
 from .schema.cameras import Camera
 from .schema.cell import CellConfig
@@ -148,7 +148,7 @@ def load_cell(name_or_path: str | Path) -> Cell:
     path = _find("cells", name_or_path, Path(), "")
     document = _whole(path)
     if "mechanisms" not in document:
-        return _agreed(_part(path, Part(document, "mechanism")))
+        return _agreed(_part(path, MechanismKeys(document, "mechanism")))
     parts = [_part(path, part) for part in parts_of(path, document, _whole_cell)]
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
@@ -178,7 +178,7 @@ def _whole_cell(name: object, base: Path, where: str) -> dict[str, Any]:
     return _seen_from(base, other.parent, _whole(other))
 
 
-def _part(path: Path, part: Part) -> Cell:
+def _part(path: Path, part: MechanismKeys) -> Cell:
     """Return the cell of one mechanism."""
     place = part.place
     config = expand(path, validated(path, part.document, CellConfig, part.words), place)

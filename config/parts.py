@@ -49,7 +49,7 @@ Whole = Callable[[object, Path, str], Document]
 
 
 @dataclass(frozen=True)
-class Part:
+class MechanismKeys:
     """Keys that a file has for one mechanism."""
 
     document: Document
@@ -84,7 +84,7 @@ def _has(table: object, names: list[str]) -> bool:
     return True
 
 
-def parts_of(path: Path, document: Document, whole: Whole) -> list[Part]:
+def parts_of(path: Path, document: Document, whole: Whole) -> list[MechanismKeys]:
     """Return what a file with `[[mechanisms]]` says of each, as a file with `[mechanism]` would.
 
     Raises `ConfigError`.
@@ -113,7 +113,7 @@ def parts_of(path: Path, document: Document, whole: Whole) -> list[Part]:
         part = on_top(on_top(alike, document), {**own, "mechanism": arm})
         says = ((f"{task.place}.", task.says), (f"{place}.", own), ("", said))
         like = (f"{place}.like: ", alike)
-        parts.append(Part(on_top(part, task.says), place, task.name, (*says, like)))
+        parts.append(MechanismKeys(on_top(part, task.says), place, task.name, (*says, like)))
     return parts
 
 

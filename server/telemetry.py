@@ -24,7 +24,7 @@ from .control.mechanism.payload import Payload
 from .control.spatial import Array
 from .control.state import Output
 from .control.task.paths.leading import Progress
-from .flight.log import Row, pack_memories
+from .flight.log import KeptTick, pack_memories
 from .mode import Mode
 from .operators.admission import Admission
 from .operators.exposure import network
@@ -213,7 +213,7 @@ class Telemetry:
         for event in self._events.take():
             self._link.publish(EVENT, encode(event))
 
-    def publish_tick(self, row: Row) -> None:
+    def publish_tick(self, row: KeptTick) -> None:
         """Send what a tick looked at and decided, while somebody listens."""
         if self._link.heard(TICK):
             try:

@@ -51,7 +51,7 @@ class GripperOutput(SwitchedOutput):
 
     def open(self) -> None:
         """Configure the module and start it. Blocks; raises `DeviceError`."""
-        self._node.open((cia401.Object.ERROR_MODE_OUTPUT, 1, "<B", cia401.KEEP))
+        self._node.open((cia401.IoObject.ERROR_MODE_OUTPUT, 1, "<B", cia401.KEEP))
         self._repeat = 0
 
     def read(self) -> GripperReading:

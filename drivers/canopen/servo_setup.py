@@ -46,7 +46,7 @@ _MODE_NAMES: Final = {
 U8, I8, U16, I16, U32, I32 = "<B", "<b", "<H", "<h", "<I", "<i"
 
 
-class Step(NamedTuple):
+class SetupWrite(NamedTuple):
     """One object to write: `optional` if a drive may do without it."""
 
     object_index: int
@@ -77,42 +77,42 @@ def whole_range(drive: Drive) -> tuple[float, float]:
 
 def steps(
     drive: Drive, timing: Timing, lower: float, upper: float, mode: OperationMode
-) -> Iterator[Step]:
+) -> Iterator[SetupWrite]:
     """Yield what to write, in order (CiA 301, CiA 402-2); `lower`, `upper` are URDF limits [rad].
 
     Raises `ValueError` for a limit that the drive's counts cannot hold.
     """
     scale = drive.counts_per_radian
     watch = can301.consumer_heartbeat(can301.MASTER_NODE, _ms(timing.heartbeat_timeout_s))
-    yield Step(Com.CONSUMER_HEARTBEAT, 1, U32, watch)
-    yield Step(Com.PRODUCER_HEARTBEAT, 0, U16, _ms(timing.heartbeat_period_s))
-    yield Step(Object.ABORT_CONNECTION_OPTION, 0, I16, AbortConnectionOption.QUICK_STOP)
-    yield Step(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_THEN_DISABLE)
+    yield SetupWrite(Com.CONSUMER_HEARTBEAT, 1, U32, watch)
+    yield SetupWrite(Com.PRODUCER_HEARTBEAT, 0, U16, _ms(timing.heartbeat_period_s))
+    yield SetupWrite(Object.ABORT_CONNECTION_OPTION, 0, I16, AbortConnectionOption.QUICK_STOP)
+    yield SetupWrite(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_THEN_DISABLE)
     ramp = min(round(drive.quick_stop_deceleration * scale), 2**32 - 1)
-    yield Step(Object.QUICK_STOP_DECELERATION, 0, U32, ramp)
-    yield Step(Object.FOLLOWING_WINDOW, 0, U32, round(drive.following_window * scale))
-    yield Step(Object.FOLLOWING_TIMEOUT, 0, U16, _ms(timing.period_s))
+    yield SetupWrite(Object.QUICK_STOP_DECELERATION, 0, U32, ramp)
+    yield SetupWrite(Object.FOLLOWING_WINDOW, 0, U32, round(drive.following_window * scale))
+    yield SetupWrite(Object.FOLLOWING_TIMEOUT, 0, U16, _ms(timing.period_s))
     yield from position_limits(drive, lower, upper)
     value, exponent = interpolation_period(timing.period_s)
-    yield Step(Object.INTERPOLATION_PERIOD, 1, U8, value)
-    yield Step(Object.INTERPOLATION_PERIOD, 2, I8, exponent)
-    yield Step(Object.SETPOINT_TIMEOUT, 0, U16, _ms(timing.setpoint_timeout_s))
+    yield SetupWrite(Object.INTERPOLATION_PERIOD, 1, U8, value)
+    yield SetupWrite(Object.INTERPOLATION_PERIOD, 2, I8, exponent)
+    yield SetupWrite(Object.SETPOINT_TIMEOUT, 0, U16, _ms(timing.setpoint_timeout_s))
     # Another master's, which drives add to every setpoint.
-    yield Step(Object.POSITION_OFFSET, 0, I32, 0, optional=True)
-    yield Step(Object.VELOCITY_OFFSET, 0, I32, 0, optional=True)
-    yield Step(Object.TORQUE_OFFSET, 0, I16, 0, optional=True)
+    yield SetupWrite(Object.POSITION_OFFSET, 0, I32, 0, optional=True)
+    yield SetupWrite(Object.VELOCITY_OFFSET, 0, I32, 0, optional=True)
+    yield SetupWrite(Object.TORQUE_OFFSET, 0, I16, 0, optional=True)
     yield from _pdos(drive.node, mode)
-    yield Step(Object.MODE_OF_OPERATION, 0, I8, mode)
+    yield SetupWrite(Object.MODE_OF_OPERATION, 0, I8, mode)
 
 
-def position_limits(drive: Drive, lower: float, upper: float) -> Iterator[Step]:
+def position_limits(drive: Drive, lower: float, upper: float) -> Iterator[SetupWrite]:
     """Yield what to write so that 607Dh holds a range of joint angles [rad].
 
     Raises `ValueError` for a limit that the drive's counts cannot hold.
     """
     low, high = sorted((to_counts(drive, lower), to_counts(drive, upper)))
-    yield Step(Object.POSITION_LIMIT, 1, I32, low)
-    yield Step(Object.POSITION_LIMIT, 2, I32, high)
+    yield SetupWrite(Object.POSITION_LIMIT, 1, I32, low)
+    yield SetupWrite(Object.POSITION_LIMIT, 2, I32, high)
 
 
 def write_limits(node: canopen.RemoteNode, drive: Drive, lower: float, upper: float) -> None:
@@ -123,7 +123,7 @@ def write_limits(node: canopen.RemoteNode, drive: Drive, lower: float, upper: fl
 
 def write_torque_offset(node: canopen.RemoteNode, drive: Drive, value: int) -> None:
     """Write 60B2h, which a drive may lack. Raises `DeviceError`."""
-    write(node, drive, Step(Object.TORQUE_OFFSET, 0, I16, value, optional=True))
+    write(node, drive, SetupWrite(Object.TORQUE_OFFSET, 0, I16, value, optional=True))
 
 
 def room(drive: Drive, lower: float, upper: float, q: float) -> tuple[float, float]:
@@ -199,7 +199,7 @@ def read(node: canopen.RemoteNode, drive: Drive, index: int, subindex: int, layo
     return int(value)
 
 
-def write(node: canopen.RemoteNode, drive: Drive, step: Step) -> None:
+def write(node: canopen.RemoteNode, drive: Drive, step: SetupWrite) -> None:
     """Write an integer object over SDO. Raises `DeviceError`."""
     where = _object(step.object_index, step.subindex)
     try:
@@ -229,12 +229,12 @@ def _left_on(node: canopen.RemoteNode, drive: Drive) -> bool:
 
 def _switch_off(node: canopen.RemoteNode, drive: Drive, wait: Callable[[float], object]) -> None:
     """Bring a drive to rest on its own ramp, and take its power off. Raises `DeviceError`."""
-    write(node, drive, Step(Object.CONTROLWORD, 0, U16, Control.QUICK_STOP))
+    write(node, drive, SetupWrite(Object.CONTROLWORD, 0, U16, Control.QUICK_STOP))
     wait(drive.max_velocity / drive.quick_stop_deceleration + _STANDSTILL_S)
-    write(node, drive, Step(Object.CONTROLWORD, 0, U16, Control.DISABLE_VOLTAGE))
+    write(node, drive, SetupWrite(Object.CONTROLWORD, 0, U16, Control.DISABLE_VOLTAGE))
 
 
-def _pdos(node: int, mode: OperationMode) -> Iterator[Step]:
+def _pdos(node: int, mode: OperationMode) -> Iterator[SetupWrite]:
     """Map RPDO1 and TPDO1, at every SYNC; disable the other default PDOs (CiA 301, 7.5.2.35 f)."""
     for base, communication, mapping, entries in (
         (0x200, Com.RPDO_COMMUNICATION, Com.RPDO_MAPPING, cia402_pdo.COMMAND_MAPPING[mode]),
@@ -242,13 +242,13 @@ def _pdos(node: int, mode: OperationMode) -> Iterator[Step]:
     ):
         for number in range(can301.DEFAULT_PDOS):
             off = can301.PDO_INVALID | base + 0x100 * number + node
-            yield Step(communication + number, 1, U32, off, optional=number > 0)
-        yield Step(communication, 2, U8, can301.EVERY_SYNC)
-        yield Step(mapping, 0, U8, 0)
+            yield SetupWrite(communication + number, 1, U32, off, optional=number > 0)
+        yield SetupWrite(communication, 2, U8, can301.EVERY_SYNC)
+        yield SetupWrite(mapping, 0, U8, 0)
         for place, entry in enumerate(entries, 1):
-            yield Step(mapping, place, U32, entry)
-        yield Step(mapping, 0, U8, len(entries))
-        yield Step(communication, 1, U32, base + node)
+            yield SetupWrite(mapping, place, U32, entry)
+        yield SetupWrite(mapping, 0, U8, len(entries))
+        yield SetupWrite(communication, 1, U32, base + node)
 
 
 def _ms(seconds: float) -> int:

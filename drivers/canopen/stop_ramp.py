@@ -17,7 +17,7 @@ from ...protocols.canopen.cia402 import Object
 from ..device import DeviceError
 from ..fieldbus import Fieldbus
 from . import servo_setup
-from .servo_setup import U8, U32, Step
+from .servo_setup import U8, U32, SetupWrite
 
 _NUMBER: Final = 1
 """RPDO2, counted from 0."""
@@ -47,11 +47,13 @@ class StopRamp:
         counts = round(deceleration * self._drive.counts_per_radian)
         self._bus.send(self._id, _LAYOUT.pack(min(max(counts, 1), 2**32 - 1)))
 
-    def _steps(self) -> Iterator[Step]:
+    def _steps(self) -> Iterator[SetupWrite]:
         communication = Com.RPDO_COMMUNICATION + _NUMBER
         mapping = Com.RPDO_MAPPING + _NUMBER
-        yield Step(communication, 2, U8, can301.AT_ONCE)
-        yield Step(mapping, 0, U8, 0)
-        yield Step(mapping, 1, U32, can301.mapping_entry(Object.QUICK_STOP_DECELERATION, 0, 32))
-        yield Step(mapping, 0, U8, 1)
-        yield Step(communication, 1, U32, self._id)
+        yield SetupWrite(communication, 2, U8, can301.AT_ONCE)
+        yield SetupWrite(mapping, 0, U8, 0)
+        yield SetupWrite(
+            mapping, 1, U32, can301.mapping_entry(Object.QUICK_STOP_DECELERATION, 0, 32)
+        )
+        yield SetupWrite(mapping, 0, U8, 1)
+        yield SetupWrite(communication, 1, U32, self._id)

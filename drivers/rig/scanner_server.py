@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Final
 
 from ...config.schema.scanner import Scanner
-from ...protocols.sick.cola import Frames, TelegramError, framed
+from ...protocols.sick.cola import TelegramCutter, TelegramError, framed
 from ...protocols.sick.scan_data import SUBSCRIBE
 from ..device import DeviceError
 from ..scanner.address import host_and_port
@@ -25,7 +25,7 @@ class _Client:
     """One connection."""
 
     def __init__(self, connection: socket.socket) -> None:
-        self.connection, self.frames = connection, Frames()
+        self.connection, self.frames = connection, TelegramCutter()
         self.subscribed, self.unsent = False, b""
         connection.setblocking(False)
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from ...config.schema.scanner import Scanner
 from ...protocols.sick import scan_data
-from ...protocols.sick.cola import Frames, TelegramError, fault_in, framed
+from ...protocols.sick.cola import TelegramCutter, TelegramError, fault_in, framed
 from .address import host_and_port
 
 WAIT_S: Final = 0.05
@@ -41,7 +41,7 @@ class ScannerClient:
         self._host, self._port = host_and_port(scanner)
         self._told, self._clock = told, clock
         self._socket: socket.socket | None = None
-        self._frames = Frames()
+        self._frames = TelegramCutter()
         self._again_s = self._heard_s = 0.0
         self._complaint = ""
         self.connections = 0
@@ -101,7 +101,7 @@ class ScannerClient:
         self._again_s = self._clock() + AGAIN_S
         try:
             self._socket = socket.create_connection((self._host, self._port), DIAL_S)
-            self._frames = Frames()
+            self._frames = TelegramCutter()
             for request in _STEPS:
                 answer = self._ask(request)
                 fault = fault_in(answer)

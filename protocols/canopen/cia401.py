@@ -11,7 +11,7 @@ KEEP: Final = 0x00
 """6206h:01: when the master is lost, every output stays as it is (CiA 401, 7.2.6)."""
 
 
-class Object(IntEnum):
+class IoObject(IntEnum):
     """Indices of the profile's objects."""
 
     READ_INPUT = 0x6000

@@ -22,7 +22,7 @@ _SAMPLE: Final = struct.Struct(">B6hBH")
 _LIMIT: Final = 2**15 - 1
 
 
-class Command(IntEnum):
+class SensorCommand(IntEnum):
     """Command ids, byte 0 of a command."""
 
     START = 0x0B
@@ -49,12 +49,12 @@ class Sample(NamedTuple):
 
 def start() -> bytes:
     """Return the command that starts the stream of samples."""
-    return _command(Command.START)
+    return _command(SensorCommand.START)
 
 
 def stop() -> bytes:
     """Return the command that stops the stream; settings are only taken while it is stopped."""
-    return _command(Command.STOP)
+    return _command(SensorCommand.STOP)
 
 
 def set_rate(rate_hz: int) -> bytes:
@@ -62,25 +62,25 @@ def set_rate(rate_hz: int) -> bytes:
     code = RATE_CODES.get(rate_hz)
     if code is None:
         raise ValueError(f"rate {rate_hz} Hz is not one of {sorted(RATE_CODES)}")
-    return _command(Command.SET_RATE, code)
+    return _command(SensorCommand.SET_RATE, code)
 
 
 def bias() -> bytes:
     """Return the command that takes the present load as zero."""
-    return _command(Command.SET_BIAS, 1)
+    return _command(SensorCommand.SET_BIAS, 1)
 
 
 def clear_bias() -> bytes:
     """Return the command that forgets the bias."""
-    return _command(Command.SET_BIAS, 0)
+    return _command(SensorCommand.SET_BIAS, 0)
 
 
-def parse_command(data: bytes) -> tuple[Command, int]:
+def parse_command(data: bytes) -> tuple[SensorCommand, int]:
     """Return command and parameter, as the sensor reads them. Raises `FrameError`."""
     if len(data) != HALF:
         raise FrameError(f"RFT command: {len(data)} bytes instead of {HALF}")
     try:
-        return Command(data[0]), data[1]
+        return SensorCommand(data[0]), data[1]
     except ValueError:
         raise FrameError(f"RFT command: id {data[0]:#04x} is not known") from None
 
@@ -89,13 +89,13 @@ def encode_sample(sample: Sample) -> tuple[bytes, bytes]:
     """Return the two frames of a sample; a load beyond the 16 bits stays at their end."""
     raw = [_clip(f * COUNTS_PER_NEWTON) for f in sample.force]
     raw += [_clip(t * COUNTS_PER_NEWTON_METRE) for t in sample.torque]
-    data = _SAMPLE.pack(Command.START, *raw, sample.overload, sample.error)
+    data = _SAMPLE.pack(SensorCommand.START, *raw, sample.overload, sample.error)
     return data[:HALF], data[HALF:]
 
 
 def is_sample_start(first: bytes) -> bool:
     """Return whether a frame on the first reply id opens a sample, not another command's reply."""
-    return len(first) == HALF and first[0] == Command.START
+    return len(first) == HALF and first[0] == SensorCommand.START
 
 
 def join_sample(first: bytes, second: bytes) -> Sample:
@@ -107,7 +107,7 @@ def join_sample(first: bytes, second: bytes) -> Sample:
     return Sample((fx / n, fy / n, fz / n), (tx / nm, ty / nm, tz / nm), overload, error)
 
 
-def _command(command: Command, parameter: int = 0) -> bytes:
+def _command(command: SensorCommand, parameter: int = 0) -> bytes:
     return bytes((command, parameter)).ljust(HALF, b"\0")
 
 

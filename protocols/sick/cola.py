@@ -31,7 +31,7 @@ def framed(words: str) -> bytes:
     return STX + words.encode("ascii") + ETX
 
 
-class Frames:
+class TelegramCutter:
     """Cuts a stream of bytes into telegrams; what stands between two of them is refused."""
 
     def __init__(self) -> None:

@@ -16,7 +16,7 @@ from threading import Thread
 from typing import Final
 
 from .container import MEMORY, TICK, Stamped, joined
-from .log import Row, pack_memories
+from .log import KeptTick, pack_memories
 
 MOST: Final = 10
 """Files of each kind, of faults and of stops, that are kept of one cell, the newest [1]."""
@@ -56,7 +56,7 @@ class BlackBox:
         """True while a file is being written."""
         return self._thread is not None and self._thread.is_alive()
 
-    def write(self, kind: str, rows: Sequence[Row]) -> bool:
+    def write(self, kind: str, rows: Sequence[KeptTick]) -> bool:
         """Begin to write rows to a file; return False where one is still being written."""
         if self.busy or not rows:
             return False
@@ -78,7 +78,7 @@ class BlackBox:
         if self._thread is not None:
             self._thread.join()
 
-    def _write(self, path: Path, about: dict[str, str], rows: Sequence[Row]) -> None:
+    def _write(self, path: Path, about: dict[str, str], rows: Sequence[KeptTick]) -> None:
         failure = None
         part = path.with_suffix(".part")
         try:
@@ -99,7 +99,7 @@ class BlackBox:
             old.unlink(missing_ok=True)
 
 
-def _messages(rows: Sequence[Row]) -> Iterator[Stamped]:
+def _messages(rows: Sequence[KeptTick]) -> Iterator[Stamped]:
     for row in rows:
         if row.memories is not None:
             yield Stamped(MEMORY, row.stamp_ns, pack_memories(row.memories))

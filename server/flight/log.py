@@ -24,19 +24,19 @@ KEY_EVERY: Final = 100
 """Ticks between two memories that are kept [1]."""
 
 
-class Row(NamedTuple):
+class KeptTick(NamedTuple):
     """One tick as it is kept."""
 
     tick: int
     stamp_ns: int
     """Wall clock [ns]."""
     data: bytes
-    """See `TickRecord`."""
+    """See `ReadTick`."""
     memories: tuple[Memory, ...] | None
     """Memory that the tick began with, where that is kept."""
 
 
-class TickRecord(NamedTuple):
+class ReadTick(NamedTuple):
     """One tick as it is read again."""
 
     number: int
@@ -77,13 +77,13 @@ TOLD: Final = (
 """Names of what `told` returns."""
 
 
-def read_row(data: bytes) -> TickRecord:
+def read_row(data: bytes) -> ReadTick:
     """Return the tick of a row's data. Raises `RecordedValueError`."""
     try:
         number, tick, time_s, mode, goes_on, inputs, outputs = msgpack.unpackb(data, use_list=False)
     except (ValueError, TypeError, msgpack.UnpackException) as error:
         raise RecordedValueError(f"no tick: {error}") from None
-    return TickRecord(number, tick, time_s, mode, goes_on, tuple(map(unpack, inputs)), outputs)
+    return ReadTick(number, tick, time_s, mode, goes_on, tuple(map(unpack, inputs)), outputs)
 
 
 class FlightLog:
@@ -91,8 +91,8 @@ class FlightLog:
 
     def __init__(self, period_s: float, arms: int, wall_ns: Callable[[], int] = time.time_ns):
         """Build it for so many arms; `wall_ns` tells the wall clock's time [ns]."""
-        self.rows: deque[Row] = deque(maxlen=max(KEY_EVERY, round(SECONDS / period_s)))
-        self.taps: list[Callable[[Row], None]] = []
+        self.rows: deque[KeptTick] = deque(maxlen=max(KEY_EVERY, round(SECONDS / period_s)))
+        self.taps: list[Callable[[KeptTick], None]] = []
         """Called with every row."""
         self._wall_ns = wall_ns
         self._packers = [InputsPacker() for _ in range(arms)]
@@ -132,7 +132,7 @@ class FlightLog:
             )
         )  # fmt: skip
         key = tuple(memories) if not goes_on or tick % KEY_EVERY == 0 else None
-        row = Row(tick, self._wall_ns(), data, key)
+        row = KeptTick(tick, self._wall_ns(), data, key)
         self.rows.append(row)
         for tap in self.taps:
             tap(row)

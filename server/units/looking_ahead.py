@@ -10,20 +10,20 @@ from ..commands.in_force import InForce
 from ..control.mechanism.joint_motion import Beside, Fold
 from ..control.spatial import Array
 from ..perception.ahead.passage import Passage
-from .sweep import Sweep
+from .sweep import SweptAxis
 
 
 class LookingAhead:
     """The reflex of one arm, between what operators ask for and the tick."""
 
-    def __init__(self, sweep: Sweep | None, speed: float) -> None:
+    def __init__(self, sweep: SweptAxis | None, speed: float) -> None:
         """Build it; the tool folds at most at a speed [m/s]."""
         self._sweep, self._speed = sweep, speed
 
     @classmethod
     def from_cell(cls, cell: Cell) -> Self | None:
         """Return that of a cell; None for one that neither sweeps nor looks ahead."""
-        sweep, contour = Sweep.from_cell(cell), cell.config.contour
+        sweep, contour = SweptAxis.from_cell(cell), cell.config.contour
         if sweep is None and contour is None:
             return None
         return cls(sweep, 0.0 if contour is None else contour.speed)

@@ -10,7 +10,7 @@ MOST: Final = 0.9
 """Share of the joint's speed bound that a sweep takes at most [1]: others shall not wait for it."""
 
 
-class Sweep:
+class SweptAxis:
     """One axis: which joint, and where it should be now."""
 
     def __init__(

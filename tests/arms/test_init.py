@@ -11,7 +11,7 @@ from telerobot.tools.campaign.urdfs.trial import try_arm
 from telerobot.tools.cli import main
 from telerobot.tools.init.capsules import fit
 from telerobot.tools.init.robot import read_arm
-from telerobot.tools.init.shapes import Shape, link_shape
+from telerobot.tools.init.shapes import LinkMesh, link_shape
 
 
 def refusal(urdf, tip=None):
@@ -140,7 +140,7 @@ def _blob(seed, count=60):
 @pytest.mark.parametrize("seed", range(4))
 def test_capsules_hold_every_point_of_the_shape(seed):
     triangles = _blob(seed)
-    found = fit(Shape("link", triangles, False))
+    found = fit(LinkMesh("link", triangles, False))
     assert 1 <= len(found.tubes) <= 3
     part = np.random.default_rng(seed).dirichlet([0.3, 0.3, 0.3], (len(triangles), 200))
     points = np.einsum("tsk,tkx->tsx", part, triangles).reshape(-1, 3)
@@ -163,7 +163,7 @@ def test_a_capsule_is_found_as_tight_as_it_is():
     triangles = (corners @ tilt.T)[
         np.stack([index, np.roll(index, -1), np.roll(index, -2)], axis=1)
     ]
-    found = fit(Shape("link", triangles, False))
+    found = fit(LinkMesh("link", triangles, False))
     assert len(found.tubes) == 1
     assert found.tubes[0].radius == pytest.approx(0.05, abs=1.5e-3)
     assert found.ratio < 1.12

@@ -128,7 +128,7 @@ class PlayedSensor:
     def __init__(self, hub: Hub, config: ForceTorque) -> None:
         self.hub, self.config = hub, config
         self.bus = InProcessBus(hub, self.on_message)
-        self.commands: list[tuple[robotous.Command, int]] = []
+        self.commands: list[tuple[robotous.SensorCommand, int]] = []
         self.starts = True
         self.sample = robotous.Sample((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 0, 0)
 
@@ -136,7 +136,7 @@ class PlayedSensor:
         if message.arbitration_id == self.config.command_id:
             command = robotous.parse_command(bytes(message.data))
             self.commands.append(command)
-            if command[0] is robotous.Command.START and self.starts:
+            if command[0] is robotous.SensorCommand.START and self.starts:
                 self.send()
 
     def send(self, *, first: bool = True, second: bool = True, gap_s: float = 0.0) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.protocols.canopen import robotous
-from telerobot.protocols.canopen.robotous import Command, Sample
+from telerobot.protocols.canopen.robotous import Sample, SensorCommand
 
 
 def test_opening_sets_the_rate_and_waits_for_a_sample(cell: Any) -> None:
@@ -14,9 +14,9 @@ def test_opening_sets_the_rate_and_waits_for_a_sample(cell: Any) -> None:
     assert cell.sensor.read().wrench is None
     cell.sensor.open()
     assert cell.played_sensor.commands == [
-        (Command.STOP, 0),
-        (Command.SET_RATE, 0),
-        (Command.START, 0),
+        (SensorCommand.STOP, 0),
+        (SensorCommand.SET_RATE, 0),
+        (SensorCommand.START, 0),
     ]
     assert cell.sensor.read().ready
 
@@ -112,7 +112,7 @@ def test_overload_and_error_are_told(cell: Any) -> None:
 def test_a_bias_is_asked_of_the_sensor(cell: Any) -> None:
     cell.sensor.open()
     assert cell.sensor.write(robotous.bias()) == robotous.bias()
-    assert cell.played_sensor.commands[-1] == (Command.SET_BIAS, 1)
+    assert cell.played_sensor.commands[-1] == (SensorCommand.SET_BIAS, 1)
 
 
 def test_the_mean_is_of_every_sample_since_it_was_last_asked_for(cell: Any) -> None:

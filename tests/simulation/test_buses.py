@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.bus import Bus
-from telerobot.tools.checks.findings import Status
+from telerobot.tools.checks.findings import Severity
 from telerobot.tools.commands.check import judge
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.judges.observer import Observer
@@ -130,7 +130,7 @@ def test_the_observer_judges_each_bus_by_its_own_nodes(split, bus):
 
 
 def errors(cell):
-    return {f.check: f for f in judge(cell) if f.status is Status.ERROR}
+    return {f.check: f for f in judge(cell) if f.status is Severity.ERROR}
 
 
 def test_thirty_joints_fit_on_two_buses_and_not_on_one(tmp_path):

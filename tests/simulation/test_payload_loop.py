@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.load import Cell
 from telerobot.server.stability.payload_loop import following_source, heaviest
 from telerobot.tools.campaign.payloads import STANDS, laden, pushed, speed_at_the_end
-from telerobot.tools.checks.findings import Status
+from telerobot.tools.checks.findings import Severity
 from telerobot.tools.commands.check import judge
 from telerobot.tools.scripts.step import Step
 from telerobot.tools.simulation.simulation import Simulation
@@ -80,8 +80,8 @@ def test_a_payload_that_would_swing_the_tool_is_an_error_of_check():
         {f.check: f for f in judge(laden(more, **light))}["following payload"]
         for more in (0.0, 2.0)
     )
-    assert fine.status is not Status.ERROR
-    assert heavy.status is Status.ERROR
+    assert fine.status is not Severity.ERROR
+    assert heavy.status is Severity.ERROR
     assert heavy.values["payload"] == pytest.approx(2.98)
     assert 0.98 < heavy.values["bound"] < 2.98
     assert f"{heavy.values['bound']:.3g} kg" in heavy.text

@@ -10,7 +10,7 @@ from telerobot.drivers.network.certificates import certificate, known, read
 from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.topics import Role
 from telerobot.server.operators.exposure import doubts
-from telerobot.tools.checks.findings import Status
+from telerobot.tools.checks.findings import Severity
 from telerobot.tools.cli import main
 from telerobot.tools.commands.check import judge
 from telerobot.tools.host.address import moved
@@ -299,7 +299,7 @@ def test_behind_a_router_its_certificate_is_needed(arm):
 
 
 def warnings(path):
-    return [f.text for f in judge(load_cell(path)) if f.status is Status.WARN]
+    return [f.text for f in judge(load_cell(path)) if f.status is Severity.WARN]
 
 
 def test_check_warns_of_certificates_that_end_soon(arm):

@@ -14,7 +14,7 @@ from ...config.load import Cell, load_cell
 from ...config.schema.obstacles import Avoidance, Obstacle, Workspace
 from ...config.urdf import read_robot
 from ...server.control.spatial import Array
-from .peers.geometry import Geometry
+from .peers.geometry import PeerGeometry
 from .peers.scenes import Thing
 
 OBSTACLES = 16
@@ -36,7 +36,7 @@ Draw = np.random.Generator
 def among(cell: Cell, count: int) -> Cell:
     """Return a cell with so many obstacles, a workspace, and every barrier on."""
     ready = [np.array(part.config.mechanism.postures["ready"]) for part in cell.parts]
-    tools = [Geometry(part, ()).tool(q).p for part, q in zip(cell.parts, ready, strict=True)]
+    tools = [PeerGeometry(part, ()).tool(q).p for part, q in zip(cell.parts, ready, strict=True)]
     draw = np.random.default_rng(1)
     found: list[Obstacle] = []
     while len(found) < count:
@@ -44,7 +44,7 @@ def among(cell: Cell, count: int) -> Cell:
         centre = tools[len(found) % len(tools)] + draw.uniform(*REACH) * way / np.linalg.norm(way)
         obstacle, thing = _drawn(draw, len(found), centre)
         if all(
-            Geometry(part, (thing,)).clearance(q).things > CLEAR
+            PeerGeometry(part, (thing,)).clearance(q).things > CLEAR
             for part, q in zip(cell.parts, ready, strict=True)
         ):
             found.append(obstacle)

@@ -18,7 +18,7 @@ STILL = "\n[redundancy]\nmid_range = 0.0\n"
 """Switches self-motion off: a latency is measured from rest."""
 
 
-class Listener:
+class FrameListener:
     """A passive member of the cell's first bus; stamps are the kernel's, on the wall clock [s]."""
 
     def __init__(self, cell: Cell) -> None:
@@ -44,7 +44,7 @@ class EnabledPlant:
 
     cell: Cell
     operator: Operator
-    listener: Listener
+    listener: FrameListener
 
 
 def without_self_motion(cell: Cell, folder: Path) -> Cell:
@@ -67,7 +67,7 @@ def driven(cell: Cell, statistics: Path | None = None) -> Iterator[EnabledPlant]
     """
     with LocalPlant(cell, statistics) as plant:
         plant.wait(plant.answers, START_S, "the daemon did not answer")
-        listener = Listener(plant.cell)
+        listener = FrameListener(plant.cell)
         try:
             with Operator(plant.cell, name="bench") as operator:
                 _until_ready(plant, operator)

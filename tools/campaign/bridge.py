@@ -12,7 +12,7 @@ import numpy as np
 
 from ...config.load import Cell, load_cell
 from ...config.schema.rig.bridge import RigBridge
-from ..oracle.duck import Arm, gate_of, passable
+from ..oracle.duck import FoldingArm, gate_of, passable
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
 from .part import Part, Selection
@@ -105,7 +105,7 @@ def bridge(seed: int) -> tuple[RigBridge, float]:
 def oracle(cell: Cell, made: RigBridge) -> bool:
     """Return whether the search of other means finds a posture."""
     foot = 0.0 if cell.config.contour is None else cell.config.contour.foot[2]
-    arm = Arm(0.300, 0.328, 0.276, 0.2195, (3.0, 1.95, 2.8, 2.0944), 0.06, 0.30)
+    arm = FoldingArm(0.300, 0.328, 0.276, 0.2195, (3.0, 1.95, 2.8, 2.0944), 0.06, 0.30)
     gate = gate_of(
         made.height - foot, made.width, made.thickness, made.side, made.skew, made.offset
     )

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...config.load import Cell, load_cell
 from ...config.schema.mechanism import Payload
-from ..checks.findings import Status
+from ..checks.findings import Severity
 from ..checks.loops.following import following
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
@@ -137,7 +137,7 @@ def play(job: PayloadJob) -> PayloadRun:
     mode, more, mass, damping, side = job
     cell = laden(more, mode, mass=mass, damping=damping)
     name = f"payload {more:g} kg, {mode}, M = {mass:g}, B = {damping:g}, side {side}"
-    if any(finding.status is Status.ERROR for finding in following(cell)):
+    if any(finding.status is Severity.ERROR for finding in following(cell)):
         return PayloadRun(name, True, 0.0)
     simulation = Simulation(cell, pushed([PUSH_N * x for x in SIDES[side]]))
     result = simulation.run()

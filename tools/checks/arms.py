@@ -8,7 +8,7 @@ from ...config.agree.agree import REQUIRED_POSTURES
 from ...config.load import Cell
 from ...server.control.proximity.capsules import Capsules
 from ...server.control.proximity.pairs import PairSearch
-from .findings import Finding, Status
+from .findings import Finding, Severity
 
 FARTHEST = 10.0
 """Arms that are farther apart count as this far [m]."""
@@ -21,17 +21,17 @@ def arms(cell: Cell) -> Iterator[Finding]:
     avoidance = cell.config.avoidance
     if not avoidance.enabled:
         text = "avoidance.enabled is false: nothing keeps the arms clear of each other at start"
-        yield Finding("arms apart", Status.WARN, text, {"enabled": False})
+        yield Finding("arms apart", Severity.WARN, text, {"enabled": False})
     capsules = Capsules(cell)
     for name in REQUIRED_POSTURES:
         q = np.concatenate([part.config.mechanism.postures[name] for part in cell.parts])
         gap, pair = _nearest(cell, capsules, q)
         least = avoidance.self_clearance
-        status, room = Status.OK, least + avoidance.margin
+        status, room = Severity.OK, least + avoidance.margin
         if gap < least:
-            status = Status.ERROR if name == "start" else Status.WARN
+            status = Severity.ERROR if name == "start" else Severity.WARN
         elif gap < room:
-            status = Status.WARN
+            status = Severity.WARN
         where = f"{pair[0]} and {pair[1]}" if pair else "all"
         far = f"at least {gap:.3g}" if gap == FARTHEST else f"{gap:.3g}"
         yield Finding(

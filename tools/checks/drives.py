@@ -12,7 +12,7 @@ from ...config.urdf import UrdfJoint
 from ...drivers.servo_status import MOST_MISSED_SYNCS
 from ...protocols.canopen.counter import HALF, SPAN
 from ...server.control.mechanism.kinematics import Mechanism
-from .findings import Finding, Status, graded
+from .findings import Finding, Severity, graded
 
 QUANTISATION_NOTICE = 0.25
 """Part of the jerk bound that the encoder's steps may look like before it is worth a word [1]."""
@@ -52,11 +52,11 @@ def _torque(drive: Drive, joint: UrdfJoint, weight: float) -> Finding:
     per_mille = 1000.0 * drive.max_torque / drive.rated_torque
     status = graded(drive.max_torque, joint.effort, joint.effort)
     text = f"{drive.max_torque:g} N·m, URDF {joint.effort:g}"
-    if status is Status.ERROR and joint.effort < weight:
-        status = Status.WARN
+    if status is Severity.ERROR and joint.effort < weight:
+        status = Severity.WARN
         text += f", which would not hold the {weight:.3g} N·m of `ready`"
     if per_mille > TORQUE_PER_MILLE_MAX:
-        status = Status.ERROR
+        status = Severity.ERROR
         text += f"; {per_mille:.0f} thousandths of the rated torque do not fit into 6077h"
     return Finding(
         f"{joint.name} torque",
@@ -92,7 +92,7 @@ def _stop(drive: Drive) -> Finding:
     if longest_s > LONG_STOP_S:
         text += f": a stop from {V:g} rad/s may take at most {ENDLESS_STOP_S:g} s"
     elif drive.quick_stop_deceleration < A:
-        status = Status.WARN
+        status = Severity.WARN
         text += ": the ramp takes longer than the bound A would"
     return Finding(
         f"{drive.joint} stops",

@@ -7,7 +7,7 @@ from ...drivers.canopen.servo_setup import SAG
 from ...drivers.canopen.setpoint import Setpoint
 from ...drivers.servo_status import SWITCH_OFF_S
 from ...protocols.canopen.cia402 import OperationMode
-from .findings import Finding, Status
+from .findings import Finding, Severity
 
 
 def enabling(cell: Cell) -> Iterator[Finding]:
@@ -24,7 +24,7 @@ def enabling(cell: Cell) -> Iterator[Finding]:
             except ValueError as error:
                 yield Finding(
                     f"{joint.name} room",
-                    Status.ERROR,
+                    Severity.ERROR,
                     f"607Dh cannot reach a following window beyond the limit: {error}",
                     {"angle": angle, "counts_per_radian": drive.counts_per_radian},
                 )
@@ -33,7 +33,7 @@ def enabling(cell: Cell) -> Iterator[Finding]:
     judgement = "still inside its limit" if inside else "outside its limit, and only comes in"
     yield Finding(
         "enabling at a limit",
-        Status.OK if inside else Status.WARN,
+        Severity.OK if inside else Severity.WARN,
         f"position_margin of {tightest.joint} is {margin:g} rad: a joint that sags by {SAG:g} rad "
         f"when it is enabled is {judgement}",
         {"joint": tightest.joint, "position_margin": margin, "sag": SAG},
@@ -42,7 +42,7 @@ def enabling(cell: Cell) -> Iterator[Finding]:
     ramp_s = slowest.max_velocity / slowest.quick_stop_deceleration
     yield Finding(
         "switching off",
-        Status.OK if ramp_s < SWITCH_OFF_S else Status.ERROR,
+        Severity.OK if ramp_s < SWITCH_OFF_S else Severity.ERROR,
         f"{slowest.joint} takes {ramp_s:.2f} s to ramp down from full speed; a drive that is on "
         f"{SWITCH_OFF_S:.2f} s after it was told to switch off is a fault",
         {"joint": slowest.joint, "ramp_s": ramp_s, "patience_s": SWITCH_OFF_S},

@@ -8,7 +8,7 @@ from enum import StrEnum
 Value = str | int | float | bool | None
 
 
-class Status(StrEnum):
+class Severity(StrEnum):
     """Severity of a finding; only an error makes the command fail."""
 
     OK = "ok"
@@ -21,21 +21,21 @@ class Finding:
     """One thing that was looked at: what was judged, how, and with which numbers."""
 
     check: str
-    status: Status
+    status: Severity
     text: str
     values: dict[str, Value] = field(default_factory=dict)
 
 
-def graded(value: float, warn: float, error: float) -> Status:
+def graded(value: float, warn: float, error: float) -> Severity:
     """Return ERROR for a value above `error`, WARN above `warn`, else OK."""
     if value > error:
-        return Status.ERROR
-    return Status.WARN if value > warn else Status.OK
+        return Severity.ERROR
+    return Severity.WARN if value > warn else Severity.OK
 
 
 def failed(findings: Sequence[Finding]) -> bool:
     """Return whether one of the findings is an error."""
-    return any(f.status is Status.ERROR for f in findings)
+    return any(f.status is Severity.ERROR for f in findings)
 
 
 def table(findings: Sequence[Finding]) -> str:
@@ -55,6 +55,6 @@ def to_json(head: Mapping[str, Value], findings: Sequence[Finding]) -> str:
 
 def summary(findings: Sequence[Finding]) -> str:
     """Return how many of which status there are, in words."""
-    errors = sum(f.status is Status.ERROR for f in findings)
-    warnings = sum(f.status is Status.WARN for f in findings)
+    errors = sum(f.status is Severity.ERROR for f in findings)
+    warnings = sum(f.status is Severity.WARN for f in findings)
     return f"{len(findings)} checks, {errors} errors, {warnings} warnings"

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...config.load import Cell, ConfigError
 from ...config.schema.security import refuse_exposure
 from ...drivers.network.certificates import known
-from .findings import Finding, Status
+from .findings import Finding, Severity
 
 
 def network(cell: Cell) -> Iterator[Finding]:
@@ -20,15 +20,15 @@ def network(cell: Cell) -> Iterator[Finding]:
     try:
         refuse_exposure(cell.config.zenoh, cell.path)
     except ConfigError as error:
-        yield Finding("network", Status.ERROR, str(error), values)
+        yield Finding("network", Severity.ERROR, str(error), values)
         return
     if zenoh.exposed:
         text = f"{zenoh.endpoint}: insecure: anybody who reaches it may command"
-        yield Finding("network", Status.WARN, text, values)
+        yield Finding("network", Severity.WARN, text, values)
     elif zenoh.security.directory is None:
-        yield Finding("network", Status.OK, f"{zenoh.endpoint}: this machine only", values)
+        yield Finding("network", Severity.OK, f"{zenoh.endpoint}: this machine only", values)
     else:
-        yield Finding("network", Status.OK, f"{zenoh.endpoint}: with certificates only", values)
+        yield Finding("network", Severity.OK, f"{zenoh.endpoint}: with certificates only", values)
         yield from certificates(cell.path.parent / zenoh.security.directory)
 
 
@@ -38,17 +38,17 @@ def certificates(folder: Path) -> Iterator[Finding]:
         good, complaints = known(folder)
     except ConfigError as error:
         text = f"{error}; telerobot certify makes certificates"
-        yield Finding("certificates", Status.WARN, text, {"certificates": 0})
+        yield Finding("certificates", Severity.WARN, text, {"certificates": 0})
         return
     for complaint in complaints:
-        yield Finding("certificates", Status.WARN, complaint)
+        yield Finding("certificates", Severity.WARN, complaint)
     if good and not complaints:
         first = min(good, key=lambda one: one.ends)
         days = (first.ends - datetime.now(UTC)).days
         text = f"{len(good)}, of which {first.name} expires first, on {first.ends:%Y-%m-%d}"
-        yield Finding("certificates", Status.OK, text, {"certificates": len(good), "days": days})
+        yield Finding("certificates", Severity.OK, text, {"certificates": len(good), "days": days})
     for key in sorted(folder.glob("*.key")):
         mode = key.stat().st_mode & 0o777
         if mode & 0o077:
             text = f"{key}: others may read it (mode {mode:o}); chmod 600"
-            yield Finding("private key", Status.WARN, text, {"mode": mode})
+            yield Finding("private key", Severity.WARN, text, {"mode": mode})

@@ -8,7 +8,7 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.moving import MovingFrame
 from ...server.control.mechanism.kinematics import Mechanism
-from .findings import Finding, Status, Value
+from .findings import Finding, Severity, Value
 
 GRAVITY = 9.81
 """[m/s²]."""
@@ -62,9 +62,9 @@ def _frame(cell: Cell, name: str, frame: MovingFrame) -> Finding:
         force = mass * (2.0 * GRAVITY * math.sin(0.5 * min(turned, math.pi)) + frame.acceleration)
         text += f", and makes up a force of {force:.2g} N"
         values["force"] = force
-    status = Status.OK
+    status = Severity.OK
     if frame.extent is None:
-        status, text = Status.WARN, f"{text}; without an 'extent', as far as the arm reaches"
+        status, text = Severity.WARN, f"{text}; without an 'extent', as far as the arm reaches"
     return Finding(f"news of {name}", status, text, values)
 
 
@@ -74,7 +74,7 @@ def _pictures(cell: Cell) -> Finding:
         "move nothing until a view is stored and the source is on; then the tool at up to "
         f"{vision.speed:g} m/s, {vision.angular_speed:g} rad/s"
     )
-    return Finding("pictures", Status.OK, text, {"speed": vision.speed})
+    return Finding("pictures", Severity.OK, text, {"speed": vision.speed})
 
 
 def _obstacles(cell: Cell) -> Finding:
@@ -90,4 +90,4 @@ def _obstacles(cell: Cell) -> Finding:
     link = config.potential.virtual_link
     if link is not None:
         text += f"; a tool with a goal gives way at up to {link.speed:g} m/s, {link.longest:g} m"
-    return Finding("news of obstacles", Status.OK, text, {"self_motion": rate})
+    return Finding("news of obstacles", Severity.OK, text, {"self_motion": rate})

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from ...config.load import Cell
 from ...protocols.topics import JOYSTICK, KEEPALIVE
-from .findings import Finding, Status
+from .findings import Finding, Severity
 
 FRESH = 2.0
 """A timeout spans at least this many of the periods that it watches."""
@@ -25,7 +25,7 @@ def timing(cell: Cell) -> Iterator[Finding]:
     order = " < ".join(f"{name} {seconds * 1e3:g} ms" for name, seconds in chain.items())
     yield Finding(
         "timeouts",
-        Status.ERROR if broken else Status.OK,
+        Severity.ERROR if broken else Severity.OK,
         f"{order}: {'; '.join(broken)}" if broken else order,
         {name.replace(" ", "_") + "_s": seconds for name, seconds in chain.items()},
     )
@@ -53,7 +53,7 @@ def _watch(what: str, timeout_s: float, period_s: float) -> Finding:
     fits = timeout_s >= FRESH * period_s
     return Finding(
         f"{what} watch",
-        Status.OK if fits else Status.ERROR,
+        Severity.OK if fits else Severity.ERROR,
         f"timeout {timeout_s * 1e3:g} ms, at least {FRESH:g} periods of {period_s * 1e3:g} ms",
         {"timeout_s": timeout_s, "period_s": period_s},
     )
@@ -62,7 +62,7 @@ def _watch(what: str, timeout_s: float, period_s: float) -> Finding:
 def _at_least(what: str, value_s: float, bound_s: float, why: str) -> Finding:
     return Finding(
         what,
-        Status.OK if value_s >= bound_s else Status.ERROR,
+        Severity.OK if value_s >= bound_s else Severity.ERROR,
         f"{value_s * 1e3:g} ms, at least {bound_s * 1e3:g} ms: {why}",
         {"value_s": value_s, "bound_s": bound_s},
     )

@@ -8,7 +8,7 @@ from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...server.control.mechanism.backbone.insertion import FITS, Backbone
 from ...server.control.mechanism.kinematics import Mechanism
-from .findings import Finding, Status, graded
+from .findings import Finding, Severity, graded
 
 FULL = 0.9
 """Part of a bound whose use is worth a word [1]."""
@@ -78,9 +78,9 @@ def _speed(cell: Cell, backbone: Backbone) -> Finding:
         f"{backbone.section.speed:g} m/s takes {used[i, j]:.0%} of {cell.robot.joints[j].name}'s "
         f"speed with a free length of {backbone.lengths[i]:.3f} m"
     )
-    status = Status.OK
+    status = Severity.OK
     if used[i, j] > 1.0:
-        status, text = Status.WARN, f"{text}: it slows down there; {most:.3f} m/s is kept"
+        status, text = Severity.WARN, f"{text}: it slows down there; {most:.3f} m/s is kept"
     return Finding("tunnel speed", status, text, {"speed": backbone.section.speed, "kept": most})
 
 
@@ -92,13 +92,13 @@ def _start(cell: Cell, backbone: Backbone) -> Iterator[Finding]:
         if found is None:
             yield Finding(
                 f"tunnel {name}",
-                Status.ERROR,
+                Severity.ERROR,
                 f"no posture of the curve: a link is more than {1e3 * FITS:g} mm off it at every "
                 "free length; the arm can be jogged only",
             )
             continue
         off = abs(found.s1 - backbone.section.start)
-        status = graded(off, 0.005, 0.05) if name == "start" else Status.OK
+        status = graded(off, 0.005, 0.05) if name == "start" else Severity.OK
         yield Finding(
             f"tunnel {name}",
             status,

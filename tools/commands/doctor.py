@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from ...config.load import load_cell
-from ..checks.findings import Finding, Status, failed, graded, summary, table, to_json
+from ..checks.findings import Finding, Severity, failed, graded, summary, table, to_json
 from ..checks.network import network
 from ..host import machine
 
@@ -38,7 +38,7 @@ def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
     cores = len(os.sched_getaffinity(0))
     yield Finding(
         "cores",
-        Status.OK if cores >= 2 else Status.WARN,
+        Severity.OK if cores >= 2 else Severity.WARN,
         f"{cores}" + ("" if cores >= 2 else ": the daemon wants one of its own"),
         {"cores": cores, "python": platform.python_version(), "kernel": platform.release()},
     )
@@ -58,14 +58,14 @@ def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
     refusal = machine.loopback_refusal()
     yield Finding(
         "loopback bus",
-        Status.ERROR if refusal else Status.OK,
+        Severity.ERROR if refusal else Severity.OK,
         refusal or "CAN frames cross between processes on 127.0.0.1",
     )
     yield _kernel_can()
     threads = os.environ.get("OPENBLAS_NUM_THREADS")
     yield Finding(
         "BLAS threads",
-        Status.OK if threads == "1" else Status.WARN,
+        Severity.OK if threads == "1" else Severity.WARN,
         f"OPENBLAS_NUM_THREADS is {threads or 'not set'}"
         + ("; set it to 1 in scripts of your own too" if threads == "1" else ": set it to 1"),
         {"openblas_num_threads": threads},
@@ -74,7 +74,7 @@ def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
     refusal = machine.picture_refusal()
     yield Finding(
         "pictures",
-        Status.WARN if refusal else Status.OK,
+        Severity.WARN if refusal else Severity.OK,
         f"{refusal}; everything else works without" if refusal else "can be rendered and looked at",
     )
 
@@ -116,17 +116,17 @@ def _duration(text: str) -> float:
 
 def _granted(check: str, refusal: str, otherwise: str) -> Finding:
     if refusal:
-        return Finding(check, Status.WARN, f"{refusal}: {otherwise}", {"granted": False})
-    return Finding(check, Status.OK, "granted", {"granted": True})
+        return Finding(check, Severity.WARN, f"{refusal}: {otherwise}", {"granted": False})
+    return Finding(check, Severity.OK, "granted", {"granted": True})
 
 
 def _governor(name: str | None) -> Finding:
     if name is None:
-        return Finding("CPU governor", Status.OK, "not readable here", {"governor": None})
+        return Finding("CPU governor", Severity.OK, "not readable here", {"governor": None})
     fast = name == "performance"
     return Finding(
         "CPU governor",
-        Status.OK if fast else Status.WARN,
+        Severity.OK if fast else Severity.WARN,
         name if fast else f"{name}: 'performance' wakes up sooner",
         {"governor": name},
     )
@@ -159,7 +159,7 @@ def _kernel_can() -> Finding:
         text = f"none in this kernel ({refusal})"
     if not interfaces:
         text += "; only real drives need it"
-    return Finding("kernel CAN", Status.OK, text, {"interfaces": listed, "vcan": vcan})
+    return Finding("kernel CAN", Severity.OK, text, {"interfaces": listed, "vcan": vcan})
 
 
 def _packages() -> Finding:
@@ -172,6 +172,6 @@ def _packages() -> Finding:
             missing.append(name)
     if missing:
         text = f"missing: {', '.join(missing)}"
-        return Finding("packages", Status.ERROR, text, dict(found))
+        return Finding("packages", Severity.ERROR, text, dict(found))
     text = ", ".join(f"{name} {number}" for name, number in found.items())
-    return Finding("packages", Status.OK, text, dict(found))
+    return Finding("packages", Severity.OK, text, dict(found))

@@ -122,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
     session = dial(cell, identity, over, f"the cameras of {cell.config.name} are looking")
     if session is not None:
         try:
-            _Work(session, lookers, world, args.pictures).run(over)
+            _PictureWork(session, lookers, world, args.pictures).run(over)
         finally:
             session.close()
     for looker in lookers:
@@ -130,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-class _Work:
+class _PictureWork:
     """The process's loop: hear the daemon and the rig, look, tell."""
 
     def __init__(

@@ -17,7 +17,7 @@ import numpy as np
 from ...config.load import ConfigError
 from ...server.control.spatial import Array
 from .parquet import arrow, column
-from .table import Table
+from .table import TickTable
 
 VERSION: Final = "v2.1"
 _POSE: Final = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -27,7 +27,7 @@ VIDEO: Final = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_in
 _FIRST: Final = {"episode_chunk": 0, "episode_index": 0}
 
 
-def write_lerobot(table: Table, folder: Path, fps: int, task: str) -> None:
+def write_lerobot(table: TickTable, folder: Path, fps: int, task: str) -> None:
     """Write a data set of `fps` frames a second. Raises `OSError`, `ConfigError`."""
     pa, pq = arrow()
     period_s = table.cell.config.timing.period_s
@@ -87,7 +87,7 @@ def write_lerobot(table: Table, folder: Path, fps: int, task: str) -> None:
         (meta / f"{name}.jsonl").write_text(json.dumps(line) + "\n", encoding="utf-8")
 
 
-def _features(table: Table, rows: Any) -> tuple[Array, Array, dict[str, Any]]:
+def _features(table: TickTable, rows: Any) -> tuple[Array, Array, dict[str, Any]]:
     """Return state, action and what their values are; a wrench that was not there is 0."""
     columns, joints = table.columns, table.cell.joints
     parts, names = [columns["state.q"]], [f"{joint}.pos" for joint in joints]

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .table import Table
+from .table import TickTable
 
 
-def write_numpy(table: Table, folder: Path) -> None:
+def write_numpy(table: TickTable, folder: Path) -> None:
     """Write a table. Raises `OSError`."""
     folder.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(folder / "run.npz", allow_pickle=False, **table.columns)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...config.load import ConfigError
-from .table import Table
+from .table import TickTable
 
 
 def arrow() -> tuple[Any, Any]:
@@ -21,7 +21,7 @@ def arrow() -> tuple[Any, Any]:
     return pa, pq
 
 
-def write_parquet(table: Table, folder: Path) -> None:
+def write_parquet(table: TickTable, folder: Path) -> None:
     """Write a table. Raises `OSError`, `ConfigError`."""
     pa, pq = arrow()
     folder.mkdir(parents=True, exist_ok=True)

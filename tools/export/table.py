@@ -22,7 +22,7 @@ PICTURES: Final = "pictures/"
 
 
 @dataclass
-class Table:
+class TickTable:
     """Columns over k ticks, and what lies beside them."""
 
     cell: Cell
@@ -39,7 +39,7 @@ class Table:
         return len(self.columns["time_s"])
 
 
-def table_of(path: Path, cell: Cell) -> Table:
+def table_of(path: Path, cell: Cell) -> TickTable:
     """Return a recorded run as a table. Raises `RecordError` for one without ticks."""
     rows: list[dict[str, Array]] = []
     stamps: list[int] = []
@@ -51,7 +51,7 @@ def table_of(path: Path, cell: Cell) -> Table:
             rows.append(_row(cell, tick))
     if not rows:
         raise RecordError(f"{path}: no tick can be computed again: nothing to export")
-    table = Table(cell, {name: np.array([row[name] for row in rows]) for name in rows[0]})
+    table = TickTable(cell, {name: np.array([row[name] for row in rows]) for name in rows[0]})
     for message in read_run(path):
         if message.topic == "event":
             event = message.json()

@@ -15,7 +15,7 @@ QUIET_S: Final = 2.0
 @contextmanager
 def told(to: TextIO | None = None) -> Iterator[None]:
     """Tell of kernels that are compiled in here: on a terminal each, else that it began."""
-    news = _Told(sys.stderr if to is None else to)
+    news = _CompileNotice(sys.stderr if to is None else to)
     compilation.listeners.append(news)
     try:
         yield
@@ -24,7 +24,7 @@ def told(to: TextIO | None = None) -> Iterator[None]:
         news.close()
 
 
-class _Told:
+class _CompileNotice:
     """One line for all kernels; `to` is a terminal or a file."""
 
     def __init__(self, to: TextIO) -> None:

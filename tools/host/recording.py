@@ -12,7 +12,7 @@ from .address import options
 from .local_plant import CLI, end, end_with_parent
 
 
-class Recording:
+class LiveRecording:
     """Records a cell into a folder while it is open; a context manager."""
 
     def __init__(self, cell: Cell, folder: Path) -> None:
@@ -40,4 +40,4 @@ class Recording:
 
 def recording(cell: Cell, folder: Path | None) -> AbstractContextManager[object]:
     """Return what records a cell into a folder; for None, what does not."""
-    return nullcontext() if folder is None else Recording(cell, folder)
+    return nullcontext() if folder is None else LiveRecording(cell, folder)

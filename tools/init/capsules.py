@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .shapes import Array, Shape, hull_of
+from .shapes import Array, LinkMesh, hull_of
 
 WORTH: Final = 0.8
 """One capsule more is taken where it leaves less than this part of the volume [1]."""
@@ -61,7 +61,7 @@ class Fit(NamedTuple):
     from_visual: bool
 
 
-def fit(shape: Shape) -> Fit:
+def fit(shape: LinkMesh) -> Fit:
     """Return one to three capsules that hold a shape."""
     triangles = shape.triangles
     best: tuple[Tube, ...] = (_around(triangles.reshape(-1, 3)),)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from ...config.errors import ConfigError
 from ...config.load import load_cell
-from ..checks.findings import Status
+from ..checks.findings import Severity
 from ..commands.check import judge
 from .make import Made, make
 from .packages import packages_of
-from .robot import Arm, read_arm
+from .robot import UrdfArm, read_arm
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     made = make(arm, out)
     out.write_text(made.cell, encoding="utf-8")
     beside.write_text(made.script, encoding="utf-8")
-    bad = [f for f in judge(load_cell(out)) if f.status is Status.ERROR]
+    bad = [f for f in judge(load_cell(out)) if f.status is Severity.ERROR]
     for line in _report(arm, made):
         print(line)
     for finding in bad:
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if bad else 0
 
 
-def _report(arm: Arm, made: Made) -> list[str]:
+def _report(arm: UrdfArm, made: Made) -> list[str]:
     """Return what was found and what was made up, a line each."""
     drives = made.draft.drives
     lines = [f"arm: {len(drives)} joints, {drives[0].joint} to {drives[-1].joint}; tip {arm.tip}"]

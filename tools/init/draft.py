@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from .robot import Arm
+from .robot import UrdfArm
 from .shapes import Array
 from .toml_text import number, numbers, plain, quoted
 
@@ -34,7 +34,7 @@ class DriveDraft:
 class Draft:
     """A cell in the making."""
 
-    arm: Arm
+    arm: UrdfArm
     name: str
     urdf: str
     script: str

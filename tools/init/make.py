@@ -12,15 +12,15 @@ import numpy as np
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
 from ...config.rig_drives import greatest_inertias
-from ..checks.findings import Status
+from ..checks.findings import Severity
 from ..checks.loops.stability import stability
 from .draft import Draft, text_of
 from .drives import cell_name, drive_of, limit_of, range_of
-from .robot import Arm, beyond
-from .script import Plan
+from .robot import UrdfArm, beyond
+from .script import ScriptFigures
 from .script import text_of as script_of
 from .shapes import Array
-from .study import Found, Study
+from .study import GradedPosture, Study
 from .toml_text import path_from
 
 QUICKEST: Final = 8.0
@@ -43,10 +43,10 @@ class Made:
     cell: str
     script: str
     draft: Draft
-    plan: Plan
+    plan: ScriptFigures
 
 
-def make(arm: Arm, out: Path) -> Made:
+def make(arm: UrdfArm, out: Path) -> Made:
     """Return the texts of a cell and its script, which will stand beside each other in `out`.
 
     Raises `ConfigError` for an arm that no cell can be made of.
@@ -150,12 +150,12 @@ def _strength(draft: Draft, bench: _Bench) -> None:
         drive.acceleration = max(most, 3.0 * drive.velocity, 0.05)
 
 
-def _postures(draft: Draft, bench: _Bench) -> Plan:
+def _postures(draft: Draft, bench: _Bench) -> ScriptFigures:
     """Find `start` and `ready`, the wall in front of it, and the script's ways."""
     study = bench.study(draft)
     forward = draft.mrf / np.linalg.norm(draft.mrf)
     torques = np.array([drive.torque for drive in draft.drives])
-    best: Found | None = None
+    best: GradedPosture | None = None
     for tried, found in enumerate(study.good(forward, torques)):
         if best is None:
             best = found
@@ -175,7 +175,7 @@ def _postures(draft: Draft, bench: _Bench) -> Plan:
     )
 
 
-def _plan(draft: Draft, study: Study, found: Found, forward: Array) -> Plan | None:
+def _plan(draft: Draft, study: Study, found: GradedPosture, forward: Array) -> ScriptFigures | None:
     """Return the script from a posture, or None where a way is not free; set what it needs."""
     least = 0.5 * found.sigma
     q, T = found.q.round(4), study.tool_pose(found.q.round(4))
@@ -218,7 +218,7 @@ def _plan(draft: Draft, study: Study, found: Found, forward: Array) -> Plan | No
     spare = np.maximum(torques - gravity, 0.05 * torques)
     draft.push = float(min(10.0, (0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min()))
     pose = study.tool_pose(target).to_xyz_rpy()
-    return Plan(
+    return ScriptFigures(
         moved_s, stick, (np.array(pose[:3]), np.array(pose[3:])), target_s, d,
         (0.03, TO_WALL / 0.03 + 1.0), 0.0, draft.push,
     )  # fmt: skip
@@ -250,7 +250,7 @@ def _gains(draft: Draft, bench: _Bench) -> None:
     """Lower the force gains until the judge of stability has no complaint."""
     for _ in range(30):
         found = [f for f in stability(bench.load(draft)) if f.check.startswith("force")]
-        bad = [f.check for f in found if f.status is not Status.OK]
+        bad = [f.check for f in found if f.status is not Severity.OK]
         if not bad:
             return
         linear, angular = draft.gain
@@ -261,6 +261,6 @@ def _gains(draft: Draft, bench: _Bench) -> None:
         draft.gain = (float(f"{linear:.3g}"), float(f"{angular:.3g}"))
 
 
-def replace_force(plan: Plan, draft: Draft) -> Plan:
+def replace_force(plan: ScriptFigures, draft: Draft) -> ScriptFigures:
     """Return the plan with the stick that pushes by its force, at the gain that was found."""
     return plan._replace(press=draft.push * draft.gain[0], force=draft.push)

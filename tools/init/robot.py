@@ -40,7 +40,7 @@ class Inertial:
 
 
 @dataclass
-class Arm:
+class UrdfArm:
     """A URDF's file and tree, and which chain of it is the arm."""
 
     urdf: Path
@@ -54,7 +54,7 @@ class Arm:
     """Movable joints outside of the chain."""
 
 
-def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> Arm:
+def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> UrdfArm:
     """Read a URDF; `tip` is the arm's last link, found where it is not said.
 
     Raises `ConfigError`.
@@ -80,7 +80,7 @@ def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> Arm:
     chain.reverse()
     if not chain:
         raise ConfigError(f"{urdf}: no movable joint leads to link '{tip}'")
-    arm = Arm(urdf, root, tip, chain)
+    arm = UrdfArm(urdf, root, tip, chain)
     arm.held = [j.get("name", "") for j in root.findall("joint") if _movable(j) and j not in chain]
     wrong: list[str] = []
     for link in root.findall("link"):
@@ -93,7 +93,7 @@ def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> Arm:
     return arm
 
 
-def beyond(arm: Arm) -> tuple[float, tuple[float, ...]]:
+def beyond(arm: UrdfArm) -> tuple[float, tuple[float, ...]]:
     """Return mass [kg] and centre of mass (3,) [m] of the tip link and what it carries.
 
     In the tip link's frame, all joints beyond it at zero.
@@ -127,7 +127,7 @@ def beyond(arm: Arm) -> tuple[float, tuple[float, ...]]:
 
 
 def _look_at(
-    arm: Arm, link: ET.Element, packages: Mapping[str, Path], carried: Mapping[str, ET.Element]
+    arm: UrdfArm, link: ET.Element, packages: Mapping[str, Path], carried: Mapping[str, ET.Element]
 ) -> None:
     """Fit capsules where the daemon reads no shape, and estimate what has no inertia."""
     name = link.get("name", "")
@@ -154,7 +154,7 @@ def _look_at(
     arm.inertials.append(Inertial(name, mass, hull.centre, inertia, why))
 
 
-def _alone(arm: Arm, name: str, carried: Mapping[str, ET.Element]) -> bool:
+def _alone(arm: UrdfArm, name: str, carried: Mapping[str, ET.Element]) -> bool:
     """Return whether a link's joint is of the arm, and moves a link that has no mass of its own.
 
     What is fixed to such a link may have all the mass.

@@ -7,7 +7,7 @@ import numpy as np
 from .shapes import Array
 
 
-class Plan(NamedTuple):
+class ScriptFigures(NamedTuple):
     """Figures of the script's steps; in World."""
 
     ready_s: float
@@ -27,7 +27,7 @@ class Plan(NamedTuple):
     """Force that follows from it [N]."""
 
 
-def text_of(plan: Plan, name: str) -> str:
+def text_of(plan: ScriptFigures, name: str) -> str:
     """Return the script's file."""
     at = 0.2
     steps = [_step(at, '"cmd/posture" = { posture = "ready" }')]

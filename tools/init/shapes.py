@@ -21,7 +21,7 @@ LARGEST = 100.0
 """A link whose mesh is larger is one in millimetres, or none [m]."""
 
 
-class Shape(NamedTuple):
+class LinkMesh(NamedTuple):
     """Triangles (t, 3, 3) of a link's shape [m], in its frame."""
 
     link: str
@@ -43,7 +43,7 @@ class Hull(NamedTuple):
 
 def link_shape(
     link: ET.Element, urdf: Path, packages: Mapping[str, Path], *, meshes_only: bool = False
-) -> Shape | None:
+) -> LinkMesh | None:
     """Return the shape of a link, or None for one that has none.
 
     With `meshes_only`, of a link with collision shapes those that are meshes. Raises `ConfigError`
@@ -70,7 +70,7 @@ def link_shape(
             f"{urdf}: link '{name}': its shape is {size:.3g} m long: meshes in millimetres have "
             '<mesh scale="0.001 0.001 0.001">'
         )
-    return Shape(name, triangles, not collisions)
+    return LinkMesh(name, triangles, not collisions)
 
 
 def hull_of(points: Array) -> Hull | None:

@@ -29,7 +29,7 @@ _STEP: Final = 0.005
 """Of a way that is tried [m]."""
 
 
-class Found(NamedTuple):
+class GradedPosture(NamedTuple):
     """A posture, and how good it is."""
 
     q: Array
@@ -98,7 +98,7 @@ class Study:
         """Return the capsules' ends (c, 2, 3) in World [m]."""
         return np.asarray(self.capsules.place(q[None]).ends[0])
 
-    def good(self, direction: Array, torques: Array) -> Iterator[Found]:
+    def good(self, direction: Array, torques: Array) -> Iterator[GradedPosture]:
         """Yield free postures, the best first, whose tool looks along `direction` (3,) of the MRF.
 
         Away from singularities and limits; the tool level and outward, the arm above its Base, and
@@ -125,7 +125,7 @@ class Study:
             penalty = 2.0 * max(0.0, float(weight.max()) - 0.5) + 2.0 * max(0.0, -low)
             kept.append((float(score[i]) - penalty, i))
         for _, i in sorted(kept, reverse=True):
-            yield Found(postures[i], float(sigma[i]))
+            yield GradedPosture(postures[i], float(sigma[i]))
 
     def walk(self, q: Array, twist: Array, length: float, least: float) -> Array | None:
         """Return where a straight way of the tool ends, `twist` (6,) a metre, or None.

@@ -20,7 +20,7 @@ STEPS: Final = 60
 """Steps of each [1]."""
 
 
-class Arm(NamedTuple):
+class FoldingArm(NamedTuple):
     """Axes z y z y … from the foot upwards; lengths between shoulder, elbow, wrist and tool."""
 
     shoulder: float
@@ -35,7 +35,7 @@ class Arm(NamedTuple):
     """Half of what carries the arm [m]."""
 
 
-class Gate(NamedTuple):
+class Opening(NamedTuple):
     """The opening as it projects: between pillars, below the beam; from the arm's foot [m]."""
 
     left: float
@@ -48,14 +48,14 @@ class Gate(NamedTuple):
 
 def gate_of(
     height: float, width: float, thickness: float, side: float, skew: float, offset: float
-) -> Gate:
+) -> Opening:
     """Return the opening of a bridge that is turned by `skew` [rad]; heights from the foot [m]."""
     lost = 0.5 * thickness * abs(math.sin(skew))
     half = 0.5 * width * math.cos(skew)
-    return Gate(offset + half - lost, offset - half + lost, height, height + side)
+    return Opening(offset + half - lost, offset - half + lost, height, height + side)
 
 
-def room(q: Array, arm: Arm, gate: Gate) -> Array:
+def room(q: Array, arm: FoldingArm, gate: Opening) -> Array:
     """Return how far housings stay from the gate at postures q (s, 4) [m]; negative inside."""
     c1, s1, c2, s2 = np.cos(q[:, 0]), np.sin(q[:, 0]), np.cos(q[:, 1]), np.sin(q[:, 1])
     c3, s3, c4, s4 = np.cos(q[:, 2]), np.sin(q[:, 2]), np.cos(q[:, 3]), np.sin(q[:, 3])
@@ -77,7 +77,7 @@ def room(q: Array, arm: Arm, gate: Gate) -> Array:
     return np.asarray(found - arm.radius)
 
 
-def passable(arm: Arm, gate: Gate, clearance: float, seed: int = 0) -> bool:
+def passable(arm: FoldingArm, gate: Opening, clearance: float, seed: int = 0) -> bool:
     """Return whether base, column and some posture pass with a clearance to spare [m]."""
     if min(gate.left, -gate.right) < arm.half_width + clearance:
         return False

@@ -14,7 +14,7 @@ from ...config.bundle import to_text
 from ...config.load import Cell
 from ...protocols.messages.messages import Message
 from ...server.flight.container import ABOUT, CELL, MEMORY, TICK
-from ...server.flight.log import Row, pack_memories
+from ...server.flight.log import KeptTick, pack_memories
 
 CHUNK_BYTES = 128 * 1024
 """Small chunks: a crash loses no more than one."""
@@ -62,7 +62,7 @@ class Recorder:
         """Write a message of the protocol."""
         self._write(topic, type(message).model_json_schema, time_s, message.__dict__)
 
-    def tick(self, row: Row) -> None:
+    def tick(self, row: KeptTick) -> None:
         """Write what a tick looked at and decided, for `telerobot replay`."""
         memory = b"" if row.memories is None else pack_memories(row.memories)
         self.ticks(row.stamp_ns, row.data, memory)

@@ -26,7 +26,7 @@ class RecordError(Exception):
     """A file that is no recording, or lacks what is asked of it: says which, and what is wrong."""
 
 
-class Frame(NamedTuple):
+class RecordedFrame(NamedTuple):
     """One CAN frame of a recording."""
 
     time_s: float
@@ -64,12 +64,12 @@ def read_run(path: Path, topics: Collection[str] | None = None) -> Iterator[Reco
                 yield Recorded(topic, record.log_time, record.data)
 
 
-def read_frames(path: Path) -> Iterator[Frame]:
+def read_frames(path: Path) -> Iterator[RecordedFrame]:
     """Yield the CAN frames of a recording, in the order of writing. Raises as `read_run`."""
     for message in read_run(path, ("can",)):
         row = message.json()
         data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
-        yield Frame(message.stamp_ns / 1e9, row["id"], data, row["sent"], bus)
+        yield RecordedFrame(message.stamp_ns / 1e9, row["id"], data, row["sent"], bus)
 
 
 def read_messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -11,7 +11,7 @@ from ...config.load import Cell
 from ...server.control.state import Inputs, Memory, Output
 from ...server.control.tick import Control
 from ...server.flight.container import MEMORY, TICK
-from ...server.flight.log import TOLD, TickRecord, pack_memories, read_row, told
+from ...server.flight.log import TOLD, ReadTick, pack_memories, read_row, told
 from ...server.flight.values import RecordedValueError, pack, unpack
 from ..recording.run_file import Recorded, RecordError, read_run
 
@@ -21,7 +21,7 @@ _ARRAYS = ("q", "dq", "command", "following_error", "twist")
 class Replayed(NamedTuple):
     """One tick that was computed again."""
 
-    record: TickRecord
+    record: ReadTick
     before: tuple[Memory, ...]
     nexts: tuple[Memory, ...]
     outputs: tuple[Output, ...]
@@ -110,7 +110,7 @@ class Replay:
             yield replayed._replace(stamp_ns=message.stamp_ns)
 
     def _tick(
-        self, record: TickRecord, memories: tuple[Memory, ...], difference: str | None
+        self, record: ReadTick, memories: tuple[Memory, ...], difference: str | None
     ) -> Replayed:
         try:
             nexts, outputs = self._control.tick(memories, record.inputs)
@@ -124,7 +124,7 @@ class Replay:
         )
 
 
-def _of_outputs(record: TickRecord, outputs: tuple[Output, ...]) -> str | None:
+def _of_outputs(record: ReadTick, outputs: tuple[Output, ...]) -> str | None:
     """Return the first difference between recorded outputs and those of now."""
     if not record.told:
         return "it raised when it was recorded, and does not here"

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...server.control.scene import Flags
 from ...server.control.spatial import Array
-from .contour import Contour, Plane
+from .contour import CellPlane, Contour
 
 MOST: Final = 16
 """Boxes of one contour [1]."""
@@ -14,7 +14,7 @@ DEPTH: Final = 0.05
 """An obstacle is at least so thick [m]."""
 
 
-class Box(NamedTuple):
+class CellBox(NamedTuple):
     """Rows and columns of cells, the ends not included, and the depths that they fill."""
 
     rows: tuple[int, int]
@@ -22,7 +22,7 @@ class Box(NamedTuple):
     near: float
     far: float
 
-    def corners(self, plane: Plane) -> tuple[Array, Array]:
+    def corners(self, plane: CellPlane) -> tuple[Array, Array]:
         """Return the least and the greatest corner (3,) in the arm's Base [m]."""
         half, cell = 0.5 * plane.width, plane.cell
         return (
@@ -31,7 +31,7 @@ class Box(NamedTuple):
         )
 
 
-def boxes_of(contour: Contour, most: int = MOST) -> tuple[Box, ...]:
+def boxes_of(contour: Contour, most: int = MOST) -> tuple[CellBox, ...]:
     """Return boxes that hold every occupied cell, at most so many.
 
     Single holes are closed; the largest rectangles come first; then the two are merged that take in
@@ -100,8 +100,8 @@ def _merged(areas: list[tuple[int, int, int, int]]) -> list[tuple[int, int, int,
     return [*inside, whole]
 
 
-def _box(contour: Contour, area: tuple[int, int, int, int]) -> Box:
+def _box(contour: Contour, area: tuple[int, int, int, int]) -> CellBox:
     top, bottom, first, last = area
     near = float(np.nanmin(contour.nearest[top:bottom, first:last]))
     far = float(np.nanmax(contour.farthest[top:bottom, first:last]))
-    return Box((top, bottom), (first, last), near, max(far, near + DEPTH))
+    return CellBox((top, bottom), (first, last), near, max(far, near + DEPTH))

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
     work = None
     if session is not None:
-        work = _Work(session, scanning)
+        work = _ScanWork(session, scanning)
         try:
             work.run(over)
         finally:
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-class _Work:
+class _ScanWork:
     """The process's loop: hear the daemon and the scanner, look, tell."""
 
     def __init__(self, session: Session, scanning: Scanning) -> None:

@@ -26,7 +26,7 @@ one that is 10 mm inside 42 % and 17 %.
 """
 
 
-class Plane(NamedTuple):
+class CellPlane(NamedTuple):
     """Cells of the plane, and how far ahead of Base what fills them is collected."""
 
     width: float = 2.0
@@ -55,7 +55,7 @@ class Contour(NamedTuple):
     farthest: Array
 
 
-def contour_of(points: Array, hits: Array, plane: Plane, rear: float) -> Contour:
+def contour_of(points: Array, hits: Array, plane: CellPlane, rear: float) -> Contour:
     """Return the contour of n points (n, 3) [m] in the arm's Base, seen `hits` (n,) times each.
 
     What is behind `rear` [m] is passed. A cell is occupied if it was hit at least twice, once well

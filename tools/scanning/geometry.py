@@ -15,7 +15,7 @@ KEPT: Final = 200
 """Newest instants that are kept [1]: 2 s."""
 
 
-class Instant(NamedTuple):
+class MeasuredInstant(NamedTuple):
     """Where everything was measured at one telemetry tick."""
 
     tick: int
@@ -27,10 +27,10 @@ class Instant(NamedTuple):
     """Base by the odometry."""
 
 
-def instant_of(state: State) -> Instant:
+def instant_of(state: State) -> MeasuredInstant:
     """Return what a tick's telemetry tells; Base stands in World where it does not move."""
     x, y, z, *rpy = state.frames.get("base", (0.0,) * 6)
-    return Instant(
+    return MeasuredInstant(
         state.tick, state.time_s, np.array(state.q), Pose.from_xyz_rpy((x, y, z), tuple(rpy))
     )
 
@@ -39,9 +39,9 @@ class Ring:
     """The newest instants, in turn."""
 
     def __init__(self) -> None:
-        self._each: deque[Instant] = deque(maxlen=KEPT)
+        self._each: deque[MeasuredInstant] = deque(maxlen=KEPT)
 
-    def add(self, instant: Instant) -> None:
+    def add(self, instant: MeasuredInstant) -> None:
         """Take in an instant; one that is not newer is ignored, unless time starts again."""
         newest = self.newest
         if newest is not None and instant.tick < newest.tick - KEPT:
@@ -51,18 +51,18 @@ class Ring:
         self._each.append(instant)
 
     @property
-    def newest(self) -> Instant | None:
+    def newest(self) -> MeasuredInstant | None:
         """The newest instant; None before the first."""
         return self._each[-1] if self._each else None
 
-    def around(self, first_s: float, last_s: float) -> list[Instant]:
+    def around(self, first_s: float, last_s: float) -> list[MeasuredInstant]:
         """Return the instants from the last before a span of time to the first behind it.
 
         Fewer than two where the span is not covered.
         """
         if not self._each or self._each[0].time_s > first_s or self._each[-1].time_s < last_s:
             return []
-        found: list[Instant] = []
+        found: list[MeasuredInstant] = []
         for instant in reversed(self._each):
             if instant.time_s >= last_s:
                 found = []
@@ -72,7 +72,7 @@ class Ring:
         return found[::-1]
 
 
-class Geometry:
+class ScannerGeometry:
     """Scanner and capsules of a cell's mechanism."""
 
     def __init__(self, cell: Cell) -> None:
@@ -96,7 +96,7 @@ class Geometry:
         self.reach = self._capsules.radius[self._others] + scanner.self_margin
         """Radii of the capsules, grown by the margin (c,) [m]."""
 
-    def knots(self, instants: list[Instant]) -> Knots:
+    def knots(self, instants: list[MeasuredInstant]) -> Knots:
         """Return poses and capsules at some instants."""
         q = np.array([instant.q for instant in instants])
         placed = self._capsules.place(q, Pose.identity())

@@ -11,7 +11,7 @@ import numpy as np
 from ...server.control.compiled import COUNT, MATRIX, NUMBER, TABLE, VECTOR, compiled
 from ...server.control.scene import Flags
 from ...server.control.spatial import Array
-from .contour import Contour, Plane
+from .contour import CellPlane, Contour
 
 
 class Obstacles(NamedTuple):
@@ -25,7 +25,7 @@ class Obstacles(NamedTuple):
     """Depths at which they begin (k,) [m]."""
 
     @staticmethod
-    def of(contour: Contour, plane: Plane) -> "Obstacles":
+    def of(contour: Contour, plane: CellPlane) -> "Obstacles":
         """Return the occupied cells."""
         i, j = np.nonzero(~np.isnan(contour.nearest))
         low = np.stack([j * plane.cell - 0.5 * plane.width, i * plane.cell], axis=1)
@@ -37,7 +37,7 @@ class Obstacles(NamedTuple):
         return self if which.all() else Obstacles(*(part[which] for part in self))
 
 
-def crossed(start: Array, end: Array, plane: Plane) -> Flags:
+def crossed(start: Array, end: Array, plane: CellPlane) -> Flags:
     """Return the cells (rows, columns) that a projected segment touches, and their neighbours.
 
     From y, z (2,) to y, z (2,) [m] (eq. 12).
@@ -65,7 +65,7 @@ def crossed(start: Array, end: Array, plane: Plane) -> Flags:
     return grown[1:-1, 1:-1]
 
 
-def forbidden(start: Array, end: Array, plane: Plane, reach: float) -> Flags:
+def forbidden(start: Array, end: Array, plane: CellPlane, reach: float) -> Flags:
     """Return the cells (rows, columns) of which any point is within `reach` of a segment [m]."""
     rows, columns = plane.shape
     i, j = (index.ravel() for index in np.indices((rows, columns)))
@@ -139,7 +139,7 @@ NODES_PER_CELL = 4
 """Nodes of a field of distances along the side of a cell [1]."""
 
 
-def distance_field(obstacles: Obstacles, plane: Plane) -> Array:
+def distance_field(obstacles: Obstacles, plane: CellPlane) -> Array:
     """Return the distance [m] of nodes from the nearest obstacle, a quarter of a cell apart.
 
     (4 rows + 1, 4 columns + 1); at most 10.

@@ -24,7 +24,7 @@ _BITS: Final = 20
 _MIDDLE: Final = 1 << (_BITS - 1)
 
 
-class Memory:
+class PointMemory:
     """Points (n, 3) [m] in the odometry's frame, and how often each was hit (n,)."""
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...server.control.spatial import Array
 from .interference import Obstacles, clearance, clearances
-from .search import Found, Search
+from .search import FoldingPosture, Search
 
 UNDECIDED_FRONT: Final = 0.80
 """While nothing is decided the arm may yet stretch so far ahead [m]."""
@@ -38,7 +38,7 @@ STUCK_S: Final = 12.0
 """An arm that has not got there by then is held up [s]."""
 
 
-class Phase(StrEnum):
+class PassagePhase(StrEnum):
     """Phase of a passage."""
 
     CLEAR = "clear"
@@ -49,10 +49,10 @@ class Phase(StrEnum):
     REFUSED = "refused"
 
 
-class Answer(NamedTuple):
+class Reaction(NamedTuple):
     """The answer to one contour."""
 
-    phase: Phase
+    phase: PassagePhase
     posture: Array | None
     """Joints (n,) that the arm should take [rad]; None: as they are."""
     most_speed: float
@@ -83,18 +83,18 @@ class Reflex:
         self._in_sequence, self._wait, self._trigger = in_sequence, wait, trigger
         self.elsewhere: Executor | None = None
         """Who searches, so that contours go on meanwhile; None: the search is waited for."""
-        self._searching: Future[Found] | None = None
+        self._searching: Future[FoldingPosture] | None = None
         self.forget()
 
     def forget(self) -> None:
         """Remember no passage."""
-        self.phase = Phase.CLEAR
+        self.phase = PassagePhase.CLEAR
         self.goal: Array | None = None
         self._home: Array | None = None
         self._since_s = self._entered_s = self._free_since_s = math.inf
         self._reason = ""
 
-    def step(self, time_s: float, q: Array, obstacles: Obstacles) -> Answer:
+    def step(self, time_s: float, q: Array, obstacles: Obstacles) -> Reaction:
         """Return the answer to the obstacles of a contour, with the arm at q (n,) [rad]."""
         now = self._search.points.of(q[None])[0]
         front = float(now[:, 0].max())
@@ -104,7 +104,7 @@ class Reflex:
         near = clearances(now, ahead) < reach.trigger
         met = ahead.near[near | (self._search.standing(ahead) < reach.column)]
         self._decide(time_s, q, obstacles, ahead, bool(met.size))
-        return Answer(self.phase, self.goal, self._speed(q, front, met), self._reason)
+        return Reaction(self.phase, self.goal, self._speed(q, front, met), self._reason)
 
     # --- deciding ----------------------------------------------------------------------------
 
@@ -112,20 +112,20 @@ class Reflex:
         self, time_s: float, q: Array, obstacles: Obstacles, ahead: Obstacles, met: bool
     ) -> None:
         match self.phase:
-            case Phase.CLEAR:
+            case PassagePhase.CLEAR:
                 if met:
                     self._since_s = time_s
-                    self._go_to(Phase.UNDECIDED, time_s)
-            case Phase.UNDECIDED:
+                    self._go_to(PassagePhase.UNDECIDED, time_s)
+            case PassagePhase.UNDECIDED:
                 self._look_for_way(time_s, q, ahead, met)
-            case Phase.REFUSED:
+            case PassagePhase.REFUSED:
                 if not met or time_s - self._entered_s >= AGAIN_S:
                     self._look_for_way(time_s, q, ahead, met)
                 else:
                     self._free_since_s = time_s
-            case Phase.FOLDING | Phase.RETURNING:
+            case PassagePhase.FOLDING | PassagePhase.RETURNING:
                 self._under_way(time_s, q, ahead)
-            case Phase.FOLDED:
+            case PassagePhase.FOLDED:
                 self._through(time_s, q, obstacles, ahead, met)
 
     def _look_for_way(self, time_s: float, q: Array, ahead: Obstacles, met: bool) -> None:
@@ -133,7 +133,7 @@ class Reflex:
             self._free_since_s = time_s
         elif time_s - max(self._free_since_s, self._entered_s) >= FREE_S:
             self._reason = ""
-            self._go_to(Phase.CLEAR if self._home is None else Phase.FOLDED, time_s)
+            self._go_to(PassagePhase.CLEAR if self._home is None else PassagePhase.FOLDED, time_s)
             self.goal = self.goal if self._home is None else q
             return
         if not met or time_s - self._since_s < self._decide_s:
@@ -143,12 +143,12 @@ class Reflex:
             return
         self._reason, self.goal = found.reason, found.q
         if found.q is None:
-            self._go_to(Phase.REFUSED, time_s)
+            self._go_to(PassagePhase.REFUSED, time_s)
             return
         self._home = q if self._home is None else self._home
-        self._go_to(Phase.FOLDING, time_s)
+        self._go_to(PassagePhase.FOLDING, time_s)
 
-    def _found(self, q: Array, ahead: Obstacles) -> Found | None:
+    def _found(self, q: Array, ahead: Obstacles) -> FoldingPosture | None:
         """Return what a search found; None while it goes on elsewhere."""
         if self.elsewhere is None:
             return self._find(q, ahead)
@@ -159,7 +159,7 @@ class Reflex:
         found, self._searching = self._searching.result(), None
         return found
 
-    def _find(self, q: Array, ahead: Obstacles) -> Found:
+    def _find(self, q: Array, ahead: Obstacles) -> FoldingPosture:
         return (
             self._search.sequence(q, ahead) if self._in_sequence else self._search.posture(q, ahead)
         )
@@ -168,18 +168,18 @@ class Reflex:
         """Go on to the goal while it is free, and the rest of the way."""
         goal, give_up = self.goal, self._search.reach.give_up
         if goal is None:
-            self._go_to(Phase.UNDECIDED, time_s)
+            self._go_to(PassagePhase.UNDECIDED, time_s)
         elif np.abs(q - goal).max() < ARRIVED:
-            back = self.phase is Phase.RETURNING
+            back = self.phase is PassagePhase.RETURNING
             if back:
                 self._home = self.goal = None
-            self._go_to(Phase.CLEAR if back else Phase.FOLDED, time_s)
+            self._go_to(PassagePhase.CLEAR if back else PassagePhase.FOLDED, time_s)
         elif not self._search.way_is_free(q, goal, ahead, give_up):
             self.goal = None
-            self._go_to(Phase.UNDECIDED, time_s)
+            self._go_to(PassagePhase.UNDECIDED, time_s)
         elif time_s - self._entered_s > STUCK_S:
             self.goal, self._reason = None, "held_up"
-            self._go_to(Phase.REFUSED, time_s)
+            self._go_to(PassagePhase.REFUSED, time_s)
 
     def _through(
         self, time_s: float, q: Array, obstacles: Obstacles, ahead: Obstacles, met: bool
@@ -187,14 +187,14 @@ class Reflex:
         """Stay folded until the way back is free; look again if the posture does not pass."""
         goal, home = self.goal, self._home
         if goal is None or home is None:
-            self._go_to(Phase.UNDECIDED, time_s)
+            self._go_to(PassagePhase.UNDECIDED, time_s)
             return
         points = self._search.points.of(goal[None])[0]
         gives_up = clearance(points, ahead) < self._search.reach.give_up
         # What is met but not yet given up would be waited for, for ever.
         waits = met and (self._in_sequence or time_s - self._entered_s >= AGAIN_S)
         if gives_up or waits:
-            self._go_to(Phase.UNDECIDED, time_s)
+            self._go_to(PassagePhase.UNDECIDED, time_s)
             return
         # Over the whole depth, or it would fold, unfold and be refused.
         if not self._search.way_is_free(
@@ -205,13 +205,13 @@ class Reflex:
             self._free_since_s = time_s
         elif time_s - self._free_since_s >= FREE_S:
             self.goal = home
-            self._go_to(Phase.RETURNING, time_s)
+            self._go_to(PassagePhase.RETURNING, time_s)
 
-    def _go_to(self, phase: Phase, time_s: float) -> None:
+    def _go_to(self, phase: PassagePhase, time_s: float) -> None:
         self.phase, self._entered_s, self._free_since_s = phase, time_s, math.inf
-        if phase in (Phase.UNDECIDED, Phase.REFUSED):
+        if phase in (PassagePhase.UNDECIDED, PassagePhase.REFUSED):
             self._free_since_s = time_s
-        if phase is Phase.CLEAR:
+        if phase is PassagePhase.CLEAR:
             self._since_s, self._reason = math.inf, ""
 
     # --- waiting -----------------------------------------------------------------------------
@@ -220,7 +220,7 @@ class Reflex:
         """Return the greatest speed of the base [m/s] from which it still stops in time."""
         if not self._wait or not met.size:
             return math.inf
-        if self.phase in (Phase.UNDECIDED, Phase.REFUSED):
+        if self.phase in (PassagePhase.UNDECIDED, PassagePhase.REFUSED):
             front = max(front, UNDECIDED_FRONT)
         if self.goal is not None:
             front = max(front, self._search.front(q, self.goal))

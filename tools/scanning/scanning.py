@@ -20,13 +20,13 @@ from ...protocols.sick.scan_data import Scan
 from ...server.control.scene import Flags
 from ...server.control.spatial import Array, Pose
 from .boxes import boxes_of
-from .contour import Contour, Plane, contour_of
-from .geometry import Geometry, Instant, Ring
+from .contour import CellPlane, Contour, contour_of
+from .geometry import MeasuredInstant, Ring, ScannerGeometry
 from .interference import Obstacles
-from .memory import Memory
+from .memory import PointMemory
 from .placing import bridged, own_rays, place
 from .postures import CriticalPoints
-from .reflex import Answer, Reflex
+from .reflex import Reaction, Reflex
 from .search import Reach, Search
 
 CONTOUR_EVERY: Final = 2
@@ -54,7 +54,7 @@ class Looked(NamedTuple):
     own: Flags
     """Rays that hit the arm (n,)."""
     contour: Contour | None = None
-    answer: Answer | None = None
+    answer: Reaction | None = None
     messages: tuple[ContourNews | ObstacleNews, ...] = ()
 
 
@@ -68,9 +68,9 @@ class Scanning:
             key = "scanner" if scanner is None else "contour"
             raise ConfigError(f"{cell.path}: {key}: missing: there is nothing to scan for")
         self.scanner, self.config = scanner, contour
-        self.geometry, self.ring, self.memory = Geometry(cell), Ring(), Memory()
+        self.geometry, self.ring, self.memory = ScannerGeometry(cell), Ring(), PointMemory()
         p = contour.plane
-        self.plane = Plane(p.width, p.height, p.cell, p.collect)
+        self.plane = CellPlane(p.width, p.height, p.cell, p.collect)
         points = CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot)
         self._points, self._foot = points, np.array(contour.foot)
         search = Search(points, self.plane, reach_of(contour), contour.base_width)
@@ -94,7 +94,7 @@ class Scanning:
 
     # --- what comes in -----------------------------------------------------------------------
 
-    def hear(self, instant: Instant) -> Iterator[Looked]:
+    def hear(self, instant: MeasuredInstant) -> Iterator[Looked]:
         """Take in telemetry, and look at the scans that it lets place."""
         self.ring.add(instant)
         while self._waiting:
@@ -131,7 +131,7 @@ class Scanning:
         turn = scan.step_rad * len(scan.distances) / (2.0 * math.pi)
         return turn / scan.frequency_hz
 
-    def _look(self, scan: Scan, start_s: float, instants: list[Instant]) -> Looked:
+    def _look(self, scan: Scan, start_s: float, instants: list[MeasuredInstant]) -> Looked:
         self.scans += 1
         n = len(scan.distances)
         angle = scan.angles
@@ -156,7 +156,7 @@ class Scanning:
             return looked
         return self._answer(looked, now)
 
-    def _in_reach(self, points: Array, now: Instant) -> Flags:
+    def _in_reach(self, points: Array, now: MeasuredInstant) -> Flags:
         """Return which points (n,) are ahead, where the contour collects them, or nearly so."""
         seen = (points - now.T_world_base.p) @ now.T_world_base.R - self._foot
         plane = self.plane
@@ -178,7 +178,7 @@ class Scanning:
 
     # --- contour and reflex ------------------------------------------------------------------
 
-    def _answer(self, looked: Looked, now: Instant) -> Looked:
+    def _answer(self, looked: Looked, now: MeasuredInstant) -> Looked:
         R, p = now.T_world_base
         foot = p + R @ self._foot
         q = now.q[self._points.arm]
@@ -193,7 +193,7 @@ class Scanning:
             messages += self._boxes(now.tick, contour, Pose(R, foot))
         return looked._replace(contour=contour, answer=answer, messages=tuple(messages))
 
-    def _news(self, tick: int, contour: Contour, answer: Answer) -> ContourNews:
+    def _news(self, tick: int, contour: Contour, answer: Reaction) -> ContourNews:
         rows, columns = self.plane.shape
         millimetres = np.where(
             np.isnan(contour.nearest), NOTHING, np.clip(np.rint(contour.nearest * 1e3), 0, 20_000)

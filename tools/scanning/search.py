@@ -10,7 +10,7 @@ import numpy as np
 
 from ...server.control.scene import Flags
 from ...server.control.spatial import Array
-from .contour import Plane
+from .contour import CellPlane
 from .interference import NODES_PER_CELL, Obstacles, clearances, distance_field, free_links
 from .postures import FROM_COLUMN, LOWEST, CriticalPoints
 
@@ -43,7 +43,7 @@ class Reach(NamedTuple):
     """The fixed column does not fit if something is nearer."""
 
 
-class Found(NamedTuple):
+class FoldingPosture(NamedTuple):
     """A posture to go to, or why there is none."""
 
     q: Array | None
@@ -54,7 +54,7 @@ class Search:
     """Looks for postures of one arm ahead of one plane."""
 
     def __init__(
-        self, points: CriticalPoints, plane: Plane, reach: Reach, base_width: float = 0.0
+        self, points: CriticalPoints, plane: CellPlane, reach: Reach, base_width: float = 0.0
     ) -> None:
         """Build it; what carries the arm is `base_width` wide [m], up to the arm's foot."""
         self.points, self.plane, self.reach = points, plane, reach
@@ -84,11 +84,11 @@ class Search:
         t = np.linspace(0.0, 1.0, ON_THE_WAY)[:, None]
         return float(self.points.of(q + t * (goal - q))[:, :, 0].max())
 
-    def posture(self, q: Array, obstacles: Obstacles) -> Found:
+    def posture(self, q: Array, obstacles: Obstacles) -> FoldingPosture:
         """Return the nearest posture in which elbow and tool pass, and all between (`posture`)."""
         blocked = self.blocked(obstacles)
         if blocked:
-            return Found(None, blocked)
+            return FoldingPosture(None, blocked)
         for wrist in (q[self.points.lead :], np.zeros(len(q) - self.points.lead)):
             found = self._nearest(q, wrist, obstacles)
             if found.q is not None or not wrist.any():
@@ -114,11 +114,11 @@ class Search:
                 return name
         return ""
 
-    def _nearest(self, q: Array, wrist: Array, obstacles: Obstacles) -> Found:
+    def _nearest(self, q: Array, wrist: Array, obstacles: Obstacles) -> FoldingPosture:
         q_all, parts = self._candidates(q, wrist)
         found = self._free(parts, obstacles, (True,) * (len(parts) - 1))
         if not found.any():
-            return Found(None, "no_posture")
+            return FoldingPosture(None, "no_posture")
         now = self.points.of(q[None])[0]
         cost = np.linalg.norm(parts[-1] - now[-1], axis=1)
         cost += 0.5 * np.linalg.norm(parts[1] - now[1], axis=1)
@@ -127,10 +127,10 @@ class Search:
             if np.isinf(cost[k]):
                 break
             if self.way_is_free(q, q_all[k], obstacles, self.reach.trigger):
-                return Found(q_all[k])
-        return Found(None, "no_way")
+                return FoldingPosture(q_all[k])
+        return FoldingPosture(None, "no_way")
 
-    def sequence(self, q: Array, obstacles: Obstacles) -> Found:
+    def sequence(self, q: Array, obstacles: Obstacles) -> FoldingPosture:
         """Return the next posture by the paper's order: F1, then F2, then F3 (Zhang, section 4).
 
         F1: the tool to the nearest place from which the line to the shoulder is free. F2: the elbow
@@ -139,7 +139,7 @@ class Search:
         """
         blocked = self.blocked(obstacles)
         if blocked:
-            return Found(None, blocked)
+            return FoldingPosture(None, blocked)
         now = self.points.of(q[None])[0]
         lines = (now[[0, -1]], now[[0, 1]], now[1:])
         met = [float(clearances(x, obstacles).min(initial=np.inf)) for x in lines]
@@ -160,10 +160,10 @@ class Search:
             free, reason = (elbow < STILL) & (cost < STILL), "sequence_f3"
             cost = tool
         else:
-            return Found(q)
+            return FoldingPosture(q)
         if not free.any():
-            return Found(None, reason)
-        return Found(q_all[int(np.argmin(np.where(free, cost, np.inf)))])
+            return FoldingPosture(None, reason)
+        return FoldingPosture(q_all[int(np.argmin(np.where(free, cost, np.inf)))])
 
     def _candidates(self, q: Array, wrist: Array) -> tuple[Array, list[Array]]:
         """Return whole postures (s, n), and their critical points, each (s, 3)."""

@@ -14,7 +14,7 @@ from ...drivers.scanner.clock import Clocks
 from ...protocols.codec import encode
 from ...protocols.messages.contour import ContourNews
 from ...protocols.messages.telemetry import State
-from ...protocols.sick.cola import Frames, TelegramError
+from ...protocols.sick.cola import TelegramCutter, TelegramError
 from ...protocols.sick.scan_data import decode_scan, is_scan
 from ...protocols.topics import CONTOUR, OBSTACLE, Topic
 from ..scanning.geometry import instant_of
@@ -37,7 +37,7 @@ class SimulatedScans:
         """The newest scan with its contour."""
         self.on_look: Callable[[Looked], None] = _ignore
         """Called with every scan that was looked at."""
-        self._clocks, self._frames = Clocks(), Frames()
+        self._clocks, self._frames = Clocks(), TelegramCutter()
         self._underway: deque[tuple[float, Topic, bytes]] = deque()
         if rig.scanner is not None:
             rig.scanner.on_telegram.append(self._on_telegram)

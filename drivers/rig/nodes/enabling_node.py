@@ -6,7 +6,7 @@ from typing import Self, cast
 
 from ....config.schema.enabling import EnablingSwitch
 from ....config.schema.on_bus import Entry
-from ....protocols.canopen.cia401 import Object
+from ....protocols.canopen.cia401 import IoObject
 from ....protocols.messages.rig import RigFault
 from .bench import Bench
 from .can_node import CanNode
@@ -25,7 +25,7 @@ class SimulatedSwitch(CanNode):
         super().__init__(switch.node, link, clock, EDS)
         self._all = sum(1 << bit for bit in set(switch.inputs))
         self.contacts = self._all
-        self.objects.live[Object.READ_INPUT, 1] = lambda: self.contacts
+        self.objects.live[IoObject.READ_INPUT, 1] = lambda: self.contacts
 
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:

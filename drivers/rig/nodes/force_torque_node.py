@@ -12,7 +12,7 @@ from ....config.schema.on_bus import Entry
 from ....config.schema.rig.rig import RigForceTorque
 from ....protocols.canopen import robotous
 from ....protocols.canopen.can301 import FrameError
-from ....protocols.canopen.robotous import Command
+from ....protocols.canopen.robotous import SensorCommand
 from ....protocols.messages.rig import RigFault
 from .bench import Bench
 from .cross_talk import response
@@ -91,13 +91,13 @@ class SimulatedForceTorque:
             command, parameter = robotous.parse_command(data)
         except FrameError:
             return
-        if command is Command.START:
+        if command is SensorCommand.START:
             self.due_s = self._clock() + self._period_s
-        elif command is Command.STOP:
+        elif command is SensorCommand.STOP:
             self.due_s = float("inf")
-        elif command is Command.SET_BIAS:
+        elif command is SensorCommand.SET_BIAS:
             self._offset = self._reading() if parameter else np.zeros(6)
-        elif command is Command.SET_RATE and self.due_s == float("inf"):
+        elif command is SensorCommand.SET_RATE and self.due_s == float("inf"):
             rates = {code: rate for rate, code in robotous.RATE_CODES.items()}
             self._period_s = 1.0 / rates.get(parameter, 200)
 

@@ -7,7 +7,7 @@ from typing import Self, cast
 
 from ....config.schema.mechanism import Gripper
 from ....config.schema.on_bus import Entry
-from ....protocols.canopen.cia401 import KEEP, Object
+from ....protocols.canopen.cia401 import KEEP, IoObject
 from .bench import Bench
 from .can_node import CanNode
 from .link import NodeLink
@@ -40,7 +40,7 @@ class SimulatedGripper(CanNode):
     @property
     def closed(self) -> bool:
         """Whether the output says that it is closed."""
-        bit = self.objects[Object.WRITE_OUTPUT, 1] >> self._gripper.output & 1
+        bit = self.objects[IoObject.WRITE_OUTPUT, 1] >> self._gripper.output & 1
         return bit == self._gripper.closed
 
     def on_reset(self, *, communication_only: bool) -> None:
@@ -51,7 +51,7 @@ class SimulatedGripper(CanNode):
     def on_written(self, index: int, subindex: int, value: int) -> None:
         """Act at once on an output that is written over SDO."""
         self.objects[index, subindex] = value
-        if index == Object.WRITE_OUTPUT:
+        if index == IoObject.WRITE_OUTPUT:
             self._grasp(self.closed)
 
     def on_rpdo(self, _pdo: Pdo) -> None:
@@ -60,9 +60,9 @@ class SimulatedGripper(CanNode):
 
     def on_master_lost(self) -> None:
         """Keep the outputs, or take their error values (6206h, 6207h)."""
-        mode = self.objects[Object.ERROR_MODE_OUTPUT, 1]
+        mode = self.objects[IoObject.ERROR_MODE_OUTPUT, 1]
         if mode != KEEP:
-            kept = self.objects[Object.WRITE_OUTPUT, 1] & ~mode
-            value = self.objects[Object.ERROR_VALUE_OUTPUT, 1] & mode
-            self.objects[Object.WRITE_OUTPUT, 1] = kept | value
+            kept = self.objects[IoObject.WRITE_OUTPUT, 1] & ~mode
+            value = self.objects[IoObject.ERROR_VALUE_OUTPUT, 1] & mode
+            self.objects[IoObject.WRITE_OUTPUT, 1] = kept | value
             self._grasp(self.closed)

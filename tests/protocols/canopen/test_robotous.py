@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from telerobot.protocols.canopen import robotous
 from telerobot.protocols.canopen.can301 import FrameError
-from telerobot.protocols.canopen.robotous import Command, Sample
+from telerobot.protocols.canopen.robotous import Sample, SensorCommand
 
 FORCE = st.tuples(*[st.floats(-600, 600)] * 3)
 TORQUE = st.tuples(*[st.floats(-15, 15)] * 3)
@@ -57,16 +57,18 @@ def test_what_is_not_a_sample_is_refused(first: bytes, second: bytes) -> None:
 @pytest.mark.parametrize(
     ("data", "meaning"),
     [
-        (robotous.start(), (Command.START, 0)),
-        (robotous.stop(), (Command.STOP, 0)),
-        (robotous.set_rate(200), (Command.SET_RATE, 0)),
-        (robotous.set_rate(100), (Command.SET_RATE, 4)),
-        (robotous.set_rate(1000), (Command.SET_RATE, 8)),
-        (robotous.bias(), (Command.SET_BIAS, 1)),
-        (robotous.clear_bias(), (Command.SET_BIAS, 0)),
+        (robotous.start(), (SensorCommand.START, 0)),
+        (robotous.stop(), (SensorCommand.STOP, 0)),
+        (robotous.set_rate(200), (SensorCommand.SET_RATE, 0)),
+        (robotous.set_rate(100), (SensorCommand.SET_RATE, 4)),
+        (robotous.set_rate(1000), (SensorCommand.SET_RATE, 8)),
+        (robotous.bias(), (SensorCommand.SET_BIAS, 1)),
+        (robotous.clear_bias(), (SensorCommand.SET_BIAS, 0)),
     ],
 )
-def test_commands_are_read_as_they_were_meant(data: bytes, meaning: tuple[Command, int]) -> None:
+def test_commands_are_read_as_they_were_meant(
+    data: bytes, meaning: tuple[SensorCommand, int]
+) -> None:
     assert len(data) == 8
     assert robotous.parse_command(data) == meaning
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.protocols.sick.cola import Frames, TelegramError, fault_in, framed
+from telerobot.protocols.sick.cola import TelegramCutter, TelegramError, fault_in, framed
 from telerobot.protocols.sick.scan_data import Scan, decode_scan, encode_scan
 
 SCAN = Scan(
@@ -89,7 +89,7 @@ def test_no_spoilt_telegram_raises_anything_else() -> None:
         bad = bytearray(whole)
         for i in draw.integers(0, len(bad), 3).tolist():
             bad[i] = int(draw.integers(0, 256))
-        for found in Frames().feed(bytes(bad)):
+        for found in TelegramCutter().feed(bytes(bad)):
             try:
                 if isinstance(found, TelegramError):
                     raise found
@@ -102,14 +102,16 @@ def test_no_spoilt_telegram_raises_anything_else() -> None:
 def test_telegrams_are_cut_out_of_any_pieces_of_the_stream() -> None:
     stream = framed("sAN Run 1") + framed("sRA STlms 7 0") + framed("sSN x")
     for size in (1, 3, 7, len(stream)):
-        frames, found = Frames(), []
+        frames, found = TelegramCutter(), []
         for i in range(0, len(stream), size):
             found += frames.feed(stream[i : i + size])
         assert found == ["sAN Run 1", "sRA STlms 7 0", "sSN x"]
 
 
 def test_a_cut_telegram_costs_that_one_only() -> None:
-    found = Frames().feed(b"rest\x03" + framed("a b")[:-2] + framed("c d") + b"\x02\xff\x03")
+    found = TelegramCutter().feed(
+        b"rest\x03" + framed("a b")[:-2] + framed("c d") + b"\x02\xff\x03"
+    )
     assert [str(x) for x in found] == [
         "5 bytes outside of a telegram",
         "a telegram was cut after 2 bytes",
@@ -119,10 +121,10 @@ def test_a_cut_telegram_costs_that_one_only() -> None:
 
 
 def test_a_telegram_without_an_end_does_not_fill_the_memory() -> None:
-    frames = Frames()
+    frames = TelegramCutter()
     found = [x for _ in range(70) for x in frames.feed(b"\x02" + b"A" * 999)]
     assert all(isinstance(x, TelegramError) for x in found)
-    endless = Frames()
+    endless = TelegramCutter()
     found = endless.feed(b"\x02" + b"A" * 70_000)
     assert ["has no end" in str(x) for x in found] == [True]
 

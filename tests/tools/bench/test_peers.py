@@ -10,7 +10,7 @@ from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.tools.bench.peers import cli
 from telerobot.tools.bench.peers.controllers.with_telerobot import Telerobot
 from telerobot.tools.bench.peers.generator import COPIES, generate
-from telerobot.tools.bench.peers.geometry import Geometry
+from telerobot.tools.bench.peers.geometry import PeerGeometry
 from telerobot.tools.bench.peers.labels import labelled
 from telerobot.tools.bench.peers.reference import Reference
 from telerobot.tools.bench.peers.run import run
@@ -35,7 +35,7 @@ def ball(xyz, radius=0.05, **more):
 
 
 def scene_of(cell, start, targets, things=()):
-    geometry = Geometry(cell, ())
+    geometry = PeerGeometry(cell, ())
     poses = [geometry.tool(q).to_xyz_rpy() for q in targets]
     return PeerScene(
         seed=1,
@@ -63,7 +63,7 @@ def test_scenes_survive_being_written(cell, tmp_path):
 def test_an_arm_starts_clear_wherever_things_swing_to(cell):
     for seed in range(6):
         scene = generate(cell, seed)
-        geometry = Geometry(cell, scene.things)
+        geometry = PeerGeometry(cell, scene.things)
         for time_s in np.linspace(0.0, 20.0, 41):
             geometry.move(float(time_s))
             assert geometry.clearance(np.array(scene.start)).things > 0.02
@@ -98,7 +98,7 @@ def test_a_target_in_the_open_is_feasible(cell, ready):
 
 
 def test_a_target_inside_a_thing_is_not_feasible_nor_what_comes_after_it(cell, ready):
-    inside = Geometry(cell, ()).tool(ready + 0.3).p
+    inside = PeerGeometry(cell, ()).tool(ready + 0.3).p
     things = [ball(tuple(inside.tolist()), radius=0.08)]
     scene = labelled(cell, scene_of(cell, ready, [ready + 0.3, ready], things), COPIES)
     assert [target.feasible for target in scene.targets] == [False, False]
@@ -106,7 +106,7 @@ def test_a_target_inside_a_thing_is_not_feasible_nor_what_comes_after_it(cell, r
 
 
 def test_a_target_that_a_thing_swings_through_is_not_feasible(cell, ready):
-    x, y, z = Geometry(cell, ()).tool(ready + 0.3).p.tolist()
+    x, y, z = PeerGeometry(cell, ()).tool(ready + 0.3).p.tolist()
     aside = ball((x, y, z + 0.3), swing=(0.0, 0.0, 0.3), frequency=0.3)
     assert not labelled(cell, scene_of(cell, ready, [ready + 0.3], [aside]), COPIES).feasible
 
@@ -128,14 +128,14 @@ def test_a_target_is_not_feasible_when_the_way_to_it_is_shut(cell):
 
 
 def test_clearance_is_the_distance_of_the_real_shapes(cell):
-    above = Geometry(cell, (ball((0.0, 0.0, UPRIGHT_TOP + 0.15)),))
+    above = PeerGeometry(cell, (ball((0.0, 0.0, UPRIGHT_TOP + 0.15)),))
     assert above.clearance(np.zeros(7)).things == pytest.approx(0.10, abs=1e-6)
-    inside = Geometry(cell, (ball((0.0, 0.0, UPRIGHT_TOP + 0.03)),))
+    inside = PeerGeometry(cell, (ball((0.0, 0.0, UPRIGHT_TOP + 0.03)),))
     assert inside.clearance(np.zeros(7)).things == pytest.approx(-0.02, abs=1e-6)
 
 
 def test_the_judges_jacobian_is_the_slope_of_its_pose(cell, ready):
-    geometry, h = Geometry(cell, ()), 1e-6
+    geometry, h = PeerGeometry(cell, ()), 1e-6
     J = geometry.jacobian(ready)
     for i, aside in enumerate(h * np.eye(7)):
         slope = pose_error(geometry.tool(ready + aside), geometry.tool(ready - aside)) / (2 * h)
@@ -169,7 +169,7 @@ class Straight:
 
 def test_an_arm_that_moves_into_a_thing_collides_by_its_own_motion(cell, ready):
     way = np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    middle = Geometry(cell, ()).tool(ready + 0.5 * way).p
+    middle = PeerGeometry(cell, ()).tool(ready + 0.5 * way).p
     scene = scene_of(cell, ready, [ready + way], [ball(tuple(middle.tolist()))])
     result = run("straight", lambda cell, scene: Straight(way), cell, scene)
     assert (result.collisions, result.own_collisions, result.reached) == (1, 1, 1)
@@ -179,7 +179,7 @@ def test_an_arm_that_moves_into_a_thing_collides_by_its_own_motion(cell, ready):
 
 
 def test_a_thing_that_runs_into_a_standing_arm_is_not_the_arms_doing(cell, ready):
-    x, y, z = Geometry(cell, ()).tool(ready).p.tolist()
+    x, y, z = PeerGeometry(cell, ()).tool(ready).p.tolist()
     hits = ball((x, y, z + 0.3), swing=(0.0, 0.0, -0.28), frequency=1.5)
     scene = scene_of(cell, ready, [ready + 0.3], [hits])
     result = run("still", lambda cell, scene: Straight(np.zeros(7)), cell, scene)

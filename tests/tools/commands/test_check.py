@@ -10,7 +10,7 @@ from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.stability.force_loop import bound, filter_periods, jerk_lag_s
 from telerobot.tools.checks.bus_load import worst_case_bits
 from telerobot.tools.checks.drives import drives
-from telerobot.tools.checks.findings import Status, failed
+from telerobot.tools.checks.findings import Severity, failed
 from telerobot.tools.cli import main
 from telerobot.tools.commands.check import judge
 
@@ -20,7 +20,7 @@ def findings(path):
 
 
 def errors(path):
-    return [name for name, f in findings(path).items() if f.status is Status.ERROR]
+    return [name for name, f in findings(path).items() if f.status is Severity.ERROR]
 
 
 @pytest.mark.parametrize("name", shipped("cells"))
@@ -82,21 +82,21 @@ def test_halves_of_two_samples_must_not_look_like_one(small):
 
 def test_a_margin_that_a_sagging_joint_uses_up_is_warned_of(small):
     found = findings(small.replace("max_jerk = 200.0", "max_jerk = 200.0\nposition_margin = 0.001"))
-    assert found["enabling at a limit"].status is Status.WARN
+    assert found["enabling at a limit"].status is Severity.WARN
     assert found["enabling at a limit"].values["position_margin"] == 0.001
 
 
 def test_a_drive_that_ramps_down_longer_than_it_is_given_to_switch_off_is_an_error(small):
     path = small.replace("max_jerk = 200.0", "max_jerk = 200.0\nquick_stop_deceleration = 0.5")
     found = findings(path)["switching off"]
-    assert found.status is Status.ERROR
+    assert found.status is Severity.ERROR
     assert found.values["ramp_s"] > found.values["patience_s"] == 1.0
 
 
 def test_an_encoder_too_coarse_for_the_jerk_bound_is_an_error(small):
     # 4 / (10^4 · 10^-6) = 400 rad/s³ of apparent jerk against a bound of 200
     found = findings(small.replace("2670176.8", "10000.0"))["j1 encoder"]
-    assert found.status is Status.ERROR
+    assert found.status is Severity.ERROR
     assert found.values["apparent_jerk"] == pytest.approx(400.0)
 
 
@@ -106,7 +106,7 @@ def test_a_torque_that_6077h_cannot_tell_is_an_error(small):
 
 def test_a_weak_quick_stop_is_a_warning(small):
     small.replace("max_acceleration = 10.0", "max_acceleration = 20.0")
-    assert findings(small.cell)["j1 stops"].status is Status.WARN
+    assert findings(small.cell)["j1 stops"].status is Severity.WARN
 
 
 def grows(gain, delay, ticks=6000):
@@ -145,7 +145,7 @@ def test_the_jerk_limits_lag_is_the_area_between_step_and_profile(step):
 
 def test_a_force_gain_too_high_for_the_wall_is_an_error(small):
     sound = findings(small.cell)["force gain x"]
-    assert sound.status is Status.OK
+    assert sound.status is Severity.OK
     assert sound.values["loop_gain"] == pytest.approx(7e-4 * 20_000 * 0.01)
     assert "force gain x" in errors(small.replace("gain = [7e-4, 7e-4", "gain = [3e-3, 7e-4"))
 
@@ -210,7 +210,7 @@ def test_a_urdf_that_the_kinematics_refuses_is_one_line(small, monkeypatch, caps
 def test_a_drive_that_could_not_stop_or_hold_the_arm_is_an_error(small, old, new, check, value):
     small.cell.write_text(small.cell.read_text().replace(old, new))
     found = findings(small.cell)[check]
-    assert found.status is Status.ERROR
+    assert found.status is Severity.ERROR
     assert value in found.text
 
 
@@ -220,14 +220,14 @@ def test_the_heaviest_declared_payload_has_to_be_held(small):
         text.replace("[rig.drive]", "[mechanism.payloads]\nanvil = { mass = 60.0 }\n[rig.drive]")
     )
     found = findings(small.cell)["holding start"]
-    assert found.status is Status.ERROR
+    assert found.status is Severity.ERROR
     assert found.text.endswith("with payload anvil")
 
 
 def test_what_sensor_keys_can_do_is_told_in_numbers():
     found = findings("pa10_platform")
     base = found["news of base"]
-    assert base.status is Status.OK
+    assert base.status is Severity.OK
     assert base.values["speed"] == 0.3
     assert base.values["acceleration"] == 0.5
     assert base.values["extent"] == 0.5
@@ -242,7 +242,7 @@ def test_what_sensor_keys_can_do_is_told_in_numbers():
 def test_a_frame_that_may_be_anywhere_is_worth_a_word(small):
     small.cell.write_text(small.cell.read_text() + "\n[frames.base]\nspeed = 0.1\n")
     base = findings(small.cell)["news of base"]
-    assert base.status is Status.WARN
+    assert base.status is Severity.WARN
     assert "extent" in base.text
 
 
@@ -251,20 +251,20 @@ def test_force_control_at_a_grasp_is_judged_by_what_one_arm_feels_of_another(tmp
     path = tmp_path / "stiff.toml"
     path.write_text(text.replace("internal_stiffness = 50000.0", "internal_stiffness = 500000.0"))
     found = {finding.check: finding for finding in judge(load_cell(path))}
-    assert found["beam.left.force gain x"].status is Status.ERROR
+    assert found["beam.left.force gain x"].status is Severity.ERROR
     assert found["beam.left.force gain x"].values["loop_gain"] == pytest.approx(1.5)
     # What touches an arm alone is as stiff as it was.
-    assert found["left.force gain x"].status is Status.OK
+    assert found["left.force gain x"].status is Severity.OK
     shipped_one = {finding.check: finding for finding in judge(load_cell("pa10_pair"))}
-    assert shipped_one["beam.right.force gain rz"].status is Status.OK
+    assert shipped_one["beam.right.force gain rz"].status is Severity.OK
     assert shipped_one["beam.grasps"].values["misfit_m"] < 1e-5
 
 
 def test_check_tells_when_a_wheels_counts_wrap_and_when_they_are_too_many(rover_counts):
     fine, many = rover_counts(1e5), rover_counts(4e8)
-    assert fine.status is Status.OK
+    assert fine.status is Severity.OK
     assert fine.values["wrap_m"] == pytest.approx(0.12 * 2**32 / 1e5)
-    assert many.status is Status.ERROR
+    assert many.status is Severity.ERROR
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.checks.findings import Status
+from telerobot.tools.checks.findings import Severity
 from telerobot.tools.cli import main
 from telerobot.tools.commands.check import judge
 
@@ -88,11 +88,11 @@ def test_the_load_of_a_bus_is_that_of_all_devices_on_it(path):
 
 def test_arms_that_start_nearer_than_promised_are_an_error(path):
     found = findings(path)
-    assert found["arms at start"].status is Status.OK
+    assert found["arms at start"].status is Severity.OK
     assert found["arms at start"].values["gap"] > 0.1
     path.write_text(PAIR.replace("-0.6, 0.0", "0.35, 0.0"))
     near = findings(path)["arms at start"]
-    assert near.status is Status.ERROR
+    assert near.status is Severity.ERROR
     assert near.values["gap"] < near.values["clearance"]
     assert "left." in near.text
     assert "right." in near.text
@@ -101,7 +101,7 @@ def test_arms_that_start_nearer_than_promised_are_an_error(path):
 
 def test_arms_that_nothing_keeps_apart_are_worth_a_word(path):
     path.write_text(PAIR + "[avoidance]\nenabled = false\n")
-    assert findings(path)["arms apart"].status is Status.WARN
+    assert findings(path)["arms apart"].status is Severity.WARN
 
 
 @pytest.mark.parametrize(

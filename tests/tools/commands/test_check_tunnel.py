@@ -4,7 +4,7 @@ import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.config.load import shipped as names
-from telerobot.tools.checks.findings import Status
+from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.tunnel import tunnel
 
 ENTRANCE = "rpy = [0.0, 0.0, 1.5707963267948966]"
@@ -29,7 +29,7 @@ def found(cell, name):
 
 @pytest.mark.parametrize("name", [n for n in names("cells") if n.startswith("snake_")])
 def test_shipped_tunnels_are_fine(name):
-    assert {f.status for f in tunnel(load_cell(name))} == {Status.OK}
+    assert {f.status for f in tunnel(load_cell(name))} == {Severity.OK}
 
 
 def test_a_plain_arm_has_nothing_to_judge():
@@ -76,34 +76,34 @@ def test_what_this_arm_cannot_reach_is_refused(changed, lines, words):
 def test_a_bend_beyond_the_joints_range_names_joint_angle_and_depth(changed):
     sharp = "tunnel = [{ length = 0.13, bend = 3.14159 }, { length = 0.8 }]"
     finding = found(changed(sharp), "range")
-    assert finding.status is Status.ERROR
+    assert finding.status is Severity.ERROR
     assert abs(finding.values["angle"]) > 1.04
 
 
 def test_a_bend_too_sharp_for_links_of_this_length_names_how_far_they_are_off(changed):
     finding = found(changed("half_width = 0.0225"), "walls")
-    assert finding.status is Status.WARN
+    assert finding.status is Severity.WARN
     assert "3.2 mm off the centre line" in finding.text
 
 
 def test_a_speed_that_joints_cannot_keep_names_the_speed_that_is_kept(changed):
     finding = found(changed("speed = 0.12"), "speed")
-    assert finding.status is Status.WARN
+    assert finding.status is Severity.WARN
     assert 0.085 < finding.values["kept"] < 0.092
 
 
 def test_a_start_that_is_no_posture_of_the_curve_is_an_error(changed):
     straight = f"[mechanism.postures]\nstart = {[0.0] * 30}\n"
-    assert found(changed("", straight), "start").status is Status.ERROR
+    assert found(changed("", straight), "start").status is Severity.ERROR
 
 
 def test_drive_gains_without_regard_to_what_is_outboard_are_an_error(changed):
     rig = "[rig.drive]\nstiffness = [100.0]\ndamping = [1.0]\nintegral = [1000.0]\n"
     finding = found(changed("", rig), "gains")
-    assert finding.status is Status.ERROR
+    assert finding.status is Severity.ERROR
 
 
-@pytest.mark.parametrize(("times", "status"), [(1.0, Status.OK), (2.0, Status.ERROR)])
+@pytest.mark.parametrize(("times", "status"), [(1.0, Severity.OK), (2.0, Severity.ERROR)])
 def test_gains_that_each_loop_takes_may_be_too_much_for_all_together(changed, times, status):
     integral = [times * gain for gain in load_cell("snake30").config.rig.drive.integral]
     finding = found(changed("", f"[rig.drive]\nintegral = {integral}\n"), "gains")

@@ -2,7 +2,7 @@ import json
 from itertools import pairwise
 
 import pytest
-from telerobot.tools.checks.findings import Status
+from telerobot.tools.checks.findings import Severity
 from telerobot.tools.cli import main
 from telerobot.tools.commands import doctor
 from telerobot.tools.host import machine
@@ -106,14 +106,14 @@ def test_a_later_timer_is_judged_worse(monkeypatch):
     for p99 in (5e-4, 2e-3, 2e-2):
         monkeypatch.setattr(machine, "measure_jitter", lambda *_, p=p99: Jitter(9, 0.0, p, p))
         found.append(status("timer"))
-    order = [Status.OK, Status.WARN, Status.ERROR]
+    order = [Severity.OK, Severity.WARN, Severity.ERROR]
     assert found == order
     assert all(a != b for a, b in pairwise(found))
 
 
 def test_a_missing_package_is_unfit(steady, monkeypatch):
     monkeypatch.setattr(doctor, "PACKAGES", ("numpy", "no-such-package-here"))
-    assert status("packages") is Status.ERROR
+    assert status("packages") is Severity.ERROR
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "soon"])

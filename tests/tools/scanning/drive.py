@@ -13,7 +13,7 @@ from telerobot.config.schema.rig.bridge import RigBridge
 from telerobot.drivers.rig.physics.rangefinder import Rangefinder
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.scanning.geometry import Instant
+from telerobot.tools.scanning.geometry import MeasuredInstant
 from telerobot.tools.scanning.scanning import Looked, Scanning
 
 Array = NDArray[np.float64]
@@ -82,7 +82,9 @@ class Rover:
                 self.scanning.take(scan, scan.start_us * 1e-6)
         self.time_s, self.tick = self.time_s + PERIOD_S, self.tick + 1
         base = Pose(np.eye(3), np.array([self.x, 0.0, 0.0]))
-        for looked in self.scanning.hear(Instant(self.tick, self.time_s, self.q.copy(), base)):
+        for looked in self.scanning.hear(
+            MeasuredInstant(self.tick, self.time_s, self.q.copy(), base)
+        ):
             if looked.answer is not None:
                 self.newest = looked
                 if not self.phases or self.phases[-1] != looked.answer.phase:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 from telerobot.config.load import Cell, load_cell
-from telerobot.tools.scanning.contour import Plane
+from telerobot.tools.scanning.contour import CellPlane
 from telerobot.tools.scanning.postures import CriticalPoints
 from telerobot.tools.scanning.search import Reach, Search
 
-PLANE = Plane()
+PLANE = CellPlane()
 REACH = Reach(choose=0.11, trigger=0.10, give_up=0.07, column=0.08)
 START = np.array([0.0, -np.pi / 4, 0.0, np.pi / 2, 0.0, 0.0, 0.0])
 """The posture of eq. 15."""

@@ -14,7 +14,7 @@ from telerobot.tools.scanning.interference import (
     forbidden,
     interference,
 )
-from telerobot.tools.scanning.memory import Memory
+from telerobot.tools.scanning.memory import PointMemory
 
 from .lwa3 import PLANE, START, search
 
@@ -133,7 +133,7 @@ def test_clearance_is_the_distance_of_the_nearest_cell_from_projected_links() ->
 
 
 def test_memory_keeps_what_is_hidden_and_forgets_what_is_seen_through() -> None:
-    memory, n = Memory(), 541
+    memory, n = PointMemory(), 541
     first, step = np.radians(-45), np.radians(0.5)
     pole = np.array([[1.5, 0.0, 0.0]] * 20 + [[1.0, 0.8, 0.0]] * 20)
     memory.add(pole)
@@ -150,7 +150,7 @@ def test_memory_keeps_what_is_hidden_and_forgets_what_is_seen_through() -> None:
 
 
 def test_memory_forgets_what_has_been_passed() -> None:
-    memory = Memory()
+    memory = PointMemory()
     memory.add(np.array([[1.5, 0.0, 0.0], [0.2, 0.5, 0.0]]))
     memory.pass_by(np.eye(3), np.array([0.5, 0.0, 0.0]), -0.1, 3.0)
     assert memory.points.tolist() == [[1.5, 0.0, 0.0]]

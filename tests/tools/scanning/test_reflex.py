@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.tools.scanning.contour import Contour
 from telerobot.tools.scanning.interference import Obstacles, clearance
-from telerobot.tools.scanning.reflex import Phase, Reflex
+from telerobot.tools.scanning.reflex import PassagePhase, Reflex
 from telerobot.tools.scanning.search import Search
 
 from .lwa3 import PLANE, START, search
@@ -80,7 +80,7 @@ class Drive:
         self.reflex = Reflex(found, 4.0)
         self.height, self.speed, self.ahead = height, speed, ahead
         self.q, self.time_s, self.points = START, 0.0, found.points
-        self.phases: list[Phase] = []
+        self.phases: list[PassagePhase] = []
         self.least = math.inf
         self.reason = ""
 
@@ -106,8 +106,13 @@ def test_the_arm_folds_passes_and_unfolds(found: Search, speed: float) -> None:
     drive = Drive(found, 0.45, speed)
     drive.run(80 if speed < 0.1 else 50)
     assert drive.phases == [
-        Phase.CLEAR, Phase.UNDECIDED, Phase.FOLDING, Phase.FOLDED, Phase.RETURNING, Phase.CLEAR,
-    ]  # fmt: skip
+        PassagePhase.CLEAR,
+        PassagePhase.UNDECIDED,
+        PassagePhase.FOLDING,
+        PassagePhase.FOLDED,
+        PassagePhase.RETURNING,
+        PassagePhase.CLEAR,
+    ]
     assert drive.least > 0.07
     np.testing.assert_allclose(drive.q, START, atol=0.03)
 
@@ -115,42 +120,42 @@ def test_the_arm_folds_passes_and_unfolds(found: Search, speed: float) -> None:
 def test_nothing_is_decided_before_two_sweeps(found: Search) -> None:
     drive = Drive(found, 0.45, 0.1, ahead=2.05)
     drive.run(1.0)
-    assert drive.phases == [Phase.CLEAR, Phase.UNDECIDED]
+    assert drive.phases == [PassagePhase.CLEAR, PassagePhase.UNDECIDED]
     drive.run(3.4)
-    assert drive.phases == [Phase.CLEAR, Phase.UNDECIDED]
+    assert drive.phases == [PassagePhase.CLEAR, PassagePhase.UNDECIDED]
     drive.run(0.8)
-    assert drive.phases[-1] is Phase.FOLDING
+    assert drive.phases[-1] is PassagePhase.FOLDING
 
 
 def test_the_base_stands_before_a_bridge_that_is_too_low_and_may_back_out(found: Search) -> None:
     drive = Drive(found, 0.40, 0.3)
     drive.run(30)
-    assert drive.phases[-1] is Phase.REFUSED
+    assert drive.phases[-1] is PassagePhase.REFUSED
     assert drive.reason == "no_posture"
     assert 0.90 < drive.ahead < 1.0  # 0.80 stretched ahead, and 0.15
     drive.speed = -0.3
     drive.run(8)
-    assert drive.phases[-1] is Phase.CLEAR
+    assert drive.phases[-1] is PassagePhase.CLEAR
     assert drive.reason == ""
 
 
 def test_what_turns_out_lower_than_it_seemed_is_not_waited_for_for_ever(found: Search) -> None:
     drive = Drive(found, 0.45, 0.0, ahead=1.5)
     drive.run(20)
-    assert drive.phases[-1] is Phase.FOLDED
+    assert drive.phases[-1] is PassagePhase.FOLDED
     drive.height = 0.40  # nearer than the folded arm may pass
     drive.run(5)
-    assert drive.phases[-1] is Phase.REFUSED
+    assert drive.phases[-1] is PassagePhase.REFUSED
     assert drive.reason == "no_posture"
 
 
 def test_it_stays_folded_while_the_next_bridge_is_in_sight(found: Search) -> None:
     drive = Drive(found, 0.45, 0.0, ahead=1.5)
     drive.run(20)
-    assert drive.phases[-1] is Phase.FOLDED
+    assert drive.phases[-1] is PassagePhase.FOLDED
     drive.ahead = 2.5  # backed away, yet it is still ahead
     drive.run(5)
-    assert drive.phases[-1] is Phase.FOLDED
+    assert drive.phases[-1] is PassagePhase.FOLDED
     drive.ahead = -1.0
     drive.run(15)
-    assert drive.phases[-2:] == [Phase.RETURNING, Phase.CLEAR]
+    assert drive.phases[-2:] == [PassagePhase.RETURNING, PassagePhase.CLEAR]

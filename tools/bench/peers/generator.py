@@ -8,7 +8,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....server.control.spatial import Array
-from .geometry import Geometry
+from .geometry import PeerGeometry
 from .labels import SELF_CLEARANCE, labelled, room
 from .scenes import PeerScene, Target, Thing
 
@@ -46,7 +46,7 @@ Draw = np.random.Generator
 def generate(cell: Cell, seed: int) -> PeerScene:
     """Return the scene of a seed, its targets labelled."""
     draw = np.random.default_rng([seed, *cell.config.name.encode()])
-    empty = Geometry(cell, ())
+    empty = PeerGeometry(cell, ())
     empty.keep(0.0, SELF_CLEARANCE)
     postures = [_posture(draw, cell, empty)]
     for _ in range(TARGETS):
@@ -63,7 +63,7 @@ def generate(cell: Cell, seed: int) -> PeerScene:
     return labelled(cell, scene, COPIES)
 
 
-def _posture(draw: Draw, cell: Cell, geometry: Geometry) -> Array:
+def _posture(draw: Draw, cell: Cell, geometry: PeerGeometry) -> Array:
     """Return a posture that keeps its clearances and has the tool above the floor."""
     low, high = room(cell)
     middle, half = 0.5 * (low + high), 0.5 * SPREAD * (high - low)
@@ -74,7 +74,7 @@ def _posture(draw: Draw, cell: Cell, geometry: Geometry) -> Array:
     raise RuntimeError(f"{cell.config.name}: no clear posture in {TRIES} tries")
 
 
-def _next(draw: Draw, cell: Cell, before: Array, geometry: Geometry) -> Array:
+def _next(draw: Draw, cell: Cell, before: Array, geometry: PeerGeometry) -> Array:
     """Return a posture whose tool pose is some way off the one before."""
     low, high = room(cell)
     T = geometry.tool(before)
@@ -91,7 +91,7 @@ def _next(draw: Draw, cell: Cell, before: Array, geometry: Geometry) -> Array:
 
 
 def _things(
-    draw: Draw, cell: Cell, postures: list[Array], kept: list[Array], empty: Geometry
+    draw: Draw, cell: Cell, postures: list[Array], kept: list[Array], empty: PeerGeometry
 ) -> list[Thing]:
     """Return things, most of them in or beside the way from posture to posture.
 
@@ -111,7 +111,7 @@ def _things(
             else:
                 centre = np.append(draw.uniform(-0.9, 0.9, 2), draw.uniform(0.1, 1.3))
             thing = _thing(draw, f"thing_{i}", centre, moving)
-            copies = Geometry(cell, thing.swept(COPIES))
+            copies = PeerGeometry(cell, thing.swept(COPIES))
             copies.keep(KEPT_CLEARANCE, 0.0)
             if _beside_base(thing) and all(copies.clear(q) for q in kept):
                 things.append(thing)

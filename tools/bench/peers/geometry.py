@@ -27,7 +27,7 @@ class PeerClearance(NamedTuple):
     own: float
 
 
-class Geometry:
+class PeerGeometry:
     """The arm of a cell among things. Holds scratch memory: not for two threads."""
 
     def __init__(self, cell: Cell, things: tuple[Thing, ...]) -> None:

@@ -13,7 +13,7 @@ from ....config.joint_bounds import joint_bounds
 from ....config.load import Cell
 from ....server.control.spatial import Array, Pose, pose_error
 from ...oracle.random_tree import connected
-from .geometry import Geometry
+from .geometry import PeerGeometry
 from .scenes import PeerScene, Target
 
 CLEARANCE = 0.03
@@ -40,7 +40,7 @@ def room(cell: Cell) -> tuple[Array, Array]:
 def labelled(cell: Cell, scene: PeerScene, copies: int) -> PeerScene:
     """Return the scene with a label on each target; `copies` stand for each swing."""
     things = tuple(copy for thing in scene.things for copy in thing.swept(copies))
-    geometry = Geometry(cell, things)
+    geometry = PeerGeometry(cell, things)
     geometry.keep(CLEARANCE, SELF_CLEARANCE)
     draw = np.random.default_rng([scene.seed, 7])
     q = np.array(scene.start)
@@ -56,7 +56,7 @@ def labelled(cell: Cell, scene: PeerScene, copies: int) -> PeerScene:
 
 
 def _reach(
-    draw: Draw, cell: Cell, geometry: Geometry, start: Array, T: Pose
+    draw: Draw, cell: Cell, geometry: PeerGeometry, start: Array, T: Pose
 ) -> tuple[Array | None, str]:
     """Return a posture at T that a clear way leads to from `start`, or why there is none."""
     low, high = room(cell)
@@ -77,7 +77,7 @@ def _reach(
     return None, "no clear way found"
 
 
-def _solved(geometry: Geometry, T: Pose, q: Array, low: Array, high: Array) -> Array | None:
+def _solved(geometry: PeerGeometry, T: Pose, q: Array, low: Array, high: Array) -> Array | None:
     """Return a posture inside the limits with the tool at T, by damped Newton steps from q."""
     for _ in range(ITERATIONS):
         error = pose_error(T, geometry.tool(q))

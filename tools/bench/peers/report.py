@@ -26,7 +26,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class Row(NamedTuple):
+class ReportRow(NamedTuple):
     """A line of the table."""
 
     scenes: str
@@ -46,7 +46,7 @@ def as_json(result: PeerResult) -> dict[str, Any]:
     }
 
 
-def rows(results: Sequence[dict[str, Any]]) -> Iterator[Row]:
+def rows(results: Sequence[dict[str, Any]]) -> Iterator[ReportRow]:
     """Yield the lines: scenes by label and motion, every controller in each."""
     names = list(dict.fromkeys(result["controller"] for result in results))
     for feasible in (True, False):
@@ -61,7 +61,7 @@ def rows(results: Sequence[dict[str, Any]]) -> Iterator[Row]:
                     if (r["feasible"], r["moving"], r["controller"]) == (feasible, moving, name)
                 ]
                 if part:
-                    yield Row(scenes, name, _cells(part))
+                    yield ReportRow(scenes, name, _cells(part))
 
 
 def markdown(results: Sequence[dict[str, Any]]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from ....config.load import Cell
 from ....server.control.spatial import Array, Pose, pose_error
 from .controllers.contract import Controller, NoCommand
-from .geometry import Geometry
+from .geometry import PeerGeometry
 from .reference import Reference
 from .scenes import PeerScene
 
@@ -75,7 +75,7 @@ class _Run:
         ordered = [drives[joint.name] for joint in cell.robot.joints]
         self._A = np.array([drive.max_acceleration for drive in ordered])
         self._J = np.array([drive.max_jerk for drive in ordered])
-        self._geometry = Geometry(cell, scene.things)
+        self._geometry = PeerGeometry(cell, scene.things)
         self._q = [np.array(scene.start)] * 4
         self._tick = 0
         self._off: list[float] = []

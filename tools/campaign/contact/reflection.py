@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from ....config.load import ConfigError, load_cell
 from ..part import Part, Selection
-from .reflection_trial import Mode, Trial, trial
+from .reflection_trial import Mode, ReflectionTrial, trial
 
 CELL: Final = "pa10_reflect"
 ROUND_TRIPS_S: Final = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
@@ -27,7 +27,7 @@ class ReflectionJob(NamedTuple):
 class ReflectionOutcome(NamedTuple):
     """A trial, and whether its promises are kept is what counts."""
 
-    trial: Trial
+    trial: ReflectionTrial
     promised: bool
 
     @property
@@ -44,7 +44,7 @@ class ReflectionOutcome(NamedTuple):
         return list(self.trial.faults) if self.promised else []
 
 
-class Table:
+class ReflectionTable:
     """The reflection table: a row for each figure, a column for each round trip."""
 
     def __init__(self, played: Sequence[ReflectionOutcome]) -> None:
@@ -114,7 +114,7 @@ class Table:
         yield _figures("  least energy [J]", row, lambda t: f"{t.least_energy_j:.3f}")
         yield _figures("  drift [mm]", row, lambda t: f"{1e3 * t.drift_m:.1f}")
 
-    def _row(self, mode: Mode, protected: bool, stiffness: float) -> list[Trial]:
+    def _row(self, mode: Mode, protected: bool, stiffness: float) -> list[ReflectionTrial]:
         return [
             t
             for t in (p.trial for p in self._played)
@@ -123,11 +123,11 @@ class Table:
             and (mode == "rate" or t.stiffness == stiffness)
         ]
 
-    def _first_failing(self, mode: Mode, stiffness: float) -> Trial | None:
+    def _first_failing(self, mode: Mode, stiffness: float) -> ReflectionTrial | None:
         return next((t for t in self._row(mode, False, stiffness) if t.faults), None)
 
 
-def _figures(name: str, row: list[Trial], shown: Callable[[Trial], str]) -> str:
+def _figures(name: str, row: list[ReflectionTrial], shown: Callable[[ReflectionTrial], str]) -> str:
     return _line(name, [shown(t) + ("*" if t.faults else "") for t in row])
 
 
@@ -155,4 +155,4 @@ def _play(job: ReflectionJob) -> ReflectionOutcome:
     )
 
 
-REFLECTION = Part(_jobs, _play, Table)
+REFLECTION = Part(_jobs, _play, ReflectionTable)

@@ -31,7 +31,7 @@ SETTLED_S, WINDOW_S = 6.0, 1.0
 
 
 @dataclass(frozen=True)
-class Trial:
+class ReflectionTrial:
     """Result of one trial."""
 
     mode: Mode
@@ -98,7 +98,7 @@ def trial(
     protected: bool = True,
     stiffness: float | None = None,
     seed: int = 1,
-) -> Trial:
+) -> ReflectionTrial:
     """Play the shipped script of a mode at a round trip, 20 % jitter and 5 % loss; judge it."""
     config = cell.config.reflection
     if config is None:
@@ -115,7 +115,7 @@ def trial(
         failure = "the wall was not touched"
     if failure:
         nan = float("nan")
-        return Trial(
+        return ReflectionTrial(
             mode, rtt_s, protected, config.stiffness, nan, nan, nan, nan, nan, nan, failure
         )
     settled_s = log.t[touched[0]] + SETTLED_S
@@ -125,7 +125,7 @@ def trial(
     u = log.handle[window, 0].mean() * config.handle.speed / config.handle.travel
     expected = cell.config.sources.joystick.gain[0] * u / min(cell.config.sources.force.gain[:3])
     lets_off_s = max(step.at_s for step in script.steps if step.device is not None)
-    return Trial(
+    return ReflectionTrial(
         mode,
         rtt_s,
         protected,

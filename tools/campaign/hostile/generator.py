@@ -67,7 +67,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class Plan:
+class HostilePlan:
     """One run of a campaign."""
 
     cell: Cell
@@ -77,7 +77,7 @@ class Plan:
     goal: Goal
 
 
-def generate(cell: Cell, seed: int) -> Plan:
+def generate(cell: Cell, seed: int) -> HostilePlan:
     """Return the run of a seed; equal seeds give equal runs."""
     draw = np.random.default_rng([seed, *cell.config.name.encode()])
     furnished = bool(draw.random() < FURNISHED)
@@ -106,7 +106,7 @@ def generate(cell: Cell, seed: int) -> Plan:
     else:
         goal = Goal("posture", posture, judge.arm.tool(posture), judge.posture(posture), go_s)
     script = Script(description=f"campaign seed {seed}", duration_s=duration_s, step=tuple(steps))
-    return Plan(cell, seed, "furnished" if furnished else "open", script, goal)
+    return HostilePlan(cell, seed, "furnished" if furnished else "open", script, goal)
 
 
 def _opened(cell: Cell) -> Cell:

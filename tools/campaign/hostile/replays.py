@@ -12,7 +12,7 @@ from pathlib import Path
 from ....config.bundle import to_text
 from ....config.load import load_cell
 from ....server.flight.container import MEMORY, TICK, Stamped, joined
-from ....server.flight.log import Row, pack_memories
+from ....server.flight.log import KeptTick, pack_memories
 from ...recording.run_file import read_cell
 from ...replay.replay import Judgement, Replay
 from ...simulation.simulation import Simulation
@@ -26,7 +26,7 @@ Job = tuple[str, int]
 
 
 @dataclass(frozen=True)
-class RecordedRun:
+class ReplayedRun:
     """A run that was recorded and replayed; plain values."""
 
     name: str
@@ -35,7 +35,7 @@ class RecordedRun:
     reasons: list[str]
 
 
-class Replays(Runs[RecordedRun]):
+class Replays(Runs[ReplayedRun]):
     """Summary of all recorded runs."""
 
     def figures(self) -> dict[str, object]:
@@ -51,11 +51,11 @@ class Replays(Runs[RecordedRun]):
         return [f"{told} replayed, {len(self.failing)} not as recorded", *super().lines()]
 
 
-def replayed(cell_name: str, seed: int) -> RecordedRun:
+def replayed(cell_name: str, seed: int) -> ReplayedRun:
     """Play the hostile run of a seed, and replay what it recorded, whole and from its middle."""
     plan = generate(load_cell(cell_name), seed)
     simulation = Simulation(plan.cell, plan.script, cameras=lambda s: ComputedSights(s, plan.seed))
-    rows: list[Row] = []
+    rows: list[KeptTick] = []
     simulation.cycle.flight.log.taps.append(rows.append)
     simulation.run()
     whole = _replay(to_text(plan.cell), rows)
@@ -63,10 +63,10 @@ def replayed(cell_name: str, seed: int) -> RecordedRun:
     reasons = [j.difference for j in (whole, middle) if j.difference is not None]
     if whole.skipped or whole.ticks != len(rows):
         reasons.append(f"{len(rows)} ticks recorded, {whole.ticks} replayed")
-    return RecordedRun(f"{cell_name} {seed}", whole.ticks, whole.memories, reasons)
+    return ReplayedRun(f"{cell_name} {seed}", whole.ticks, whole.memories, reasons)
 
 
-def _replay(cell: str, rows: Sequence[Row]) -> Judgement:
+def _replay(cell: str, rows: Sequence[KeptTick]) -> Judgement:
     messages = []
     for row in rows:
         if row.memories is not None:
@@ -86,7 +86,7 @@ def _jobs(selection: Selection) -> list[Job]:
     return [(name, seed) for seed in selection.seeds for name in single]
 
 
-def _play(job: Job) -> RecordedRun:
+def _play(job: Job) -> ReplayedRun:
     return replayed(*job)
 
 

@@ -14,7 +14,7 @@ from ...oracle.arm import OracleArm
 from ...oracle.poses import Array, difference, matrix
 from ...simulation.judges.tool import JUDGED_S
 from ...simulation.simulation import Simulation
-from .generator import Goal, Plan, generate
+from .generator import Goal, HostilePlan, generate
 from .sights import ComputedSights
 
 REACHED = (1e-3, 2e-3)
@@ -86,7 +86,7 @@ class Verdict:
         return reasons
 
 
-def play(plan: Plan) -> Verdict:
+def play(plan: HostilePlan) -> Verdict:
     """Run a plan in virtual time and judge it."""
     simulation = Simulation(plan.cell, plan.script, cameras=lambda s: ComputedSights(s, plan.seed))
     against_itself = _watch_itself(simulation)

@@ -19,7 +19,7 @@ CELLS = ("snake", "snake_space")
 
 
 @dataclass(frozen=True)
-class Passage:
+class TunnelRun:
     """Result of one run."""
 
     name: str
@@ -33,7 +33,7 @@ class Passage:
     reasons: list[str] = field(default_factory=list)
 
 
-class Passages(Runs[Passage]):
+class Passages(Runs[TunnelRun]):
     """Summary of all runs."""
 
     def figures(self) -> dict[str, object]:
@@ -57,13 +57,13 @@ class Passages(Runs[Passage]):
         ]
 
 
-def play(seed: int) -> Passage:
+def play(seed: int) -> TunnelRun:
     """Run a seed and judge it."""
     name = CELLS[seed % len(CELLS)]
     try:
         cell, script = generate(load_cell(name), seed)
     except ConfigError as error:
-        return Passage(f"{name} {seed}", 1.0, 0.0, 0, 0, [f"refused: {error}"])
+        return TunnelRun(f"{name} {seed}", 1.0, 0.0, 0, 0, [f"refused: {error}"])
     faulty = any(
         step.message is not None and step.message.topic.key == "rig/fault" for step in script.steps
     )
@@ -82,7 +82,7 @@ def play(seed: int) -> Passage:
     depths = [state.insertion["depth"] for state in result.states if state.insertion]
     if any(state.mode == "enabled" and not state.insertion for state in result.states):
         reasons.append("left its curve")
-    return Passage(
+    return TunnelRun(
         f"{name} {seed}",
         clearance,
         float(np.abs(np.diff(depths)).sum()),

@@ -3,10 +3,10 @@
 from ..part import Part, Selection
 from ..runs import Runs
 from .collection import NEEDED, Published, published
-from .trial import Trial, try_arm
+from .trial import UrdfTrial, try_arm
 
 
-class Trials(Runs[Trial]):
+class Trials(Runs[UrdfTrial]):
     """Summary of all arms."""
 
     def figures(self) -> dict[str, object]:
@@ -35,7 +35,7 @@ class Trials(Runs[Trial]):
         return [*(rows or [f"no arms are installed: {NEEDED}"]), *super().lines()]
 
 
-def play(arm: Published) -> Trial:
+def play(arm: Published) -> UrdfTrial:
     """Try one arm."""
     return try_arm(arm.name, arm.urdf)
 

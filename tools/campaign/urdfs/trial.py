@@ -14,7 +14,7 @@ import numpy as np
 
 from ....config.errors import ConfigError
 from ....config.load import load_cell
-from ...checks.findings import Status
+from ...checks.findings import Severity
 from ...commands.check import judge
 from ...init.make import BALL, Made, make
 from ...init.robot import read_arm
@@ -36,7 +36,7 @@ AHEAD: Final = 0.03
 
 
 @dataclass(frozen=True)
-class Trial:
+class UrdfTrial:
     """Result of one arm."""
 
     name: str
@@ -51,7 +51,7 @@ class Trial:
 
 def try_arm(
     name: str, urdf: Path, tip: str | None = None, packages: Mapping[str, Path] | None = None
-) -> Trial:
+) -> UrdfTrial:
     """Make a cell of a URDF, run it, and judge the runs."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "arm.toml"
@@ -63,7 +63,7 @@ def try_arm(
             reasons = [
                 f"check: {f.check}: {f.text}"
                 for f in judge(load_cell(out))
-                if f.status is Status.ERROR
+                if f.status is Severity.ERROR
             ]
             pushed = simulate(out)
             reasons += _against("push", pushed)
@@ -72,7 +72,7 @@ def try_arm(
                 reasons.append(f"the push is {force:.3g} N, planned {made.draft.push:.3g} N")
             kept = _keep_clear(made, out)
         except ConfigError as error:
-            return Trial(name, reasons=list(error.messages))
+            return UrdfTrial(name, reasons=list(error.messages))
     reasons += _against("clearance and pose", kept)
     pose, clearance = kept.summary["tool_error_m"], kept.summary["min_clearance_m"]
     if not isinstance(pose, float) or pose > POSE_M:
@@ -82,7 +82,7 @@ def try_arm(
     elif clearance > AHEAD - ROUNDING:
         reasons.append(f"the arm never came near the sphere: {clearance:.3g} m")
     ratios = [fit.ratio for fit in arm.fits if np.isfinite(fit.ratio)]
-    return Trial(
+    return UrdfTrial(
         name, len(made.draft.drives), _number(pose), force, _number(clearance),
         float(np.mean(ratios)) if ratios else float("nan"), reasons,
     )  # fmt: skip

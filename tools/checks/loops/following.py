@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from ....config.load import Cell
 from ....server.stability.following import delays, stiffest_hand
 from ....server.stability.payloads import PayloadBounds, payload_words
-from ..findings import Finding, Status, graded
+from ..findings import Finding, Severity, graded
 
 COMFORT = 0.5
 """Part of the bound above which a hand feels the arm swing [1]."""
@@ -21,7 +21,7 @@ def following(cell: Cell) -> Iterator[Finding]:
     share = max(source.gain[:3])
     yield Finding(
         "following lag",
-        Status.OK,
+        Severity.OK,
         f"{lag_s * 1e3:.1f} ms behind the hand ("
         + ", ".join(f"{part} {delay:.2f}" for part, delay in parts.items())
         + f" periods), then M/B = {source.mass / source.damping * 1e3:g} ms",

@@ -10,7 +10,7 @@ from ....config.schema.joint_task import JointTask
 from ....server.control.arm.arm import Arm
 from ....server.control.joint_task.joint_task import FIT_M
 from ....server.control.joint_task.joint_task import JointTask as Task
-from ..findings import Finding, Status
+from ..findings import Finding, Severity
 from .stability import stability
 
 
@@ -32,7 +32,7 @@ def _fit(cell: Cell, section: JointTask) -> Finding:
     start = [np.array(cell.parts[i].config.mechanism.postures["start"]) for i in members]
     task = Task(section, [Arm.of(part) for part in cell.parts], members)
     off = task.grips.misfit(start)
-    fits = Status.OK if off <= FIT_M else Status.ERROR if section.at_start else Status.WARN
+    fits = Severity.OK if off <= FIT_M else Severity.ERROR if section.at_start else Severity.WARN
     return Finding(
         f"{section.name}.grasps",
         fits,
@@ -54,7 +54,7 @@ def _load(cell: Cell, section: JointTask) -> Iterator[Finding]:
     mass = section.payload.mass
     yield Finding(
         f"{section.name}.payload",
-        Status.OK if mass <= most else Status.ERROR,
+        Severity.OK if mass <= most else Severity.ERROR,
         f"{mass:g} kg, the arms are rated for {most:g} kg together",
         {"mass_kg": mass, "rated_kg": most},
     )

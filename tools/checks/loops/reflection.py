@@ -9,7 +9,7 @@ from ....config.schema.reflection import Reflection
 from ....protocols.topics import KEEPALIVE
 from ....server.reflection.force_reflection import pose_stiffness
 from ...reflect.small_gain import ARM_S, FILTER_PER_GAIN, GREATEST, HeldStick
-from ..findings import Finding, Status
+from ..findings import Finding, Severity
 
 PER_HAND = 0.75
 """Reflected stiffness that settles at every delay to 0.5 s, as a part of the hand's own [1].
@@ -40,7 +40,7 @@ def _rate(cell: Cell, config: Reflection) -> Finding:
     k_f = min(cell.config.sources.force.gain[:3])
     if k_f <= 0.0:
         text = "K_F is not above 0 along every axis: no law binds the force that is reflected"
-        return Finding("reflection, rate", Status.ERROR, text, {"force_gain": k_f})
+        return Finding("reflection, rate", Severity.ERROR, text, {"force_gain": k_f})
     gain = k_fr * stick.rate_per_force * k_hc / k_f
     filter_s = stick.filter_s(gain, config.largest_round_trip_s)
     text = (
@@ -54,7 +54,7 @@ def _rate(cell: Cell, config: Reflection) -> Finding:
         )
     return Finding(
         "reflection, rate",
-        Status.OK if gain <= GREATEST else Status.ERROR,
+        Severity.OK if gain <= GREATEST else Severity.ERROR,
         text,
         {"loop_gain": gain, "bound": stick.bound, "greatest": GREATEST, "filter_s": filter_s},
     )
@@ -74,7 +74,7 @@ def _pose(cell: Cell, config: Reflection) -> Finding:
     lowered = f"K_FR is lowered to it from a clutch scale of {config.stiffness / full:.2g} on"
     return Finding(
         "reflection, pose",
-        Status.OK if config.stiffness <= limit else Status.ERROR,
+        Severity.OK if config.stiffness <= limit else Severity.ERROR,
         f"{config.stiffness:g} N/m, settles at every delay up to {limit:g} N/m with a hand of "
         f"{config.hand.stiffness:g} N/m" + (f"; {lowered}" if full > config.stiffness else ""),
         {"stiffness": config.stiffness, "limit": limit, "at_scale_1": full},
@@ -93,7 +93,7 @@ def _timeouts(cell: Cell, config: Reflection) -> Iterator[Finding]:
     ):
         yield Finding(
             f"distant {what}",
-            Status.OK if timeout_s >= least_s else Status.ERROR,
+            Severity.OK if timeout_s >= least_s else Severity.ERROR,
             f"timeout {timeout_s * 1e3:g} ms, at least {least_s * 1e3:g} ms for a round trip of "
             f"{config.largest_round_trip_s * 1e3:g} ms ± {config.jitter:.0%} and {LOST} losses",
             {"timeout_s": timeout_s, "least_s": least_s},

@@ -6,7 +6,7 @@ from ....config.load import Cell
 from ....server.stability.force_loop import bound, force_axis
 from ....server.stability.gains import error_delay_periods
 from ....server.stability.payloads import PayloadBounds, payload_words
-from ..findings import Finding, Status, Value, graded
+from ..findings import Finding, Severity, Value, graded
 from .following import payloads
 
 COMFORT = 0.5
@@ -30,12 +30,12 @@ def stability(cell: Cell) -> Iterator[Finding]:
             {"loop_gain": worst, "bound": bound(delay)},
         )
     if cell.config.mechanism.force_torque is None:
-        yield Finding("force gain", Status.OK, "no force/torque sensor, so no force loop")
+        yield Finding("force gain", Severity.OK, "no force/torque sensor, so no force loop")
         return
     for i, (name, gain) in enumerate(zip(AXES, cell.config.sources.force.gain, strict=True)):
         axis = force_axis(cell, i, gain)
         if axis is None:
-            yield Finding(f"force gain {name}", Status.OK, "the arm cannot move along this axis")
+            yield Finding(f"force gain {name}", Severity.OK, "the arm cannot move along this axis")
             continue
         loop_gain = gain * axis.stiffness * period
         values: dict[str, Value] = {
@@ -71,6 +71,6 @@ def _payload(cell: Cell) -> Iterator[Finding]:
     )
 
 
-def _grade(gain: float, loop_gain: float, limit: float) -> Status:
+def _grade(gain: float, loop_gain: float, limit: float) -> Severity:
     # A negative gain drives the arm away from its target or further into the wall.
-    return Status.ERROR if gain < 0.0 else graded(loop_gain, COMFORT * limit, limit)
+    return Severity.ERROR if gain < 0.0 else graded(loop_gain, COMFORT * limit, limit)

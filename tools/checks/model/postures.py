@@ -8,7 +8,7 @@ from ....config.agree.agree import REQUIRED_POSTURES
 from ....config.load import Cell
 from ....server.control.mechanism.kinematics import Mechanism
 from ....server.control.spatial import Pose
-from ..findings import Finding, Status
+from ..findings import Finding, Severity
 
 
 def postures(cell: Cell) -> Iterator[Finding]:
@@ -23,11 +23,11 @@ def postures(cell: Cell) -> Iterator[Finding]:
         # Axes that the arm reaches nowhere, as a planar one, are no singularities.
         each = np.linalg.svd(J * weight[:, None], compute_uv=False)
         sigma = float(each[min(mechanism.rank, len(each)) - 1])
-        status, judgement = Status.OK, "away from"
+        status, judgement = Severity.OK, "away from"
         if sigma < resolve.floor:
-            status, judgement = Status.ERROR, "in"
+            status, judgement = Severity.ERROR, "in"
         elif sigma < resolve.singular_region:
-            status, judgement = Status.WARN, "near"
+            status, judgement = Severity.WARN, "near"
         yield Finding(
             f"posture {name}",
             status,

@@ -10,7 +10,7 @@ from ....drivers.rig.physics.scene import build_model
 from ....server.control.proximity.capsules import Capsules
 from ....server.control.proximity.pairs import PairSearch
 from ...scripts.script import load_script
-from ..findings import Finding, Status
+from ..findings import Finding, Severity
 
 
 def starting(cell: Cell) -> Iterator[Finding]:
@@ -18,14 +18,14 @@ def starting(cell: Cell) -> Iterator[Finding]:
     try:
         script = load_script(cell.default_script)
         text = f"{cell.default_script.name}, {script.duration_s:g} s"
-        yield Finding("script", Status.OK, text, {"duration_s": script.duration_s})
+        yield Finding("script", Severity.OK, text, {"duration_s": script.duration_s})
     except ConfigError as error:
         yield from _told("script", error)
     if cell.config.rig is not None:
         try:
             model, _ = build_model(cell)
             yield Finding(
-                "physics", Status.OK, f"{model.nbody} bodies, {model.nv} degrees of freedom",
+                "physics", Severity.OK, f"{model.nbody} bodies, {model.nv} degrees of freedom",
                 {"bodies": int(model.nbody), "freedoms": int(model.nv)},
             )  # fmt: skip
         except ConfigError as error:
@@ -36,7 +36,7 @@ def starting(cell: Cell) -> Iterator[Finding]:
             if links and part.config.rig is not None:
                 yield Finding(
                     f"{part.prefix}shape",
-                    Status.WARN,
+                    Severity.WARN,
                     f"meshes are not read: {', '.join(links)} touch nothing in the rig, and no "
                     f"clearance is kept; `telerobot init {part.robot.urdf}` finds capsules",
                     {"links": len(links)},
@@ -64,9 +64,9 @@ def _own_gaps(cell: Cell, capsules: Capsules) -> Iterator[Finding]:
             float(near.gap[k]),
             [capsules.links[int(i[k])] for i in (near.first, near.second)],
         )
-        status = Status.OK
+        status = Severity.OK
         if gap < avoidance.self_clearance:
-            status = Status.ERROR if gap < 0.0 and avoidance.enabled else Status.WARN
+            status = Severity.ERROR if gap < 0.0 and avoidance.enabled else Severity.WARN
         yield Finding(
             f"links at {name}",
             status,
@@ -78,4 +78,4 @@ def _own_gaps(cell: Cell, capsules: Capsules) -> Iterator[Finding]:
 
 def _told(check: str, error: ConfigError) -> Iterator[Finding]:
     for message in error.messages:
-        yield Finding(check, Status.ERROR, message)
+        yield Finding(check, Severity.ERROR, message)

@@ -19,7 +19,7 @@ NAMES = {"joystick": "stick"}
 
 
 @dataclass(frozen=True)
-class Link:
+class LinkStatus:
     """Link and lease, as an operator knows them."""
 
     mine: bool
@@ -79,7 +79,7 @@ def arm_lines(
     return lines
 
 
-def link_words(state: State, link: Link) -> list[str]:
+def link_words(state: State, link: LinkStatus) -> list[str]:
     """Return lease, round trip and speed, each as a few words."""
     words = [f"lease {state.lease_holder or 'free'}{' (you)' if link.mine else ''}"]
     if link.round_trip_s is not None:

@@ -15,7 +15,7 @@ from ..client.operator import Operator
 from ..client.protocol_client import NoLease, OnReply
 from .hands import led
 from .keyboard import HeldKeys
-from .status import Link, arm_lines, link_words
+from .status import LinkStatus, arm_lines, link_words
 from .stick import AXES, DRIVES, JOINT_SIGNS, TURNS, Stick, opposites
 
 HELP = """\
@@ -278,7 +278,7 @@ class KeyboardTeleop:
         led, trip = state.of(self._task.get("task")), operator.round_trip
         jogged = self._tasks[self.hand].joints if self.stick.joint is not None else ()
         first = sum(len(task.joints) for task in self._tasks[: self.hand])
-        link = Link(
+        link = LinkStatus(
             mine=operator.holds_lease,
             round_trip_s=trip.seconds,
             echo_age_s=now_s - (trip.heard_s or -math.inf),

@@ -18,7 +18,7 @@ from ....protocols.topics import Role
 from ...host.address import add_cell_arguments, cell_from
 from ..client.connection import Connection
 from .access import Access, Listen, tls_context
-from .hub import Hub
+from .hub import PageHub
 from .server import Server
 from .vendor import missing
 
@@ -62,7 +62,7 @@ async def _serve(cell: Cell, listen: Listen, args: argparse.Namespace) -> int:
     secure = listen.beyond or args.certificate is not None
     tls = tls_context(cell.config.name, identity, args.certificate, args.key) if secure else None
     access = _access(cell.config.name)
-    hub = Hub(lambda: Connection(cell, name="console", identity=shown))
+    hub = PageHub(lambda: Connection(cell, name="console", identity=shown))
     server = Server(cell, hub, access, listen, secure)
     runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
     await runner.setup()

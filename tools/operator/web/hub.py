@@ -37,7 +37,7 @@ KEPT_EVENTS: Final = 50
 """Events that a page is told which comes later [1]."""
 
 
-class Hub:
+class PageHub:
     """Passes on what the daemon tells, and what the pages send."""
 
     def __init__(self, connect: Callable[[], Connection]) -> None:

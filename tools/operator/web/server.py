@@ -12,7 +12,7 @@ from ....protocols.topics import Role
 from . import scene
 from .access import Access, Listen, same_origin
 from .catalogue import catalogue
-from .hub import Hub
+from .hub import PageHub
 from .login import LOGIN, welcome
 from .page import Page
 
@@ -27,7 +27,9 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 class Server:
     """Serves one cell's page to those who may see it."""
 
-    def __init__(self, cell: Cell, hub: Hub, access: Access, listen: Listen, secure: bool) -> None:
+    def __init__(
+        self, cell: Cell, hub: PageHub, access: Access, listen: Listen, secure: bool
+    ) -> None:
         self._cell, self._hub, self._access, self._listen = cell, hub, access, listen
         self._scheme = "https" if secure else "http"
         self.port = listen.port

@@ -14,7 +14,7 @@ from ...host.address import add_cell_arguments, cell_from, duration
 from ...host.ending import until_told
 from ...operator.client.sensor_session import dial
 from .files import Files
-from .listener import Listener
+from .listener import CellRecorder
 from .viewer import require_schemas
 
 POLL_S: Final = 0.01
@@ -60,12 +60,12 @@ def run(args: argparse.Namespace) -> int:
         files.close()
         return 0
     try:
-        return record(Listener(cell, session, files, args.pictures), files, over)
+        return record(CellRecorder(cell, session, files, args.pictures), files, over)
     finally:
         session.close()
 
 
-def record(listener: Listener, files: Files, over: Callable[[], bool]) -> int:
+def record(listener: CellRecorder, files: Files, over: Callable[[], bool]) -> int:
     """Write what is heard until it is over; return 1 where it could not be written any more."""
     for notice in listener.notices:
         print(f"telerobot: {notice}", file=sys.stderr, flush=True)

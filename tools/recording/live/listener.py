@@ -37,7 +37,7 @@ class Ear(NamedTuple):
     inbox: TopicBuffer
 
 
-class Listener:
+class CellRecorder:
     """Hears one cell, and writes it to files."""
 
     def __init__(self, cell: Cell, session: Session, files: Files, pictures: Path | None) -> None:

@@ -10,7 +10,7 @@ from ....drivers.device import DeviceError
 from ....drivers.rig.physics.camera import RigCameras
 from .grasps import internal_force
 from .panels import PANELS, distances
-from .reader import Recording
+from .reader import RecordedRun
 from .stills import draw
 
 COLUMNS = 2
@@ -19,7 +19,7 @@ ROW_IN = 2.6
 STILL_IN = 3.0
 
 
-def drawn(run: Recording, panels: Sequence[str], stills: int) -> Figure:
+def drawn(run: RecordedRun, panels: Sequence[str], stills: int) -> Figure:
     """Return one run: its panels in two columns, then moments of it; empty panels are left out."""
     names = [name for name in panels if name in PANELS]
     shown = [name for name in names if PANELS[name](run, Figure().add_subplot())]
@@ -44,7 +44,7 @@ def drawn(run: Recording, panels: Sequence[str], stills: int) -> Figure:
     return figure
 
 
-def compared(runs: Sequence[Recording], at_s: float | None, camera: str | None) -> Figure:
+def compared(runs: Sequence[RecordedRun], at_s: float | None, camera: str | None) -> Figure:
     """Return runs side by side: the scene at one moment, as the camera saw it, the distances."""
     moment = runs[0].closest_sight() if at_s is None else at_s
     cameras = runs[0].cell.config.cameras
@@ -73,7 +73,7 @@ def compared(runs: Sequence[Recording], at_s: float | None, camera: str | None) 
 
 
 def seen(
-    run: Recording, camera: str, time_s: float
+    run: RecordedRun, camera: str, time_s: float
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
     """Return the picture (h, w, 3) that a camera of the virtual world had at a time.
 

@@ -7,13 +7,13 @@ from matplotlib.axes import Axes
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from ....server.control.spatial import rotation_rpy
-from .reader import Recording
+from .reader import RecordedRun
 
 METRES_PER_N = 0.005
 """Length of an arrow [m/N]."""
 
 
-def draw_payload(run: Recording, truth: dict[str, Any], ax: Axes3D) -> None:
+def draw_payload(run: RecordedRun, truth: dict[str, Any], ax: Axes3D) -> None:
     """Draw the payload's edges, and an arrow for the force of each arm on it."""
     beam, rig = truth.get("beam"), run.cell.config.rig
     if beam is None or rig is None or rig.beam is None:
@@ -35,7 +35,7 @@ def draw_payload(run: Recording, truth: dict[str, Any], ax: Axes3D) -> None:
         ax.quiver(*grasp, *force, color="tab:red", lw=1.6)
 
 
-def internal_force(run: Recording, ax: Axes) -> bool:
+def internal_force(run: RecordedRun, ax: Axes) -> bool:
     """Internal force of a payload that several arms hold, and what it pushes on."""
     beams = [truth.get("beam") for truth in run.truths]
     held = [beam for beam in beams if beam is not None]

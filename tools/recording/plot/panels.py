@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .grasps import internal_force
-from .reader import Recording
+from .reader import RecordedRun
 
 NAMED_LINKS = 4
 """Number of closest links drawn in colour and named [1]."""
 
 
-def distances(run: Recording, ax: Axes) -> bool:
+def distances(run: RecordedRun, ax: Axes) -> bool:
     """Distance of each link to each line of sight, and of the arm to what is fixed (fig. 10)."""
     every = [
         (values, f"{link}, {camera}" if len(run.cell.config.cameras) > 1 else link)
@@ -41,7 +41,7 @@ def distances(run: Recording, ax: Axes) -> bool:
     )
 
 
-def potentials(run: Recording, ax: Axes) -> bool:
+def potentials(run: RecordedRun, ax: Axes) -> bool:
     """The potential's parts, each from its least on."""
     felt = [state.get("potential") for state in run.states]
     names = next(([k for k in f if k != "slope"] for f in felt if f is not None), [])
@@ -51,7 +51,7 @@ def potentials(run: Recording, ax: Axes) -> bool:
     return _named(ax, "potential above its least [J]", bool(names))
 
 
-def slope(run: Recording, ax: Axes) -> bool:
+def slope(run: RecordedRun, ax: Axes) -> bool:
     """Slope of the potential that is left in the self-motions."""
     felt = [state.get("potential") for state in run.states]
     values = np.array([np.nan if f is None else f["slope"] for f in felt])
@@ -61,7 +61,7 @@ def slope(run: Recording, ax: Axes) -> bool:
     return _named(ax, "slope |Pτ| [N·m]", drawn, legend=False)
 
 
-def priority(run: Recording, ax: Axes) -> bool:
+def priority(run: RecordedRun, ax: Axes) -> bool:
     """α, the part of a hand's force that avoiding takes away; and how far each sphere is."""
     values = run.of_states(lambda s: _or_nan(s.get("priority")))
     drawn = bool(np.isfinite(values).any())
@@ -75,7 +75,7 @@ def priority(run: Recording, ax: Axes) -> bool:
     return _named(ax, "priority of avoiding [1]", drawn)
 
 
-def rates(run: Recording, ax: Axes) -> bool:
+def rates(run: RecordedRun, ax: Axes) -> bool:
     """Commanded joint rates."""
     values = run.of_states(lambda s: s["dq_command"])
     for i, joint in enumerate(run.joints):
@@ -83,7 +83,7 @@ def rates(run: Recording, ax: Axes) -> bool:
     return _named(ax, "joint rates [rad/s]", True)
 
 
-def self_motion(run: Recording, ax: Axes) -> bool:
+def self_motion(run: RecordedRun, ax: Axes) -> bool:
     """Joint rates asked of the null space."""
     values = run.of_states(lambda s: np.linalg.norm(s["self_motion"]))
     ax.plot(run.time, values, label="self-motion")
@@ -91,14 +91,14 @@ def self_motion(run: Recording, ax: Axes) -> bool:
     return _named(ax, "size of joint rates [rad/s]", bool(values.any()))
 
 
-def granted(run: Recording, ax: Axes) -> bool:
+def granted(run: RecordedRun, ax: Axes) -> bool:
     """Share of the asked motion that was granted."""
     ax.plot(run.time, run.of_states(lambda s: s["scale"]))
     ax.set_ylim(-0.05, 1.05)
     return _named(ax, "granted share of the motion", True, legend=False)
 
 
-def off_path(run: Recording, ax: Axes) -> bool:
+def off_path(run: RecordedRun, ax: Axes) -> bool:
     """Displacement of the tool from its path by the virtual link."""
     ways = [state.get("off_path") or (0.0, 0.0, 0.0) for state in run.states]
     values = np.linalg.norm(ways, axis=1)
@@ -106,7 +106,7 @@ def off_path(run: Recording, ax: Axes) -> bool:
     return _named(ax, "off the path [mm]", bool(values.any()), legend=False)
 
 
-def tool_path(run: Recording, ax: Axes) -> bool:
+def tool_path(run: RecordedRun, ax: Axes) -> bool:
     """The tool's true path, from above and from the side."""
     for name, at in run.tool_paths.items():
         whose = f"{name} " if len(run.tool_paths) > 1 else ""
@@ -120,7 +120,7 @@ def tool_path(run: Recording, ax: Axes) -> bool:
     return True
 
 
-PANELS: dict[str, Callable[[Recording, Axes], bool]] = {
+PANELS: dict[str, Callable[[RecordedRun, Axes], bool]] = {
     "distances": distances,
     "potentials": potentials,
     "slope": slope,

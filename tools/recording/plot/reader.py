@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass
-class Recording:
+class RecordedRun:
     """Contents of a run's file."""
 
     path: Path
@@ -100,7 +100,7 @@ class Recording:
         raise ConfigError(f"{self.cell.path}: cameras: the cell has no camera '{name}'; {known}")
 
 
-def load_recording(path: Path, cell: str | None = None) -> Recording:
+def load_recording(path: Path, cell: str | None = None) -> RecordedRun:
     """Read a run's file; `cell` names its cell where the file does not.
 
     Raises `RecordError` for a file that is no recorded run, `ConfigError` for a cell that is wrong.
@@ -108,7 +108,7 @@ def load_recording(path: Path, cell: str | None = None) -> Recording:
     name = cell or read_about(path).get("cell")
     if name is None:
         raise RecordError(f"{path}: does not say which cell was run: name it with --cell")
-    run = Recording(path, load_cell(Path(name) if name.endswith(".toml") else name))
+    run = RecordedRun(path, load_cell(Path(name) if name.endswith(".toml") else name))
     rows = {"state": run.states, "truth": run.truths, "event": run.events}
     for topic, row in read_messages(path, tuple(rows)):
         rows[topic].append(row)

@@ -8,7 +8,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from ....config.schema.obstacles import Obstacle
 from ....server.control.spatial import rotation_rpy
 from .grasps import draw_payload
-from .reader import Array, Recording
+from .reader import Array, RecordedRun
 
 FROM = (22.0, -50.0)
 """Elevation and azimuth that the scene is looked at from [°]."""
@@ -16,7 +16,7 @@ POINTS_PER_M = 260.0
 """Line width of a link, by its diameter [pt/m]."""
 
 
-def draw(run: Recording, truth: dict[str, Any], ax: Axes3D, width: float = 1.0) -> None:
+def draw(run: RecordedRun, truth: dict[str, Any], ax: Axes3D, width: float = 1.0) -> None:
     """Draw the arm at a truth, its tool's path so far, and the obstacles of the cell."""
     ends = run.capsules.place(np.array([truth["q"]])).ends[0]
     for (a, b), radius in zip(ends, run.capsules.radius, strict=True):
@@ -62,7 +62,7 @@ def _line(ax: Axes3D, a: Array, b: Array, **how: Any) -> None:
     ax.plot(*np.stack([a, b], axis=1), solid_capstyle="round", **how)
 
 
-def _frame(ax: Axes3D, run: Recording) -> None:
+def _frame(ax: Axes3D, run: RecordedRun) -> None:
     """Choose one cube for all moments of a run, so that they can be compared."""
     nodes = run.capsules.place(run.of_truths(lambda t: t["q"])[::20]).ends.reshape(-1, 3)
     lines = [np.array(line) for line in run.sight_lines(run.truths[0])]

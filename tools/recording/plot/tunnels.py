@@ -11,7 +11,7 @@ from ....config.errors import ConfigError
 from ....config.schema.backbone import Backbone as Section
 from ....server.control.mechanism.backbone.insertion import Backbone
 from ...oracle.tunnel import Tunnel
-from .reader import Array, Recording
+from .reader import Array, RecordedRun
 
 PAPER = (1.00, 0.94, 0.83, 0.68, 0.54, 0.44)
 """Free lengths of the paper, in lengths of the arm [1]."""
@@ -22,7 +22,7 @@ SIZE_IN, SPACE_IN = 2.3, 3.0
 LINK_PT = 2.6
 
 
-def slithering(run: Recording) -> Figure:
+def slithering(run: RecordedRun) -> Figure:
     """Return the curve (figure 4) and the true links (figure 5) of a run, in the paper's order.
 
     At its free lengths, and where the run did not come near one of these, at the nearest to it that
@@ -58,7 +58,7 @@ def slithering(run: Recording) -> Figure:
     return figure
 
 
-def _moments(run: Recording, backbone: Backbone) -> list[tuple[float, Array]]:
+def _moments(run: RecordedRun, backbone: Backbone) -> list[tuple[float, Array]]:
     """Return free lengths and the true joints there."""
     inserted = [(s["time_s"], s["insertion"]) for s in run.states if s.get("insertion")]
     if not inserted:

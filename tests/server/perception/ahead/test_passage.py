@@ -10,7 +10,7 @@ from telerobot.server.perception.ahead.passage import Passage
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events
 from telerobot.server.units.looking_ahead import LookingAhead
-from telerobot.server.units.sweep import Sweep
+from telerobot.server.units.sweep import SweptAxis
 
 CELL = load_cell("rover_bridge")
 FOLDED = (0.5, -1.0, 0.2, -1.5, 0.1, 0.2, 0.3)
@@ -124,7 +124,7 @@ def test_a_contour_has_as_many_bytes_as_cells() -> None:
 
 
 def test_the_axis_sweeps_between_its_ends_in_its_period() -> None:
-    sweep = Sweep.from_cell(CELL)
+    sweep = SweptAxis.from_cell(CELL)
     q, places = -1.2, []
     for _ in range(400):
         q += 0.01 * sweep.rate(q, 1.0)
@@ -135,7 +135,7 @@ def test_the_axis_sweeps_between_its_ends_in_its_period() -> None:
 
 
 def test_at_reduced_speed_it_sweeps_as_quickly_as_it_may() -> None:
-    sweep, q = Sweep.from_cell(CELL), -1.2
+    sweep, q = SweptAxis.from_cell(CELL), -1.2
     for _ in range(300):
         rate = sweep.rate(q, 0.1)
         assert abs(rate) <= 0.1 * 3.0

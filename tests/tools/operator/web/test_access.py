@@ -16,7 +16,7 @@ from telerobot.tools.certify.authority import Authority
 from telerobot.tools.host.address import moved
 from telerobot.tools.operator.client.connection import OperatorError
 from telerobot.tools.operator.web.access import Access, Listen, same_origin, tls_context
-from telerobot.tools.operator.web.hub import Hub
+from telerobot.tools.operator.web.hub import PageHub
 from telerobot.tools.operator.web.server import Server
 
 
@@ -30,7 +30,7 @@ def visit(steps):
     async def run():
         access = Access("pa10")
         listen = Listen("127.0.0.1", 0)
-        server = Server(load_cell("pa10"), Hub(nobody), access, listen, secure=False)
+        server = Server(load_cell("pa10"), PageHub(nobody), access, listen, secure=False)
         async with TestClient(TestServer(server.application())) as client:
             server.port = client.port
             await steps(client, access, f"http://{client.host}:{client.port}")
@@ -166,7 +166,7 @@ def test_beyond_loopback_a_certificate_of_the_cell_logs_in_over_https(tmp_path):
         cell = moved(load_cell("pa10"), endpoint="tls/127.0.0.1:7447", identity=tmp_path)
         identity = identity_of(cell, Role.OPERATOR, "console")
         listen = Listen("0.0.0.0", 0)
-        server = Server(cell, Hub(nobody), Access("pa10"), listen, secure=True)
+        server = Server(cell, PageHub(nobody), Access("pa10"), listen, secure=True)
         runner = web.AppRunner(server.application())
         await runner.setup()
         site = web.TCPSite(

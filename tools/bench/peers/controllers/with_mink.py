@@ -11,7 +11,7 @@ import numpy as np
 
 from .....config.load import Cell
 from .....server.control.spatial import Array, Pose
-from ..geometry import Geometry
+from ..geometry import PeerGeometry
 from ..scenes import PeerScene, Thing
 from .contract import CLEARANCE, NoCommand
 
@@ -29,7 +29,7 @@ class Mink:
         mechanism = cell.config.mechanism
         drives = {drive.joint: drive for drive in mechanism.drives}
         self._period_s = cell.config.timing.period_s
-        geometry = Geometry(cell, scene.things)
+        geometry = PeerGeometry(cell, scene.things)
         spec = mujoco.MjSpec.from_file(str(cell.robot.urdf))
         T = Pose.from_xyz_rpy(mechanism.T_wrist_mrf.xyz, mechanism.T_wrist_mrf.rpy)
         spec.body(mechanism.tip_link).add_site(name="mrf", pos=T.p, quat=_quaternion(T.R))
@@ -106,7 +106,7 @@ class Mink:
 
 
 def _name_geoms(spec: mujoco.MjSpec) -> None:
-    """Name the arm's geoms as `Geometry` does: by link and number."""
+    """Name the arm's geoms as `PeerGeometry` does: by link and number."""
     for body in spec.bodies:
         for i, geom in enumerate(body.geoms):
             link = "base" if body.name == "world" else body.name

@@ -15,7 +15,7 @@ from pink.tasks import FrameTask, PostureTask
 
 from .....config.load import Cell
 from .....server.control.spatial import Array, Pose
-from ..geometry import Geometry
+from ..geometry import PeerGeometry
 from ..scenes import PeerScene
 from .contract import CLEARANCE, NoCommand
 
@@ -38,7 +38,7 @@ class Pink:
         drives = {drive.joint: drive for drive in cell.config.mechanism.drives}
         ordered = [drives[joint.name] for joint in cell.robot.joints]
         self._period_s = cell.config.timing.period_s
-        self._geometry = Geometry(cell, scene.things)
+        self._geometry = PeerGeometry(cell, scene.things)
         self._moving = scene.moves
         model = self._geometry.model
         mrf = cell.config.mechanism.T_wrist_mrf
