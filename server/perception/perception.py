@@ -14,7 +14,7 @@ from ..plant import UnitReading
 from ..runtime.events import Events
 from .ahead.passage import Passage
 from .cameras import VisionTracker
-from .collisions import CollisionMonitor
+from .contact.collisions import CollisionMonitor
 from .force_torque import ForceTorqueMonitor, reads_weight
 from .moving_frames import FrameTracker
 from .unexplained_load import LoadMonitor

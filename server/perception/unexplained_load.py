@@ -20,11 +20,11 @@ from ..control.state import Output
 from ..control.task.gains import GAIN_TIME_S
 from ..mode import Mode
 from ..runtime.events import Events
+from .contact.tool import ToolContact
 from .filters.collision import UNKNOWN_LOAD, LoadUncertainty
 from .force_torque import others_ask
 from .load_words import explanation
 from .mean_wrench import AveragedWrench, WrenchMark
-from .tool_contact import ToolContact
 
 SETTLE_S = 0.3
 """After brakes have opened, joints settle for this long [s]."""

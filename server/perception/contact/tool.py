@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..control.spatial import GRAVITY, Array, sizes
-from ..control.state import Output
-from .filters.collision import UNKNOWN_LOAD
+from ...control.spatial import GRAVITY, Array, sizes
+from ...control.state import Output
+from ..filters.collision import UNKNOWN_LOAD
 
 LASTS = 3
 """Contact of the tool must last for so many ticks [1]."""

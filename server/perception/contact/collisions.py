@@ -2,20 +2,20 @@
 
 import numpy as np
 
-from ...config.schema.touch import Touch
-from ..control.frame_tree import Moved
-from ..control.hold.pushed import Pushed
-from ..control.mechanism.dynamics import Dynamics
-from ..control.mechanism.kinematics import Mechanism
-from ..control.parameters import Parameters
-from ..control.spatial import GRAVITY, Array
-from ..control.state import Memory, Output
-from ..mode import Mode
-from ..plant import UnitReading
-from ..runtime.events import Events
-from .contact_release import ContactRelease
-from .filters.collision import CollisionDetector, DetectorState, LoadUncertainty, SensorLoad
-from .tool_contact import ToolContact
+from ....config.schema.touch import Touch
+from ...control.frame_tree import Moved
+from ...control.hold.pushed import Pushed
+from ...control.mechanism.dynamics import Dynamics
+from ...control.mechanism.kinematics import Mechanism
+from ...control.parameters import Parameters
+from ...control.spatial import GRAVITY, Array
+from ...control.state import Memory, Output
+from ...mode import Mode
+from ...plant import UnitReading
+from ...runtime.events import Events
+from ..filters.collision import CollisionDetector, DetectorState, LoadUncertainty, SensorLoad
+from .release import ContactRelease
+from .tool import ToolContact
 
 UNWATCHED = 1.0
 """Where the drives' torques are not watched, this and friction are no push [N·m]."""
