@@ -83,7 +83,9 @@ def make_drivers(cell: Cell, buses: Fieldbuses) -> tuple[Device, ...]:
         make = KINDS[type(entry.section)].driver
         driver = make(entry.section, entry, by_name[entry.bus], part)
         driver.part = entry.part
-        if isinstance(driver, ServoDrive) and part.config.mechanism.name in together:
+        backbone = part.config.mechanism.backbone
+        told = backbone is not None and backbone.quick_stop == "in_proportion"
+        if isinstance(driver, ServoDrive) and (told or part.config.mechanism.name in together):
             driver.ramp = StopRamp(by_name[entry.bus], driver.node, driver.drive)
         drivers.append(driver)
     return tuple(drivers)

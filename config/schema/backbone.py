@@ -69,6 +69,12 @@ class Backbone(Section):
     most_push: float = Field(
         10.0, gt=0, le=1e4, description="force of the head at which a drive inserts no further [N]"
     )
+    quick_stop: Literal["in_proportion", "each"] = Field(
+        "in_proportion",
+        description="in_proportion: drives are told ramps by which all joints come to rest "
+        "together, along the curve (6085h by RPDO2); each: every joint by its own "
+        "quick_stop_deceleration",
+    )
     tunnel: tuple[Segment, ...] = Field(
         min_length=1, max_length=64, description="its pieces, from the entrance on"
     )

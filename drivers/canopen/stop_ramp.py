@@ -39,7 +39,7 @@ class StopRamp:
         except DeviceError as error:
             raise DeviceError(
                 f"{error}; the drive takes no 6085h by PDO: set quick_stop = 'each' in the task "
-                "that holds a payload with others"
+                "that holds a payload with others, or in the arm's backbone"
             ) from error
 
     def send(self, deceleration: float) -> None:

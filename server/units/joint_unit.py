@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from ...config.load import Cell, grasp_part, joint_part
 from ...config.schema.joint_task import JointTask
 from ...protocols.messages import messages as m
@@ -15,7 +13,6 @@ from ..control.evolve import evolve
 from ..control.frame_tree import Mount
 from ..control.spatial import Array, Pose
 from ..control.state import Inputs, Intent, Output
-from ..control.stop.quick_stop import ramps_in_proportion
 from ..control.task.asked import ViewGoal
 from ..mode import Mode
 from ..perception.cameras import VisionTracker
@@ -24,11 +21,9 @@ from ..plant import UnitReading
 from ..refusals import Refused, Why
 from ..runtime.events import Events
 from ..stability.gains import gain_check
+from .stop_ramps import bounded_spread, ramps_together
 from .tick_inputs import tick_inputs
 from .unit import Unit, mrf_in_force
-
-REFERENCE_LAG = 2
-"""A drive follows the command of so many periods ago [1]."""
 
 WEIGHED_ALONE = (requests.PayloadRequest, requests.TareRequest)
 """Requests that need a whole load on the sensor, not an arm's share of one."""
@@ -183,19 +178,7 @@ class JointUnit:
 
         By the joints' places in the cell; none before the first tick.
         """
-        told = [(unit, unit.output) for unit in self.units if unit.output is not None]
-        if len(told) < len(self.units):
-            return {}
-        dq = np.concatenate([output.dq for _, output in told])
-        drives = [d for unit in self.units for d in unit.cell.config.mechanism.drives]
-        period_s = self.arm.p.period_s
-        ramps = ramps_in_proportion(
-            dq,
-            np.array([d.quick_stop_deceleration for d in drives]),
-            np.array([REFERENCE_LAG * period_s * d.max_acceleration for d in drives]),
-        )
-        places = [i for unit in self.units for i in range(unit.joints.start, unit.joints.stop)]
-        return dict(zip(places, ramps.tolist(), strict=True))
+        return ramps_together(self.units, bounded_spread(self.units))
 
     def keep(self, output: Output | None) -> None:
         """Take in what a tick decided of the task; None while it is off."""

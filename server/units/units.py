@@ -18,6 +18,7 @@ from ..perception.obstacle_map import ObstacleMap
 from ..refusals import Refused, Why
 from ..runtime.events import Events
 from .joint_unit import JointUnit, of_task
+from .stop_ramps import curve_ramps
 from .unit import Unit
 
 
@@ -184,9 +185,12 @@ class Units:
     def stop_ramps(self) -> dict[int, float]:
         """Ramps of a quick stop now, of joints that are to come to rest together [rad/s²].
 
-        By the joints' places in the cell: those of arms that hold a payload together.
+        By the joints' places in the cell: those of an arm on a curve, and of arms that hold a
+        payload together.
         """
         found: dict[int, float] = {}
+        for unit in self.each:
+            found.update(curve_ramps(unit))
         for joint in self.joint:
             if joint.on and joint.in_proportion:
                 found.update(joint.stop_ramps())

@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.server.control.mechanism.backbone.insertion import Backbone
 from telerobot.tools.simulation.simulation import simulate
 
 
@@ -31,6 +33,25 @@ def test_a_drive_that_faults_inside_stops_all_and_touches_no_wall(play, speed, j
     assert max(map(abs, run.truths[-1].dq)) < 1e-3
     assert run.summary["wall_force_n"] == 0.0
     assert run.summary["min_clearance_m"] > 0.005
+
+
+def test_when_a_drive_falls_silent_deep_inside_the_others_stop_along_the_curve(play):
+    cell = load_cell("snake")
+    fits = Backbone.from_cell(cell)
+    q = tuple(fits.fits[int(np.abs(fits.lengths - 0.75).argmin())].tolist())
+    mechanism = cell.config.mechanism.model_copy(update={"postures": {"start": q, "ready": q}})
+    config = cell.config.model_copy(update={"mechanism": mechanism})
+    run = play(
+        {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}},
+        {"at_s": 0.6, "rig/fault": {"kind": "silence", "target": "j8"}},
+        seconds=0.85,
+        cell=replace(cell, config=config),
+    )
+    assert run.summary["mode"] == "fault"
+    assert max(map(abs, run.truths[-1].dq)) < 0.02
+    # Each on its own ramp, they press the links on the wall.
+    assert run.summary["min_clearance_m"] > 0.005
+    assert run.summary["wall_force_n"] == 0.0
 
 
 def test_without_touch_a_joint_blocked_inside_holds_up_all_and_lets_the_arm_withdraw(play):
