@@ -44,7 +44,7 @@ def test_the_load_is_so_many_obstacles_and_every_barrier(count):
         assert set(shapes) == {"point", "sphere", "capsule", "box", "sight_line"}
 
 
-@pytest.mark.parametrize("joints", [6, 12])
+@pytest.mark.parametrize("joints", [6, 12, 60])
 def test_a_made_chain_has_so_many_joints_and_moves(joints, tmp_path):
     cell = load.among(load.chain(load_cell("pa10"), joints, tmp_path), 2)
     assert len(cell.robot.joints) == joints

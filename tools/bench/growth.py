@@ -15,7 +15,7 @@ from .figures import Figures
 from .load import OBSTACLES, among, chain, several
 
 COUNTS = (1, 2, 4, 8, 16, 32, 64)
-JOINTS = (6, 7, 8, 9, 10, 11, 12)
+JOINTS = (6, 7, 8, 10, 12, 16, 24, 32, 48, 60)
 ARMS = (1, 2, 3, 4)
 TICKS = 1000
 ROUNDS = 5

@@ -26,6 +26,9 @@ CLEAR = 0.08
 KINDS = ("sphere", "capsule", "box", "sphere", "capsule", "box", "point", "sight_line")
 LENGTH = 1.2
 """Of a made chain, all links together [m]."""
+THICKNESS = (0.04, 0.4)
+"""Radius of its links [m], and at most so much of their length [1]: else two that have one between
+them would meet."""
 
 APART = 1.2
 """Between the bases of two arms, which stand in a row [m]."""
@@ -135,6 +138,7 @@ def chain(cell: Cell, joints: int, folder: Path) -> Cell:
 
 def _urdf(joints: int) -> str:
     step = LENGTH / joints
+    radius = min(THICKNESS[0], THICKNESS[1] * step)
     parts = ['<link name="link0"/>']
     for i in range(joints):
         last = i + 1 == joints
@@ -147,6 +151,6 @@ def _urdf(joints: int) -> str:
             f'<link name="{child}"><inertial><origin xyz="0 0 {step / 2}"/><mass value="2"/>'
             '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial>'
             f'<collision><origin xyz="0 0 {step / 2}"/><geometry>'
-            f'<cylinder radius="0.04" length="{step * 0.8}"/></geometry></collision></link>'
+            f'<cylinder radius="{radius}" length="{step * 0.8}"/></geometry></collision></link>'
         )
     return f'<robot name="chain{joints}">{"".join(parts)}</robot>'

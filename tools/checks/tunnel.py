@@ -53,7 +53,7 @@ def _range(cell: Cell, backbone: Backbone) -> Finding:
 def _walls(backbone: Backbone) -> Finding:
     """Judge how far links are off the centre line along all fits."""
     off = [
-        backbone.off_centre(q[None], float(s1))
+        backbone.off_centre(backbone.chain.points(q[None]), float(s1))
         for q, s1 in zip(backbone.fits, backbone.lengths, strict=True)
     ]
     i = int(np.argmax(off))

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..mechanism.backbone.fit import farthest_apart
 from ..mechanism.backbone.insertion import Backbone, DriveRequest, Insertion
 from ..mechanism.joint_rates import Around, JointRates, Resolver, Wish
 from ..mechanism.kinematics import Kinematics
@@ -124,9 +125,19 @@ class Slither:
 
         From joints q (n,) that are `error` (n,) ahead of the measured ones [rad].
         """
-        times = np.linspace(0.0, stop.to_go_s, 1 + max(1, math.ceil(stop.to_go_s / LOOK_S)))
-        backbone = self.backbone
-        commanded, measured = backbone.chain.points(np.stack((q, q - error)))
-        lag = float(np.sqrt(((commanded - measured) ** 2).sum(axis=1).max()))
-        bound = max(backbone.room - lag, backbone.off_centre(q[None], insertion.s1) + WORSE)
-        return max(0.0, backbone.off_centre(stop.postures(times), insertion.s1) - bound)
+        times = _looks(stop.to_go_s)
+        postures = np.empty((2 + len(times), len(q)))
+        postures[0], postures[1], postures[2:] = q, q - error, stop.postures(times)
+        backbone, s1 = self.backbone, insertion.s1
+        points = backbone.chain.points(postures)
+        lag = farthest_apart(points[0], points[1], len(q) + 1)
+        bound = max(backbone.room - lag, backbone.off_centre(points[:1], s1) + WORSE)
+        return max(0.0, backbone.off_centre(points[2:], s1) - bound)
+
+
+def _looks(to_go_s: float) -> Array:
+    """Return the instants (s,) at which a stop is looked at, now and at its end among them [s]."""
+    count = max(1, math.ceil(to_go_s / LOOK_S))
+    times = np.arange(count + 1, dtype=np.float64) * (to_go_s / count)
+    times[-1] = to_go_s
+    return times

@@ -52,7 +52,7 @@ class Snake:
 
     def off(self):
         s1 = 1.5 if self.memory.insertion is None else self.memory.insertion.s1
-        return self.backbone.off_centre(self.q[None], s1)
+        return self.backbone.off_centre(self.backbone.chain.points(self.q[None]), s1)
 
 
 @pytest.mark.parametrize("name", ["snake", "snake_space", "snake_gap"])
@@ -105,7 +105,8 @@ def test_what_a_joint_lags_is_taken_off_the_room():
     insertion, lag, aside = snake.memory.insertion, np.zeros(30), snake.q.copy()
     aside[25] -= 0.02  # the tip is 5 mm aside
     stop = Stop.at_rest(aside)
-    assert snake.off() + 0.001 < snake.backbone.off_centre(aside[None], insertion.s1)
+    points = snake.backbone.chain.points(aside[None])
+    assert snake.off() + 0.001 < snake.backbone.off_centre(points, insertion.s1)
     assert slither.shortfall(insertion, snake.q, lag, stop) == 0.0
     lag[20] = 0.02  # half a metre of arm beyond it: 10 mm
     assert slither.shortfall(insertion, snake.q, lag, stop) > 0.0005

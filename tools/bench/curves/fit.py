@@ -15,7 +15,7 @@ import numpy as np
 from ....config.load import Cell
 from ....server.control.mechanism.backbone.chain import Chain
 from ....server.control.mechanism.backbone.curve import Curve
-from ....server.control.mechanism.backbone.exterior import Bow
+from ....server.control.mechanism.backbone.exterior import Bow, Chord
 from ....server.control.mechanism.backbone.fit import Links
 from ....server.control.mechanism.backbone.interior import Arcs, Turn
 from ....server.control.spatial import Array, Pose, skew
@@ -73,7 +73,7 @@ def _figures(curve: Curve) -> None:
 def _maze() -> Curve:
     entrance = Pose.from_xyz_rpy((0.0, 0.4, 0.0), (0.0, 0.0, 0.5 * math.pi))
     turns = [Turn(0.2, math.pi), Turn(0.2, -math.pi), Turn(0.2, math.pi)]
-    bow = Bow(np.zeros(3), _Y, np.array([1.0, 0.0, 0.0]), 0.4)
+    bow = Bow(Chord(np.zeros(3), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), 0.4))
     return Curve(bow, Arcs.from_entrance(entrance, turns))
 
 

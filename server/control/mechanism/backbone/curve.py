@@ -31,7 +31,9 @@ class Curve(NamedTuple):
         Raises `ValueError` where the exterior cannot be that short.
         """
         free = int(np.searchsorted(stations, s1, side="right"))
-        outer, outer_rates = self.exterior.at(s1, stations[:free])
-        inner, tangents = self.arcs.at(stations[free:] - s1)
+        points, rates = np.empty((2, len(stations), 3))
+        points[:free], rates[:free] = self.exterior.at(s1, stations[:free])
+        points[free:], tangents = self.arcs.at(stations[free:] - s1)
         # Chirikjian & Burdick, eq. 14: the interior's travelling wave slides along itself.
-        return Sampled(np.vstack((outer, inner)), np.vstack((outer_rates, -tangents)))
+        np.negative(tangents, out=rates[free:])
+        return Sampled(points, rates)

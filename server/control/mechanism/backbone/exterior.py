@@ -24,55 +24,63 @@ ORDERS = 24
 """Bessel functions of higher order are below 1e-20 there [1]."""
 
 
+class Chord(NamedTuple):
+    """The straight way from the base to the entrance, and where an exterior bows out from it."""
+
+    base: Array
+    """Where it begins, in World (3,) [m]."""
+    axes: Array
+    """Where the exterior bows out to, and its tangent at the base and at the entrance (2, 3)."""
+    h: float
+    """Distance of the entrance from the base [m]: a straight exterior is so long."""
+
+    def share_of(self, s1: float) -> float:
+        """Return h in shares of a free length [m], below 1.
+
+        Raises `ValueError` where s1 is not above h, as rates along s1 have no bound there.
+        """
+        if not s1 > self.h:
+            raise ValueError(f"free length {s1} m: must be above {self.h} m")
+        return self.h / s1
+
+    def placed(self, found: Array) -> tuple[Array, Array]:
+        """Return points and rates (m, 3) in World of those aside and ahead (2, m, 2) [m]."""
+        return self.base + found[0] @ self.axes, found[1] @ self.axes
+
+
 class Exterior(Protocol):
     """A curve of free length s1 from the base, with its tangent, to the entrance, with its own."""
 
     @property
-    def shortest(self) -> float:
-        """The free length at which the curve is as short as can be [m]."""
+    def chord(self) -> Chord:
+        """From where to where it goes."""
         ...
 
     def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
-        """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3)."""
+        """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
+
+        Raises `ValueError` for a free length that it cannot have.
+        """
         ...
 
 
 class Bow(NamedTuple):
     """The exterior of the paper's example: one period of a cosine of curvature."""
 
-    base: Array
-    """Where it begins, in World (3,) [m]."""
-    ahead: Array
-    """Tangent at the base, and at the entrance (3,)."""
-    aside: Array
-    """Where it bows out to, perpendicular to that (3,)."""
-    h: float
-    """Distance of the entrance from the base [m]."""
-
-    @property
-    def shortest(self) -> float:
-        """Straight, it is h long [m]."""
-        return self.h
+    chord: Chord
 
     def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
         """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
 
-        Raises `ValueError` where s1 is not above h, as the rates have no bound there.
+        Raises `ValueError` where s1 is not above h.
         """
-        if not s1 > self.h:
-            raise ValueError(f"free length {s1} m: must be above {self.h} m")
-        points, rates, ds1 = self.along(bow_parameter(self.h / s1), stations)
+        points, rates, ds1 = self.along(bow_parameter(self.chord.share_of(s1)), stations)
         return points, rates / ds1
 
     def along(self, mu: float, stations: Array) -> tuple[Array, Array, float]:
         """Return points (m, 3) [m], their ∂/∂μ (m, 3) [m], and ds1/dμ [m]: smooth from μ = 0 up."""
-        found, ds1 = bow_at(mu, self.h, stations)
-        axes = np.stack((self.aside, self.ahead))
-        return self.base + found[0] @ axes, found[1] @ axes, ds1
-
-    def free_length(self, mu: float) -> float:
-        """Return s1 [m] of a parameter μ (eq. 20)."""
-        return self.h / float(bessel(mu)[0])
+        found, ds1 = bow_at(mu, self.chord.h, stations)
+        return *self.chord.placed(found), ds1
 
 
 @compiled(NUMBER)

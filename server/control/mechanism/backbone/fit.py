@@ -110,6 +110,18 @@ def points_at(links: tuple[Array, Array, Array, Array, Flags], q: Array) -> Arra
     return found
 
 
+@compiled(MATRIX, MATRIX, COUNT)
+def farthest_apart(one: Array, other: Array, first: int) -> float:
+    """Return how far the `first` points of two postures (n + 1, 3) are apart at most [m]."""
+    most = 0.0
+    for i in range(min(first, len(one))):
+        square = 0.0
+        for k in range(3):
+            square += (one[i, k] - other[i, k]) ** 2
+        most = max(most, square)
+    return float(np.sqrt(most))
+
+
 @compiled(LINKS, VECTOR, MATRIX, MATRIX, COUNT)
 def fitted_at(
     links: tuple[Array, Array, Array, Array, Flags],

@@ -20,7 +20,8 @@ from .....config.schema.backbone import Backbone as Section
 from ...spatial import Array
 from .chain import Chain
 from .curve import Curve
-from .interior import off_centre
+from .fit import farthest_apart
+from .interior import links_off_centre
 from .laying import curve_of
 
 FEEDBACK = 5.0
@@ -89,8 +90,9 @@ class Backbone:
         self.exit = sum(piece.length for piece in section.tunnel if not piece.open)
         """Depth of the exit [m]."""
         self._upto = np.array([int(np.abs(curve.arcs.starts - self.exit).argmin())])
-        self._origins = np.concatenate(([0.0], chain.stations[:-1]))
-        self.most = min(chain.length, curve.exterior.shortest + curve.arcs.length + chain.length)
+        self._stations = np.concatenate(([0.0], chain.stations))
+        self._origins = self._stations[:-1]
+        self.most = min(chain.length, curve.exterior.chord.h + curve.arcs.length + chain.length)
         count = max(2, round((self.most - section.least) / GRID))
         self.lengths = np.linspace(section.least, self.most, count + 1)
         """Free lengths (g,) at which fits were computed ahead [m]."""
@@ -177,8 +179,8 @@ class Backbone:
 
     def _off(self, insertion: Insertion, q: Array) -> float:
         """Return how far the farthest point that is not free is from where the fit has it [m]."""
-        both = self.chain.points(np.stack((q, insertion.q)))[:, : insertion.beyond + 1]
-        return float(np.sqrt(((both[0] - both[1]) ** 2).sum(axis=1).max()))
+        one, other = self.chain.points(np.array((q, insertion.q)))
+        return farthest_apart(one, other, insertion.beyond + 1)
 
     # --- where it is to go ---------------------------------------------------------------------
 
@@ -240,22 +242,14 @@ class Backbone:
 
     # --- walls ---------------------------------------------------------------------------------
 
-    def off_centre(self, q: Array, s1: float) -> float:
-        """Return how far links at postures q (s, n) are off the tunnel's centre line at most [m].
+    def off_centre(self, points: Array, s1: float) -> float:
+        """Return how far links are off the tunnel's centre line at most [m].
 
-        Of link ends and middles that are inside, with a free length about s1 [m].
+        Of link ends and middles that are inside, with a free length about s1 [m], of postures whose
+        points are (s, n + 1, 3) in World.
         """
-        points = self.chain.points(q)
-        middles = 0.5 * (points[:, :-1] + points[:, 1:])
-        stations = np.concatenate(([0.0], self.chain.stations))
-        depths = np.concatenate((stations, 0.5 * (stations[:-1] + stations[1:]))) - s1
-        window = WINDOW * self.section.half_width
-        kept = depths > -window
-        both = np.concatenate((points, middles), axis=1)[:, kept].reshape(-1, 3)
-        found = off_centre(
-            self.curve.arcs[:], both, np.tile(depths[kept], len(q)), window, self._upto
-        )
-        return float(found[0])
+        depths, window = self._stations - s1, WINDOW * self.section.half_width
+        return links_off_centre(self.curve.arcs[:], points, depths, window, self._upto)
 
     @property
     def room(self) -> float:

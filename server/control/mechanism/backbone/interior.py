@@ -186,3 +186,32 @@ def off_centre(
         if 0.0 <= where <= starts[upto[0]] and off > most:
             most, which = off, m
     return most, which
+
+
+@compiled(ARCS, ARRAY3, VECTOR, NUMBER, INDEX)
+def links_off_centre(
+    arcs: tuple[Array, Array, Array],
+    points: Array,
+    depths: Array,
+    window: float,
+    upto: Index,
+) -> float:
+    """Return how far links' ends and middles are off the centre line at most [m], as `off_centre`.
+
+    Of postures whose points are (s, n + 1, 3), the arc lengths of which are `depths` (n + 1,).
+    """
+    n = len(depths)
+    both, at = np.empty((2 * n - 1, 3)), np.empty(2 * n - 1)
+    for i in range(n):
+        at[i] = depths[i]
+        if i > 0:
+            at[n + i - 1] = 0.5 * (depths[i - 1] + depths[i])
+    most = 0.0
+    for s in range(len(points)):
+        for i in range(n):
+            for k in range(3):
+                both[i, k] = points[s, i, k]
+                if i > 0:
+                    both[n + i - 1, k] = 0.5 * (points[s, i - 1, k] + points[s, i, k])
+        most = max(most, off_centre(arcs, both, at, window, upto)[0])
+    return most

@@ -9,7 +9,7 @@ from .....config.schema.backbone import Backbone as Section
 from ...spatial import Array, Pose
 from .chain import Chain
 from .curve import Curve
-from .exterior import Bow
+from .exterior import Bow, Chord
 from .gaps import solve_gap
 from .interior import Arcs, Turn
 from .modal import Modal
@@ -51,10 +51,10 @@ def curve_of(cell: Cell, section: Section, chain: Chain) -> Curve:
             f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
         )
     arcs = _arcs(T, section, chain, _range(cell), where)
-    begin = chain.base, T.R[:, 0], T.R @ _bow(section), h
+    chord = Chord(chain.base, np.stack((T.R @ _bow(section), T.R[:, 0])), h)
     if section.exterior == "modal":
-        return Curve(Modal(*begin, np.array(section.modes)), arcs)
-    return Curve(Bow(*begin), arcs)
+        return Curve(Modal(chord, np.array(section.modes)), arcs)
+    return Curve(Bow(chord), arcs)
 
 
 def _range(cell: Cell) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...compiled import NUMBER, ROW, VECTOR, compiled
 from ...spatial import Array
+from .exterior import Chord
 
 PANEL = 1.0 / 24.0
 """An integral's panel is at most so long, in lengths of the free part [1]."""
@@ -25,36 +26,19 @@ WEIGHTS = (0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.1739
 class Modal(NamedTuple):
     """An exterior whose attitude is a sum of modes."""
 
-    base: Array
-    """Where it begins, in World (3,) [m]."""
-    ahead: Array
-    """Tangent at the base, and at the entrance (3,)."""
-    aside: Array
-    """Where it bows out to, perpendicular to that (3,)."""
-    h: float
-    """Distance of the entrance from the base [m]."""
+    chord: Chord
     modes: Array
     """Shares c_m of the modes (k,) [1]."""
-
-    @property
-    def shortest(self) -> float:
-        """Straight, it is h long [m]."""
-        return self.h
 
     def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
         """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
 
-        Raises `ValueError` where s1 is not above h, as the rates have no bound there, and where no
-        curve of these modes is so long.
+        Raises `ValueError` where s1 is not above h, and where no curve of these modes is so long.
         """
-        if not s1 > self.h:
-            raise ValueError(f"free length {s1} m: must be above {self.h} m")
-        mu = modal_parameter(self.modes, self.h / s1)
+        mu = modal_parameter(self.modes, self.chord.share_of(s1))
         if not mu > 0.0:
             raise ValueError(f"free length {s1} m: the modes bow out by less than that")
-        found = modal_at(self.modes, mu, self.h, stations)
-        axes = np.stack((self.aside, self.ahead))
-        return self.base + found[0] @ axes, found[1] @ axes
+        return self.chord.placed(modal_at(self.modes, mu, self.chord.h, stations))
 
 
 @compiled(VECTOR, NUMBER)

@@ -3,7 +3,7 @@
 import numpy as np
 from telerobot.server.control.mechanism.backbone.chain import Chain
 from telerobot.server.control.mechanism.backbone.curve import Curve
-from telerobot.server.control.mechanism.backbone.exterior import Bow
+from telerobot.server.control.mechanism.backbone.exterior import Bow, Chord
 from telerobot.server.control.mechanism.backbone.fit import Links
 from telerobot.server.control.mechanism.backbone.interior import Arcs, Turn
 from telerobot.server.control.spatial import Pose, skew
@@ -15,13 +15,13 @@ S1 = (1.00, 0.94, 0.83, 0.68, 0.54, 0.44)
 
 ENTRANCE = Pose.from_xyz_rpy((0.0, 0.4, 0.0), (0.0, 0.0, np.pi / 2))
 MAZE = Curve(
-    Bow(np.zeros(3), Y, X, 0.4),
+    Bow(Chord(np.zeros(3), np.stack((X, Y)), 0.4)),
     Arcs.from_entrance(ENTRANCE, [Turn(0.2, np.pi), Turn(0.2, -np.pi), Turn(0.2, np.pi)]),
 )
 """Its figure 3: h = 0.4, L = 0.2, in lengths of the arm."""
 
 SPACE = Curve(
-    Bow(np.zeros(3), Y, (X + Z) / np.sqrt(2), 0.4),
+    Bow(Chord(np.zeros(3), np.stack(((X + Z) / np.sqrt(2), Y)), 0.4)),
     Arcs.from_entrance(
         ENTRANCE, [Turn(0.2, np.pi / 2), Turn(0.15, 0.0, np.pi / 3), Turn(0.15, 0.0, -np.pi / 3)]
     ),

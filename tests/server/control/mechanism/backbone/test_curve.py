@@ -12,7 +12,7 @@ from .snakes import ENTRANCE, MAZE, S1, SPACE, X, Y
 STATIONS = np.linspace(0.0, 1.0, 61)
 
 MODES = np.array([1.0, -0.5])
-OTHER = MAZE._replace(exterior=Modal(*MAZE.exterior, MODES))
+OTHER = MAZE._replace(exterior=Modal(MAZE.exterior.chord, MODES))
 """The same maze with another exterior, whose curvature begins and ends with 0."""
 
 
@@ -53,7 +53,7 @@ def test_the_exterior_is_the_curve_of_equations_2_and_22(s1):
 @pytest.mark.parametrize("s1", S1)
 def test_a_modal_exterior_of_one_mode_is_the_paper_s(s1):
     stations = np.linspace(0.0, s1, 31)
-    one = Modal(*MAZE.exterior, np.array([1.7]))
+    one = Modal(MAZE.exterior.chord, np.array([1.7]))
     for found, expected in zip(one.at(s1, stations), MAZE.exterior.at(s1, stations), strict=True):
         assert found == pytest.approx(expected, abs=2e-8)
 
@@ -73,9 +73,9 @@ def test_a_modal_exterior_meets_the_entrance_and_begins_and_ends_without_curvatu
 
 
 def test_modes_that_do_not_bow_out_so_far_are_refused():
-    far = MAZE.exterior._replace(h=0.05)
+    far = MAZE.exterior.chord._replace(h=0.05)
     with pytest.raises(ValueError, match="the modes bow out by less than that"):
-        Modal(*far, np.ones(6)).at(1.4, STATIONS)
+        Modal(far, np.ones(6)).at(1.4, STATIONS)
 
 
 @pytest.mark.parametrize("curve", [MAZE, SPACE, OTHER])
