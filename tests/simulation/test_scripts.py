@@ -29,8 +29,9 @@ ELSEWHERE |= {
     "carry_plate",
     "stop_together",
 }  # `test_pa10_two.py`, `test_pa10_pair.py`; the stiff one is a picture of what must not be
-ELSEWHERE |= {"shifted", "maze", "maze_space", "tail", "two_tunnels", "touch_inside", "figure_5"}
-"""`test_tunnel.py`, `test_tail.py` and `test_tunnel_faults.py`, whole or in part."""
+ELSEWHERE |= {"shifted", "maze", "maze_space", "tail", "tail_space", "two_tunnels"}
+ELSEWHERE |= {"touch_inside", "figure_5"}
+"""`test_tunnel.py`, `test_tunnel_faults.py`, `test_tail.py` and its sister, whole or in part."""
 ELSEWHERE |= {"drive_and_reach", "hold_in_world"}  # `test_rover.py`
 ELSEWHERE |= {"bridge", "bridge_off"}
 """`test_bridge.py` plays the like, nearer."""

@@ -40,6 +40,20 @@ def test_links_and_curve_are_drawn_where_they_were(recorded, tmp_path, capsys):
     assert out.stat().st_size > 5000
 
 
+def test_in_space_links_are_drawn_where_they_truly_were(recorded):
+    pytest.importorskip("matplotlib")
+    from telerobot.tools.recording.plot.tunnels import slithering
+
+    run = load_recording(
+        recorded("snake_tail_space", {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}})
+    )
+    links = slithering(run).axes[1]
+    truths = Backbone.from_cell(run.cell).chain.points(np.array([t["q"] for t in run.truths]))
+    every = [np.column_stack(line.get_data_3d()) for line in links.lines]
+    drawn = [points for points in every if len(points) == 31 and np.ptp(points[:, 2]) > 0.01]
+    assert np.abs(truths - drawn[0]).max(axis=(1, 2)).min() == 0.0
+
+
 def test_an_arm_without_tunnels_is_refused_by_name(recorded, capsys):
     path = recorded("pa10", {"at_s": 0.1, "cmd/joystick": {"twist": [0.0] * 6}})
     assert main(["plot", str(path), "--panels", "tunnel"]) == 2

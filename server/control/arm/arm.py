@@ -91,6 +91,9 @@ class Arm:
             if self.stages.rolling is None
             else self.stages.rolling.path(seen.kinematics, inputs.ground == "base"),
             by_joint=asked.by_joint,
+            standing=0
+            if asked.insertion is None or asked.together or asked.by_joint
+            else asked.insertion.beyond,
             ordered=not beside or self.asking.ordered(asked.twists, inputs),
         )
 

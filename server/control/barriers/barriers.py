@@ -47,6 +47,8 @@ class BarrierInputs(NamedTuple):
     """Joints mean something only together, as along a curve: one at its bound holds up all."""
     by_joint: bool = False
     """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
+    standing: int = 0
+    """So many joints, from the first on, stand inside a tunnel, and make up for no other."""
     ordered: bool = True
     """Somebody tells the arm to move."""
     led: bool = False
@@ -206,6 +208,7 @@ class Allow:
         V = factor * self._velocities[i]
         dq, share, low, high, beyond = room.within(arm.dq, V, q, arm.error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
+        low[: arm.standing] = high[: arm.standing] = 0.0
         leash = room.leash(arm.error) if beyond else None
         if leash is not None:
             limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
