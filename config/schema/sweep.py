@@ -17,7 +17,11 @@ class Sweep(Section):
     joint: Name = Field(description="joint of the URDF, of type revolute, on its root link")
     low: float = Field(ge=-math.pi, le=math.pi, description="where it turns round [rad]")
     high: float = Field(ge=-math.pi, le=math.pi, description="the other end [rad]")
-    period_s: float = Field(2.0, ge=0.2, le=60, description="to and fro again [s]")
+    period_s: float = Field(
+        2.03, ge=0.2, le=60,
+        description="to and fro again; no whole number of scans, or they look along the same "
+        "planes every time [s]",
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _goes_somewhere(self) -> "Sweep":

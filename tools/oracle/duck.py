@@ -49,10 +49,14 @@ class Opening(NamedTuple):
 def gate_of(
     height: float, width: float, thickness: float, side: float, skew: float, offset: float
 ) -> Opening:
-    """Return the opening of a bridge that is turned by `skew` [rad]; heights from the foot [m]."""
-    lost = 0.5 * thickness * abs(math.sin(skew))
+    """Return the opening of a bridge that is turned by `skew` [rad]; heights from the foot [m].
+
+    `offset` is of its near face's middle: the far edge of one pillar reaches into the opening.
+    """
+    far = thickness * math.sin(skew)
     half = 0.5 * width * math.cos(skew)
-    return Opening(offset + half - lost, offset - half + lost, height, height + side)
+    left, right = offset + half + min(far, 0.0), offset - half + max(far, 0.0)
+    return Opening(left, right, height, height + side)
 
 
 def room(q: Array, arm: FoldingArm, gate: Opening) -> Array:

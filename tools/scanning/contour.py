@@ -24,6 +24,14 @@ LEAST_TAIL: Final = 0.6
 A surface at the border, seen straight, leaves 16 % of its hits there and 34 % in the other strip;
 one that is 10 mm inside 42 % and 17 %.
 """
+STRIPS: Final = 10
+"""Strips along each side of a cell, in which hits are counted: edges lie between two [1]."""
+EDGE: Final = 0.005
+"""An edge inside a cell may be so far outside of its outermost hits [m]: rays are apart."""
+LEAST_EDGE_HITS: Final = 10.0
+"""A cell with fewer hits is taken to be full [1]."""
+NOISE_SHARE: Final = 0.03
+"""Of the hits of a cell, so many are beyond an edge by noise [1]."""
 
 
 class CellPlane(NamedTuple):
@@ -53,6 +61,11 @@ class Contour(NamedTuple):
 
     nearest: Array
     farthest: Array
+    free: Array | None = None
+    """Width of the empty strip inside each border of a cell (4, rows, columns) [m].
+
+    Borders in the order of `WAYS`; None: cells are full.
+    """
 
 
 def contour_of(points: Array, hits: Array, plane: CellPlane, rear: float) -> Contour:
@@ -64,9 +77,10 @@ def contour_of(points: Array, hits: Array, plane: CellPlane, rear: float) -> Con
     """
     rows, columns = plane.shape
     counts = np.zeros((COUNTS, rows * columns))
+    strips = np.zeros((2 * STRIPS, rows * columns))
     nearest = np.full((rows, columns), np.inf)
     farthest = np.full((rows, columns), -np.inf)
-    _count(points, hits, rear, *plane, counts, nearest, farthest)
+    _count(points, hits, rear, *plane, counts, strips, nearest, farthest)
     every, inner, across, up, *edges = counts.reshape(COUNTS, rows, columns)
     halves = edges[4:]
     fullest = np.maximum.reduce([_beside(inner, *way) for way in WAYS])
@@ -77,7 +91,10 @@ def contour_of(points: Array, hits: Array, plane: CellPlane, rear: float) -> Con
         edge = _beside(edges[opposite], *way)
         tail = (middle < LEAST_TAIL * edge) & (halves[opposite] < LEAST_SHARE * edge)
         occupied &= ~(tail & (every < _beside(every, *way)))
-    return Contour(np.where(occupied, nearest, np.nan), np.where(occupied, farthest, np.nan))
+    free = _free_strips(strips.reshape(2, STRIPS, rows, columns), every, plane.cell)
+    for strip, way in zip(free, WAYS, strict=True):
+        strip[_beside(occupied, *way)] = 0.0  # between two cells of one surface nothing is free
+    return Contour(np.where(occupied, nearest, np.nan), np.where(occupied, farthest, np.nan), free)
 
 
 COUNTS: Final = 12
@@ -85,6 +102,20 @@ COUNTS: Final = 12
 bottom, those near its lower, upper, right, left edge, and those in these halves of it [1]."""
 WAYS: Final = ((-1, 0), (1, 0), (0, -1), (0, 1))
 """To the neighbours below, above, right, left, by rows and columns."""
+
+
+def _free_strips(strips: Array, every: Array, cell: float) -> Array:
+    """Return how wide the empty strips inside the borders of cells are (4, rows, columns) [m].
+
+    `strips` (2, `STRIPS`, rows, columns) are the hits in each, upwards and to the left.
+    """
+    free = np.empty((len(WAYS), *every.shape))
+    for axis, hits in enumerate(strips):
+        for end, ordered in enumerate((hits, hits[::-1])):
+            beyond = np.cumsum(ordered, axis=0) < NOISE_SHARE * every
+            free[2 * axis + end] = beyond.sum(axis=0) * (cell / STRIPS) - EDGE
+    free[:, every < LEAST_EDGE_HITS] = 0.0
+    return np.maximum(free, 0.0)
 
 
 def _beside(values: Array, row: int, column: int) -> Array:
@@ -95,7 +126,7 @@ def _beside(values: Array, row: int, column: int) -> Array:
 
 
 @compiled(
-    MATRIX, VECTOR, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, TABLE, TABLE, TABLE
+    MATRIX, VECTOR, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, TABLE, TABLE, TABLE, TABLE
 )  # fmt: skip
 def _count(
     points: Array,
@@ -106,6 +137,7 @@ def _count(
     cell: float,
     collect: float,
     counts: Array,
+    strips: Array,
     nearest: Array,
     farthest: Array,
 ) -> None:
@@ -117,6 +149,8 @@ def _count(
         i, j = min(int(z / cell), rows - 1), min(int(y / cell), columns - 1)
         at, dz, dy = i * columns + j, z - i * cell, y - j * cell
         counts[0, at] += hits[k]
+        strips[min(int(STRIPS * dz / cell), STRIPS - 1), at] += hits[k]
+        strips[STRIPS + min(int(STRIPS * dy / cell), STRIPS - 1), at] += hits[k]
         across = min(dy, cell - dy) >= INSIDE
         up = min(dz, cell - dz) >= INSIDE
         if across:

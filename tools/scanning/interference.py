@@ -4,7 +4,7 @@ Two readings: with the cells that a segment crosses and their neighbours, as pri
 cells within a reach of it, since one neighbour of 50 mm is too thin for a real housing.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from .contour import CellPlane, Contour
 
 
 class Obstacles(NamedTuple):
-    """The k occupied cells of a contour."""
+    """What the k occupied cells of a contour hold, as rectangles."""
 
     low: Array
     """Least y, z of each (k, 2) [m]."""
@@ -26,15 +26,29 @@ class Obstacles(NamedTuple):
 
     @staticmethod
     def of(contour: Contour, plane: CellPlane) -> "Obstacles":
-        """Return the occupied cells."""
+        """Return the occupied cells, without the strips inside their borders that are free."""
         i, j = np.nonzero(~np.isnan(contour.nearest))
         low = np.stack([j * plane.cell - 0.5 * plane.width, i * plane.cell], axis=1)
-        return Obstacles(low, low + plane.cell, contour.nearest[i, j])
+        high = low + plane.cell
+        if contour.free is not None:
+            below, above, right, left = contour.free[:, i, j]
+            low, high = low + np.stack([right, below], 1), high - np.stack([left, above], 1)
+        return Obstacles(low, high, contour.nearest[i, j])
+
+    @staticmethod
+    def behind(contour: Contour, plane: CellPlane) -> "Obstacles":
+        """Return the occupied cells of what is passed: depths are those at which they end."""
+        found = Obstacles.of(contour, plane)
+        return found._replace(near=contour.farthest[~np.isnan(contour.nearest)])
 
     def within(self, least: float, most: float) -> "Obstacles":
         """Return those that begin beyond one depth, and no farther than another [m]."""
         which = (self.near > least) & (self.near <= most)
         return self if which.all() else Obstacles(*(part[which] for part in self))
+
+
+NOTHING: Final = Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
+"""No obstacle at all."""
 
 
 def crossed(start: Array, end: Array, plane: CellPlane) -> Flags:

@@ -12,9 +12,11 @@ import numpy as np
 
 from ...server.control.compiled import (
     ARRAY3,
+    COUNT,
     FLAGS,
     MARKS,
     MATRIX,
+    NUMBER,
     ROW,
     TABLE,
     VECTOR,
@@ -58,6 +60,17 @@ def own_rays(time_s: Array, points: Array, knots: Knots, reach: Array) -> Flags:
     return own
 
 
+@compiled(NUMBER, VECTOR, COUNT)
+def _between(time_s: float, knot_s: Array, k: int) -> tuple[int, int, float]:
+    """Return the knots before and behind an instant, from knot k on, and its share of the way."""
+    last = knot_s.shape[0] - 1
+    while k < last - 1 and time_s > knot_s[k + 1]:
+        k += 1
+    n = min(k + 1, last)
+    span = knot_s[n] - knot_s[k]
+    return k, n, 0.0 if span <= 0.0 else (time_s - knot_s[k]) / span
+
+
 @compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3, MATRIX, TABLE)
 def _place(
     time_s: Array,
@@ -68,13 +81,9 @@ def _place(
     p: Array,
     points: Array,
 ) -> None:
-    k, last = 0, knot_s.shape[0] - 1
+    k = 0
     for i in range(time_s.shape[0]):
-        while k < last - 1 and time_s[i] > knot_s[k + 1]:
-            k += 1
-        n = min(k + 1, last)
-        span = knot_s[n] - knot_s[k]
-        t = 0.0 if span <= 0.0 else (time_s[i] - knot_s[k]) / span
+        k, n, t = _between(time_s[i], knot_s, k)
         x, y = distance[i] * np.sin(angle[i]), -distance[i] * np.cos(angle[i])
         for a in range(3):
             rx = R[k, a, 0] + t * (R[n, a, 0] - R[k, a, 0])
@@ -86,13 +95,9 @@ def _place(
 def _own(
     time_s: Array, points: Array, knot_s: Array, ends: Array, reach: Array, own: Flags
 ) -> None:
-    k, last = 0, knot_s.shape[0] - 1
+    k = 0
     for i in range(time_s.shape[0]):
-        while k < last - 1 and time_s[i] > knot_s[k + 1]:
-            k += 1
-        n = min(k + 1, last)
-        span = knot_s[n] - knot_s[k]
-        t = 0.0 if span <= 0.0 else (time_s[i] - knot_s[k]) / span
+        k, n, t = _between(time_s[i], knot_s, k)
         for c in range(reach.shape[0]):
             along, length, off = 0.0, 0.0, 0.0
             for a in range(3):

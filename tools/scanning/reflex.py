@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ...server.control.spatial import Array
-from .interference import Obstacles, clearance, clearances
+from .interference import NOTHING, Obstacles, clearance, clearances
 from .search import FoldingPosture, Search
 
 UNDECIDED_FRONT: Final = 0.80
@@ -94,22 +94,33 @@ class Reflex:
         self._since_s = self._entered_s = self._free_since_s = math.inf
         self._reason = ""
 
-    def step(self, time_s: float, q: Array, obstacles: Obstacles) -> Reaction:
-        """Return the answer to the obstacles of a contour, with the arm at q (n,) [rad]."""
-        now = self._search.points.of(q[None])[0]
+    def step(
+        self, time_s: float, q: Array, obstacles: Obstacles, passed: Obstacles = NOTHING
+    ) -> Reaction:
+        """Return the answer to the obstacles of a contour, with the arm at q (n,) [rad].
+
+        `passed` are those behind the arm, into which it must not swing.
+        """
+        now = self._search.links(q[None])[0]
         front = float(now[:, 0].max())
         # What is alongside of the arm is the hard clearances': the base would stop below a bridge.
         ahead = obstacles.within(front, self._trigger)
         reach = self._search.reach
         near = clearances(now, ahead) < reach.trigger
         met = ahead.near[near | (self._search.standing(ahead) < reach.column)]
-        self._decide(time_s, q, obstacles, ahead, bool(met.size))
+        self._decide(time_s, q, obstacles, passed, ahead, bool(met.size))
         return Reaction(self.phase, self.goal, self._speed(q, front, met), self._reason)
 
     # --- deciding ----------------------------------------------------------------------------
 
     def _decide(
-        self, time_s: float, q: Array, obstacles: Obstacles, ahead: Obstacles, met: bool
+        self,
+        time_s: float,
+        q: Array,
+        obstacles: Obstacles,
+        passed: Obstacles,
+        ahead: Obstacles,
+        met: bool,
     ) -> None:
         match self.phase:
             case PassagePhase.CLEAR:
@@ -124,9 +135,9 @@ class Reflex:
                 else:
                     self._free_since_s = time_s
             case PassagePhase.FOLDING | PassagePhase.RETURNING:
-                self._under_way(time_s, q, ahead)
+                self._under_way(time_s, q, ahead, passed)
             case PassagePhase.FOLDED:
-                self._through(time_s, q, obstacles, ahead, met)
+                self._through(time_s, q, obstacles, passed, ahead, met)
 
     def _look_for_way(self, time_s: float, q: Array, ahead: Obstacles, met: bool) -> None:
         if met:
@@ -164,7 +175,7 @@ class Reflex:
             self._search.sequence(q, ahead) if self._in_sequence else self._search.posture(q, ahead)
         )
 
-    def _under_way(self, time_s: float, q: Array, ahead: Obstacles) -> None:
+    def _under_way(self, time_s: float, q: Array, ahead: Obstacles, passed: Obstacles) -> None:
         """Go on to the goal while it is free, and the rest of the way."""
         goal, give_up = self.goal, self._search.reach.give_up
         if goal is None:
@@ -174,7 +185,10 @@ class Reflex:
             if back:
                 self._home = self.goal = None
             self._go_to(PassagePhase.CLEAR if back else PassagePhase.FOLDED, time_s)
-        elif not self._search.way_is_free(q, goal, ahead, give_up):
+        elif not (
+            self._search.way_is_free(q, goal, ahead, give_up)
+            and self._search.clears(q, goal, passed, give_up)
+        ):
             self.goal = None
             self._go_to(PassagePhase.UNDECIDED, time_s)
         elif time_s - self._entered_s > STUCK_S:
@@ -182,14 +196,20 @@ class Reflex:
             self._go_to(PassagePhase.REFUSED, time_s)
 
     def _through(
-        self, time_s: float, q: Array, obstacles: Obstacles, ahead: Obstacles, met: bool
+        self,
+        time_s: float,
+        q: Array,
+        obstacles: Obstacles,
+        passed: Obstacles,
+        ahead: Obstacles,
+        met: bool,
     ) -> None:
         """Stay folded until the way back is free; look again if the posture does not pass."""
         goal, home = self.goal, self._home
         if goal is None or home is None:
             self._go_to(PassagePhase.UNDECIDED, time_s)
             return
-        points = self._search.points.of(goal[None])[0]
+        points = self._search.links(goal[None])[0]
         gives_up = clearance(points, ahead) < self._search.reach.give_up
         # What is met but not yet given up would be waited for, for ever.
         waits = met and (self._in_sequence or time_s - self._entered_s >= AGAIN_S)
@@ -197,8 +217,10 @@ class Reflex:
             self._go_to(PassagePhase.UNDECIDED, time_s)
             return
         # Over the whole depth, or it would fold, unfold and be refused.
-        if not self._search.way_is_free(
-            q, home, obstacles, self._search.reach.choose, behind=False
+        reach = self._search.reach.choose
+        if not (
+            self._search.way_is_free(q, home, obstacles, reach, behind=False)
+            and self._search.clears(q, home, passed, reach)
         ):
             self._free_since_s = math.inf
         elif self._free_since_s == math.inf:

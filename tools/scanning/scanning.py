@@ -19,7 +19,7 @@ from ...protocols.sick.cola import TelegramError
 from ...protocols.sick.scan_data import Scan
 from ...server.control.scene import Flags
 from ...server.control.spatial import Array, Pose
-from .boxes import boxes_of
+from .boxes import MOST, CellBox, boxes_of
 from .contour import CellPlane, Contour, contour_of
 from .geometry import MeasuredInstant, Ring, ScannerGeometry
 from .interference import Obstacles
@@ -39,6 +39,10 @@ MOST_MISSING: Final = 0.9
 """A sweep in which more rays had no echo saw nothing: a cover, or dirt [1]."""
 BEHIND_REAR: Final = 0.05
 """Obstacles so far behind the arm's rear are passed [m]."""
+KEPT_BEHIND: Final = 2.0
+"""What is passed is remembered until it is so far behind [m]: an arm that unfolds swings back."""
+BOXES_BEHIND: Final = 4
+"""Of the boxes that are told, what is passed has at most so many [1]."""
 BOX_MOVED: Final = 0.01
 """Boxes are told anew when a side has moved by so much [m]."""
 WAITING: Final = 8
@@ -184,13 +188,21 @@ class Scanning:
         q = now.q[self._points.arm]
         rear = float(self._points.of(q[None])[0, :, 0].min())
         rear = min(rear, 0.0) - self.config.link_radius - BEHIND_REAR
-        self.memory.pass_by(R, foot, rear, self.plane.collect + 0.5)
-        seen = (self.memory.points - foot) @ R
-        contour = contour_of(seen, self.memory.hits, self.plane, rear)
-        answer = self.reflex.step(now.time_s, q, Obstacles.of(contour, self.plane))
+        self.memory.pass_by(R, foot, min(rear, -KEPT_BEHIND), self.plane.collect + 0.5)
+        seen, hits = (self.memory.points - foot) @ R, self.memory.hits
+        contour = contour_of(seen, hits, self.plane, rear)
+        passed = contour_of(seen, hits, self.plane._replace(collect=rear), -KEPT_BEHIND)
+        answer = self.reflex.step(
+            now.time_s,
+            q,
+            Obstacles.of(contour, self.plane),
+            Obstacles.behind(passed, self.plane),
+        )
         messages: list[ContourNews | ObstacleNews] = [self._news(now.tick, contour, answer)]
         if self.scans % BOXES_EVERY == 0:
-            messages += self._boxes(now.tick, contour, Pose(R, foot))
+            boxes = boxes_of(passed, BOXES_BEHIND)
+            boxes += boxes_of(contour, MOST - len(boxes))
+            messages += self._boxes(now.tick, boxes, Pose(R, foot))
         return looked._replace(contour=contour, answer=answer, messages=tuple(messages))
 
     def _news(self, tick: int, contour: Contour, answer: Reaction) -> ContourNews:
@@ -210,11 +222,11 @@ class Scanning:
             most_speed=None if math.isinf(answer.most_speed) else answer.most_speed,
         )
 
-    def _boxes(self, tick: int, contour: Contour, T: Pose) -> Iterator[ObstacleNews]:
-        """Return what is new of the boxes around the contour's cells."""
+    def _boxes(self, tick: int, boxes: tuple[CellBox, ...], T: Pose) -> Iterator[ObstacleNews]:
+        """Return what is new of the boxes around occupied cells."""
         yaw = math.atan2(T.R[1, 0], T.R[0, 0])
         found: dict[str, tuple[Array, Array, float]] = {}
-        for k, box in enumerate(boxes_of(contour)):
+        for k, box in enumerate(boxes):
             low, high = box.corners(self.plane)
             found[f"scan_{k}"] = T.p + T.R @ (0.5 * (low + high)), 0.5 * (high - low), yaw
         for name in self._told.keys() - found.keys():

@@ -26,6 +26,8 @@ STILL: Final = 0.06
 """An elbow or a tool that moves less stands still, as the grid goes [m]."""
 
 
+FROM_SHOULDER: Final = 0.06
+"""What is nearer to the shoulder stands still with it, and keeps the column's distance [m]."""
 BESIDE_BASE: Final = 0.03
 """The base, whose width is told as it is, keeps so far from what is beside it [m]."""
 
@@ -64,6 +66,13 @@ class Search:
         shoulder = points.of(np.zeros((1, len(points.lower))))[0, 0]
         self._column = np.array([[0.0, 0.0, 0.0], shoulder])
 
+    def links(self, q: Array) -> Array:
+        """Return the critical points (s, m, 3) at postures q (s, n), of what can move aside.
+
+        The shoulder's housing cannot: there the upper arm is as near to anything as the column is.
+        """
+        return moving(self.points.of(q))
+
     def way_is_free(
         self, q: Array, goal: Array, obstacles: Obstacles, reach: float, *, behind: bool = True
     ) -> bool:
@@ -72,10 +81,19 @@ class Search:
         Every posture on the way is free, or, if it may be `behind`, stays so of what it would meet.
         """
         t = np.linspace(0.0, 1.0, ON_THE_WAY)[:, None]
-        for points in self.points.of(q + t * (goal - q)):
+        for points in self.links(q + t * (goal - q)):
             met = obstacles.near[clearances(points, obstacles) < reach]
             front = float(points[:, 0].max()) + BEHIND
             if met.size and not (behind and front <= float(met.min())):
+                return False
+        return True
+
+    def clears(self, q: Array, goal: Array, passed: Obstacles, reach: float) -> bool:
+        """Return whether joints on the way from q to a goal (n,) stay ahead of what is passed."""
+        t = np.linspace(0.0, 1.0, ON_THE_WAY)[:, None]
+        for points in self.links(q + t * (goal - q)):
+            met = passed.near[clearances(points, passed) < reach]
+            if met.size and float(points[:, 0].min()) - BEHIND < float(met.max()):
                 return False
         return True
 
@@ -141,7 +159,8 @@ class Search:
         if blocked:
             return FoldingPosture(None, blocked)
         now = self.points.of(q[None])[0]
-        lines = (now[[0, -1]], now[[0, 1]], now[1:])
+        seen = moving(now[None])[0]
+        lines = (seen[[0, -1]], seen[[0, 1]], now[1:])
         met = [float(clearances(x, obstacles).min(initial=np.inf)) for x in lines]
         q_all, parts = self._candidates(q, q[self.points.lead :])
         elbow = np.linalg.norm(parts[1] - now[1], axis=1)
@@ -185,12 +204,28 @@ class Search:
         free[0, ~((tool[:, 2] > LOWEST) & (beside | above))] = 0.0
         field = distance_field(obstacles, self.plane)
         step = self.plane.cell / NODES_PER_CELL
-        for start, end, asked in zip(parts[:-1], parts[1:], which, strict=True):
+        begin = _along(parts[0], parts[1])
+        for start, end, asked in zip([begin, *parts[1:-1]], parts[1:], which, strict=True):
             if asked:
-                longest = float(np.linalg.norm(end[:1] - start[:1]))
+                longest = float(np.linalg.norm(end - start, axis=1).max())
                 free_links(
                     start, end, field, step, -0.5 * self.plane.width, self.reach.choose,
                     max(1, int(np.ceil(longest / PIECE))), free,
                 )  # fmt: skip
         found: Flags = free[0] > 0.0
         return found
+
+
+def moving(points: Array) -> Array:
+    """Return critical points (s, m, 3) that begin a little above the shoulder, on the upper arm."""
+    found = points.copy()
+    found[:, 0] = _along(points[:, 0], points[:, 1])
+    return found
+
+
+def _along(shoulder: Array, elbow: Array) -> Array:
+    """Return the points (s, 3) at `FROM_SHOULDER` on the ways from shoulders to elbows (s, 3)."""
+    way = elbow - shoulder
+    length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    begin: Array = shoulder + way * np.minimum(1.0, FROM_SHOULDER / length)
+    return begin

@@ -24,8 +24,15 @@ class Rover:
     """Drives ahead as it may, folds as it should."""
 
     def __init__(
-        self, bridge: RigBridge | None, speed: float = 0.0, seed: int = 1, **contour: object
+        self,
+        bridge: RigBridge | None,
+        speed: float = 0.0,
+        seed: int = 1,
+        start: tuple[float, ...] | None = None,
+        sweep: tuple[float, float] | None = None,
+        **contour: object,
     ) -> None:
+        """Put it before a bridge, its arm in the posture `start`, sweeping between two angles."""
         cell = load_cell("rover_bridge")
         config = cell.config
         rig = config.rig.model_copy(update={"bridge": bridge, "seed": seed})
@@ -36,7 +43,13 @@ class Rover:
         self.finder = Rangefinder(self.cell, self.model, self.data)
         self.scanning = Scanning(self.cell)
         self.sweep = config.mechanism.sweep
+        if sweep is not None:
+            self.sweep = self.sweep.model_copy(
+                update=dict(zip(("low", "high"), sweep, strict=True))
+            )
         self.q = np.array(config.mechanism.postures["start"])
+        if start is not None:
+            self.q[2:-1] = start
         self.q[-1] = self.sweep.low
         self.x, self.speed, self.time_s, self.tick = 0.0, speed, 0.0, 0
         self.newest: Looked | None = None

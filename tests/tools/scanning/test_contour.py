@@ -156,6 +156,33 @@ def test_memory_forgets_what_has_been_passed() -> None:
     assert memory.points.tolist() == [[1.5, 0.0, 0.0]]
 
 
+@pytest.mark.parametrize("underside", [0.43, 0.41, 0.403])
+def test_an_edge_within_a_cell_is_known_to_a_centimetre(underside: float) -> None:
+    """Cells are 50 mm wide: a bridge seemed lower by as much, and openings narrower."""
+    draw = np.random.default_rng(6)
+    y, x = draw.uniform(-0.33, 0.28, 8000), draw.uniform(1.0, 1.1, 8000)
+    below = np.stack([x, y, underside + draw.normal(0.0, 0.004, 8000)], axis=1)
+    face = np.stack([1.0 + 0 * y, y, draw.uniform(underside, underside + 0.1, 8000)], axis=1)
+    points = np.concatenate([below, face])
+    contour = contour_of(points, np.ones(len(points)), PLANE, -0.5)
+    obstacles = Obstacles.of(contour, PLANE)
+    middle = np.abs(obstacles.low[:, 0] + 0.025) < 0.25
+    lowest = obstacles.low[middle, 1].min()
+    assert underside - 0.02 < lowest <= underside
+    assert -0.345 < obstacles.low[:, 0].min() <= -0.325
+    assert 0.275 <= obstacles.high[:, 0].max() < 0.295
+    # Cells of one surface leave no gap.
+    row = obstacles.low[(obstacles.low[:, 1] >= 0.45 - 1e-9)]
+    assert np.unique(row[:, 0]).size >= 12
+
+
+def test_a_cell_with_few_hits_is_full() -> None:
+    points = np.array([[1.0, 0.025, 0.525]])
+    contour = contour_of(points, np.array([5.0]), PLANE, -0.5)
+    obstacles = Obstacles.of(contour, PLANE)
+    np.testing.assert_allclose(obstacles.high - obstacles.low, 0.05)
+
+
 @pytest.mark.parametrize(("underside", "lowest_row"), [(0.45, 9), (0.438, 8), (0.425, 8)])
 def test_a_surface_that_is_seen_from_below_is_in_the_cell_that_it_is_in(
     underside: float, lowest_row: int

@@ -44,11 +44,20 @@ def test_the_posture_that_is_found_passes_and_so_does_the_way_there(
     assert found.way_is_free(START, answer.q, obstacles, found.reach.trigger)
 
 
+def test_an_arm_passes_where_its_column_does(found: Search) -> None:
+    """The shoulder stands still: nothing is gained by asking for more room there than below."""
+    obstacles = bridge(0.40, 1.5)
+    answer = found.posture(START, obstacles)
+    assert answer.q is not None
+    elbow, *_, tool = found.points.of(answer.q[None])[0][1:]
+    assert max(elbow[2], tool[2]) <= 0.40 - found.reach.choose + 0.005
+
+
 @pytest.mark.parametrize(
     ("obstacles", "reason"),
     [
         (bridge(0.35, 1.5), "column_blocked"),
-        (bridge(0.40, 1.5), "no_posture"),
+        (bridge(0.40, 1.5, 0.2), "no_posture"),
         (bridge(0.6, 1.5, 0.1), "column_blocked"),
         (bridge(0.5, 0.15), "no_way"),
     ],
@@ -128,10 +137,10 @@ def test_nothing_is_decided_before_two_sweeps(found: Search) -> None:
 
 
 def test_the_base_stands_before_a_bridge_that_is_too_low_and_may_back_out(found: Search) -> None:
-    drive = Drive(found, 0.40, 0.3)
+    drive = Drive(found, 0.35, 0.3)
     drive.run(30)
     assert drive.phases[-1] is PassagePhase.REFUSED
-    assert drive.reason == "no_posture"
+    assert drive.reason == "column_blocked"
     assert 0.90 < drive.ahead < 1.0  # 0.80 stretched ahead, and 0.15
     drive.speed = -0.3
     drive.run(8)
@@ -143,10 +152,10 @@ def test_what_turns_out_lower_than_it_seemed_is_not_waited_for_for_ever(found: S
     drive = Drive(found, 0.45, 0.0, ahead=1.5)
     drive.run(20)
     assert drive.phases[-1] is PassagePhase.FOLDED
-    drive.height = 0.40  # nearer than the folded arm may pass
+    drive.height = 0.35  # nearer than the column may pass
     drive.run(5)
     assert drive.phases[-1] is PassagePhase.REFUSED
-    assert drive.reason == "no_posture"
+    assert drive.reason == "column_blocked"
 
 
 def test_it_stays_folded_while_the_next_bridge_is_in_sight(found: Search) -> None:
@@ -159,3 +168,30 @@ def test_it_stays_folded_while_the_next_bridge_is_in_sight(found: Search) -> Non
     drive.ahead = -1.0
     drive.run(15)
     assert drive.phases[-2:] == [PassagePhase.RETURNING, PassagePhase.CLEAR]
+
+
+def test_an_arm_that_swings_back_as_it_unfolds_waits_until_it_is_clear_of_the_bridge(
+    found: Search,
+) -> None:
+    folded = np.array([-0.35, -1.05, -1.74, -1.87, 0.0, 0.0, 0.0])
+    rear = min(
+        found.points.of((folded + t * (START - folded))[None])[0, :, 0].min()
+        for t in np.linspace(0, 1, 50)
+    )
+    assert rear < -0.6  # farther back than folded or at home
+    nothing = Obstacles.of(Contour(np.full((20, 40), np.nan), np.full((20, 40), np.nan)), PLANE)
+    for behind, phase in ((0.5, PassagePhase.FOLDED), (0.8, PassagePhase.RETURNING)):
+        reflex = Reflex(found, 0.0)
+        seen = bridge(0.6, 1.5)
+        reflex.step(0.0, START, seen)
+        assert reflex.step(0.1, START, seen).posture is not None
+        reflex.goal = folded
+        assert reflex.step(3.0, folded, seen).phase is PassagePhase.FOLDED
+        passed = bridge(0.6, 1.5)._replace(near=np.full(len(bridge(0.6, 1.5).near), -behind))
+        for k in range(30):
+            answer = reflex.step(3.1 + 0.1 * k, folded, nothing, passed)
+        assert answer.phase is phase
+        # Driven back meanwhile, it stops where it is.
+        if phase is PassagePhase.RETURNING:
+            nearer = passed._replace(near=passed.near + 0.4)
+            assert reflex.step(6.1, folded, nothing, nearer).phase is PassagePhase.UNDECIDED
