@@ -1,12 +1,12 @@
 """The axis that sweeps: a joint of the URDF beside the chain, after all others."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
-from .errors import ConfigError, nearest
+from .beside_chain import beside_chain, root_joint
+from .errors import ConfigError
 from .schema.cell import CellConfig
-from .urdf import Robot, joints_of_root
+from .urdf import Robot
 
 
 def with_sweep(
@@ -21,13 +21,7 @@ def with_sweep(
     if sweep is None:
         return config, robot
     where = f"{path}: {words('mechanism.sweep')}"
-    known = joints_of_root(robot.urdf)
-    if sweep.joint not in known:
-        raise ConfigError(
-            f"{where}.joint: value '{sweep.joint}': no joint on the root link of {robot.urdf}"
-            f"{nearest(sweep.joint, list(known))}"
-        )
-    joint = known[sweep.joint]
+    joint = root_joint(f"{where}.joint", robot, sweep.joint)
     if joint.kind != "revolute":
         raise ConfigError(f"{where}.joint: value '{sweep.joint}': must be of type revolute")
     margin = next(
@@ -39,11 +33,4 @@ def with_sweep(
                 f"{where}.{key}: value {value:g}: must be inside of "
                 f"{joint.lower + margin:g} to {joint.upper - margin:g} of joint '{sweep.joint}'"
             )
-    n = len(robot.joints)
-    postures = {
-        name: (*q, sweep.low) if len(q) == n else q for name, q in config.mechanism.postures.items()
-    }
-    mechanism = config.mechanism.model_copy(update={"postures": postures})
-    return config.model_copy(update={"mechanism": mechanism}), replace(
-        robot, joints=(*robot.joints, joint)
-    )
+    return beside_chain(config, robot, behind=(joint,), angle=sweep.low)

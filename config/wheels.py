@@ -5,9 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from .errors import ConfigError, nearest
+from .beside_chain import beside_chain, root_joint
+from .errors import ConfigError
 from .schema.cell import CellConfig
-from .urdf import Robot, axis_of, joints_of_root
+from .urdf import Robot, axis_of
 
 TURNS_FOR_EVER: Final = 1e9
 """Wheels have no position limits: no command gets here [rad]."""
@@ -24,21 +25,14 @@ def with_wheels(
     base = config.mechanism.base
     if base is None:
         return config, robot
-    found, known = [], joints_of_root(robot.urdf)
+    found = []
     for side in ("left", "right"):
         name = getattr(base.wheels, side)
-        where = f"{path}: {words(f'mechanism.base.wheels.{side}')}: value '{name}': "
-        if name not in known:
+        where = f"{path}: {words(f'mechanism.base.wheels.{side}')}"
+        joint = root_joint(where, robot, name)
+        if joint.kind != "continuous" or axis_of(robot.urdf, name) != (0.0, 1.0, 0.0):
             raise ConfigError(
-                f"{where}no joint on the root link of {robot.urdf}{nearest(name, list(known))}"
+                f"{where}: value '{name}': must be of type continuous, about axis 0 1 0"
             )
-        if known[name].kind != "continuous" or axis_of(robot.urdf, name) != (0.0, 1.0, 0.0):
-            raise ConfigError(f"{where}must be of type continuous, about axis 0 1 0")
-        found.append(replace(known[name], lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER))
-    n = len(robot.joints)
-    postures = {
-        name: (0.0, 0.0, *q) if len(q) == n else q for name, q in config.mechanism.postures.items()
-    }
-    mechanism = config.mechanism.model_copy(update={"postures": postures})
-    robot = replace(robot, joints=(*found, *robot.joints))
-    return config.model_copy(update={"mechanism": mechanism}), robot
+        found.append(replace(joint, lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER))
+    return beside_chain(config, robot, before=tuple(found))

@@ -13,6 +13,7 @@ from .cameras import camera_disagreements
 from .modes import mode_disagreements
 from .obstacles import obstacle_disagreements
 from .priority import priority_disagreements
+from .rover import rover_disagreements
 from .sources import source_disagreements
 
 REQUIRED_POSTURES: Final = ("start", "ready")
@@ -51,6 +52,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     if config.reflection is not None and config.mechanism.force_torque is None:
         yield "reflection: the cell has no [mechanism.force_torque] sensor to reflect forces of"
     yield from priority_disagreements(config, robot)
+    yield from rover_disagreements(config, robot)
     if config.rig is not None:
         n = len(robot.joints)
         for key in ("stiffness", "damping", "integral", "armature", "friction"):

@@ -38,6 +38,7 @@ def _disagreements(parts: Parts, devices: Sequence[Entry]) -> Iterator[str]:
     yield from link_disagreements(first, [(p.prefix, p.robot) for p in parts])
     yield from _standing(parts)
     yield from _cameras(parts)
+    yield from _rovers(parts)
     rigs = [part.config.rig is not None for part in parts]
     if any(rigs) and not all(rigs):
         place = parts[rigs.index(False)].place
@@ -63,6 +64,23 @@ def _standing(parts: Parts) -> Iterator[str]:
         if below is not None:
             yield f"{where}: goes round in a circle: {' on '.join((*way, below))}"
         yield f"{where}: a mechanism that stands on another one is not supported yet"
+
+
+def _rovers(parts: Parts) -> Iterator[str]:
+    """A base that drives, and a scanner, have the cell for themselves."""
+    if len(parts) == 1:
+        return
+    shared = parts[0].config
+    for part in parts:
+        if part.config.mechanism.base is not None:
+            yield (
+                f"{part.place}.base: a mechanism on wheels must be the only one of its cell, which "
+                f"has {len(parts)}: give each rover a cell of its own, and tell it of the others "
+                "as obstacles"
+            )
+    for key in ("scanner", "contour"):
+        if getattr(shared, key) is not None:
+            yield f"{key}: looks ahead of one mechanism: the cell has {len(parts)}"
 
 
 def _cameras(parts: Parts) -> Iterator[str]:

@@ -113,7 +113,10 @@ class FrameTracker:
             return
         if tracked is None:
             known = ", ".join(self._tracked) or "none"
-            raise Refused(Why.UNKNOWN_FRAME, f"{news.name!r} does not move here; there is: {known}")
+            detail = f"{news.name!r} does not move here; there is: {known}"
+            if news.name == "base" and self.base is not None:
+                detail = "a base on wheels takes poses where the cell has [frames.base]"
+            raise Refused(Why.UNKNOWN_FRAME, detail)
         if news.tick > tick:
             raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
         believed = self._judge(tracked, news, tick)

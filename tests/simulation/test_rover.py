@@ -184,3 +184,17 @@ def test_a_base_that_drives_at_a_box_stops_short_of_it(play, rover):
     moves = np.diff(base[:, 0]) > 1e-3
     curvature = np.diff(base[:, 5])[moves] / np.diff(base[:, 0])[moves]
     assert np.abs(curvature - 0.1).max() < 0.03
+
+
+def test_news_of_base_is_refused_by_name_where_the_cell_does_not_ask_for_it(play, rover):
+    """A pose wants the cell's word on how far it is believed; a heading alone does not."""
+    pose = {"name": "base", "xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.02]}
+    run = play(
+        {"at_s": 0.1, "sensor/frame": pose},
+        {"at_s": 0.2, "sensor/frame": pose | {"heading": True}},
+        seconds=0.5,
+        cell=rover,
+    )
+    (refused,) = run.events("command_refused")
+    assert "takes poses where the cell has [frames.base]" in refused.detail
+    assert run.states[-1].frames["base"][5] > 0.001  # a heading corrects the odometry

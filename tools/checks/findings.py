@@ -23,7 +23,7 @@ class Finding:
     check: str
     status: Severity
     text: str
-    values: dict[str, Value] = field(default_factory=dict)
+    values: Mapping[str, Value] = field(default_factory=dict)
 
 
 def graded(value: float, warn: float, error: float) -> Severity:
@@ -47,7 +47,7 @@ def table(findings: Sequence[Finding]) -> str:
 def to_json(head: Mapping[str, Value], findings: Sequence[Finding]) -> str:
     """Return one JSON object: `head`, and the findings as a list."""
     rows = [
-        {"check": f.check, "status": f.status.value, "text": f.text, "values": f.values}
+        {"check": f.check, "status": f.status.value, "text": f.text, "values": dict(f.values)}
         for f in findings
     ]
     return json.dumps({**head, "findings": rows}, indent=2, ensure_ascii=False)

@@ -20,6 +20,10 @@ from ..checks.loops.torque import torque
 from ..checks.model.postures import postures
 from ..checks.model.starting import starting
 from ..checks.network import network
+from ..checks.rover.own_rays import own_rays
+from ..checks.rover.sight import sight
+from ..checks.rover.sweep import sweep
+from ..checks.rover.wheels import wheels
 from ..checks.sensors import sensors
 from ..checks.timing import sampling, timing
 from ..checks.tunnel import tunnel
@@ -43,6 +47,10 @@ OF_AN_ARM: Final[tuple[Check, ...]] = (
     reflection,
     postures,
     tunnel,
+    wheels,
+    sweep,
+    sight,
+    own_rays,
     holding,
     torque,
     following,
