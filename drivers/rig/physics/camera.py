@@ -17,8 +17,9 @@ from ....config.schema.cameras import Camera, RigTag
 from ....config.schema.section import Pose
 from ...device import DeviceError
 from ...vision.opencv import cells, marker
+from .chassis import FREE
 from .geoms import quaternion
-from .scene import PLATFORM, build_spec
+from .scene import build_spec
 
 Picture = NDArray[np.uint8]
 
@@ -60,8 +61,9 @@ class RigCameras:
         self._root = spec.worldbody.first_body().name
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._n = len(cell.joints)
-        self._first = len(PLATFORM) if cell.config.frames.base is not None else 0
+        self._joints = [int(self._model.joint(name).qposadr[0]) for name in cell.joints]
+        rolls = cell.config.mechanism.base is not None
+        self._chassis = int(self._model.joint(FREE).qposadr[0]) if rolls else None
         self._tags = {t.name: int(self._model.geom(f"tag_{t.name}").id) for t in rig.tags}
         self._bodies = {t.name: f"tag_{t.name}" for t in rig.tags if t.T_world_tag is not None}
         self._renderers = {name: self._renderer(c) for name, c in self._cameras.items()}
@@ -82,8 +84,11 @@ class RigCameras:
         World: x, y, z [m], roll, pitch, yaw [rad]; `base` the same of Base, where that may move.
         Raises `KeyError` for an unknown camera.
         """
-        self._data.qpos[self._first : self._first + self._n] = q
-        if base is not None:
+        self._data.qpos[self._joints] = q
+        if base is not None and self._chassis is not None:
+            place = self._data.qpos[self._chassis :][:7]
+            place[:3], place[3:] = base[:3], quaternion(Pose(rpy=(base[3], base[4], base[5])))
+        elif base is not None:
             _put(self._model, self._root, base)
         for name, geom in self._tags.items():
             self._model.geom_group[geom] = _COVERED if name in covered else 0

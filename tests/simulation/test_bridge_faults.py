@@ -1,0 +1,107 @@
+"""Bridges and scanners that misbehave while a rover drives: each ends in a stated, safe state."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from telerobot.config.load import load_cell
+from telerobot.config.schema.rig.bridge import RigBridge, RigPerson
+from telerobot.protocols.messages.rig import RigFault
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
+
+
+def rover(
+    *drives: tuple[float, float],
+    seconds: float,
+    bridge: RigBridge | None = None,
+    person: RigPerson | None = None,
+) -> Simulation:
+    """A run in which the base is driven at speeds [m/s], each from a time [s] on."""
+    cell = load_cell("rover_bridge")
+    rig = cell.config.rig.model_copy(update={"bridge": bridge, "person": person})
+    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    steps = [{"at_s": at_s, "cmd/drive": {"rates": [speed, 0.0]}} for at_s, speed in drives]
+    return Simulation(cell, Script.model_validate({"duration_s": seconds, "step": steps}))
+
+
+def once(run: Simulation, so: Callable[[], bool], act: Callable[[], None]) -> None:
+    """Do something in the first tick in which that is so."""
+    done: list[bool] = []
+
+    def on_tick(_run: Simulation) -> None:
+        if not done and run.truths and so():
+            done.append(True)
+            act()
+
+    run.on_tick = on_tick
+
+
+def x(run: Simulation) -> float:
+    return run.truths[-1].frames["base"][0]
+
+
+def test_a_tilt_drive_that_sticks_ends_in_a_fault_by_name_and_the_base_stands() -> None:
+    run = rover((0.3, 0.3), seconds=1.8)
+    stuck = RigFault(kind="block", target="tilt")
+    once(run, lambda: run.clock.time_s > 1.5, lambda: run.rig.inject(stuck))
+    result = run.run()
+    (fault,) = [event for event in run.events if event.name == "fault"]
+    assert (fault.values["device"], fault.values["cause"]) == ("tilt", "following_error")
+    assert fault.time_s < 1.5 + 0.15
+    assert result.summary["mode"] == "fault"
+    at = [truth.frames["base"][0] for truth in result.truths]
+    assert at[-20] > 0.1
+    assert abs(at[-1] - at[-20]) < 1e-3
+    assert result.summary["limit_violations"] == 0
+
+
+def test_a_bridge_that_is_too_low_is_refused_by_name_and_backed_away_from_at_once() -> None:
+    low = RigBridge(height=0.86, distance=1.5)
+    run = rover((0.3, 0.3), (5.7, -0.3), seconds=6.6, bridge=low)
+    result = run.run()
+    (refused,) = [event for event in run.events if event.name == "passage_refused"]
+    assert refused.values["reason"] == "column_blocked"
+    stood = [t.frames["base"][0] for t in result.truths if refused.time_s < t.time_s < 6.2]
+    assert 0.1 < stood[-1] < 0.6
+    assert max(stood) - min(stood) < 0.02
+    assert result.truths[-1].frames["base"][0] < stood[-1] - 0.1
+    assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
+    assert result.summary["min_clearance_m"] > 0.3
+
+
+def test_a_beam_that_sinks_onto_the_arm_from_where_nobody_looks_ends_in_a_fault() -> None:
+    """Its scanner does not see what is right above it: the drives feel the beam, and stop."""
+    above = RigBridge(height=1.45, distance=0.15, thickness=0.2)
+    run = rover(seconds=4.0, bridge=above)
+    at = [above.height + 0.05]
+
+    def sink(_run: Simulation) -> None:
+        if run.clock.time_s > 0.7 and run.cycle.mode != "fault":
+            at[0] -= 0.001
+            place = (above.distance + 0.1, 0.0, at[0])
+            run.rig.inject(RigFault(kind="place", target="bridge_beam", vector=place))
+
+    run.on_tick = sink
+    run.run(lambda: run.cycle.mode == "fault")
+    (fault,) = [event for event in run.events if event.name == "fault"]
+    assert fault.values["cause"] == "following_error"
+    assert run.truths[-1].clearance_m > -0.005
+    assert run.observer.violations == []
+
+
+def test_somebody_who_walks_in_ahead_is_stood_still_before() -> None:
+    run = rover((0.3, 0.3), seconds=3.6, person=RigPerson(xyz=(6.0, 3.0, 0.0)))
+
+    def walk_in() -> None:
+        place = (x(run) + 1.6, 0.0, 0.85)
+        run.rig.inject(RigFault(kind="place", target="person", vector=place))
+
+    once(run, lambda: run.clock.time_s > 1.6, walk_in)
+    result = run.run()
+    (seen,) = [event for event in run.events if event.name == "passage_undecided"]
+    assert seen.time_s < 1.6 + 1.0
+    at = [truth.frames["base"][0] for truth in result.truths]
+    assert 0.1 < at[-1] < 0.6
+    assert at[-1] - at[-30] < 0.01
+    assert result.summary["min_clearance_m"] > 0.6
+    assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
