@@ -8,16 +8,30 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 from mcap.writer import Writer
 
 from ...config.bundle import to_text
 from ...config.load import Cell
 from ...protocols.messages.messages import Message
+from ...server.control.spatial import Array
 from ...server.flight.container import ABOUT, CELL, MEMORY, TICK
 from ...server.flight.log import KeptTick, pack_memories
 
 CHUNK_BYTES = 128 * 1024
 """Small chunks: a crash loses no more than one."""
+
+_SCAN_SCHEMA = {
+    "type": "object",
+    "properties": {
+        "points_mm": {
+            "type": "string",
+            "contentEncoding": "base64",
+            "description": "rays with an echo, the arm's own bridged: x, y, z by the odometry in "
+            "World [mm], each four bytes, the lowest first",
+        },
+    },
+}
 
 _FRAME_SCHEMA = {
     "type": "object",
@@ -57,6 +71,12 @@ class Recorder:
         """Write a CAN frame."""
         row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent, "bus": bus}
         self._write("can", lambda: _FRAME_SCHEMA, time_s, row)
+
+    def scan(self, time_s: float, points: Array) -> None:
+        """Write the points (n, 3) [m] of a laser scan; NaN is none."""
+        found = np.rint(1e3 * points[~np.isnan(points[:, 0])]).astype("<i4").tobytes()
+        row = {"points_mm": base64.b64encode(found).decode()}
+        self._write("scan", lambda: _SCAN_SCHEMA, time_s, row)
 
     def message(self, topic: str, time_s: float, message: Message) -> None:
         """Write a message of the protocol."""
@@ -131,8 +151,10 @@ class Recorder:
         self._add(channel, round(time_s * 1e9), json.dumps(row, default=_fields_of).encode())
 
 
-def _fields_of(value: object) -> dict[str, Any]:
-    """Return the fields of a message within a message."""
+def _fields_of(value: object) -> dict[str, Any] | str:
+    """Return the fields of a message within a message; bytes as base64."""
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
     if isinstance(value, Message):
         return value.__dict__
     raise TypeError(f"a {type(value).__name__} cannot be recorded")

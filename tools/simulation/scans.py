@@ -17,6 +17,7 @@ from ...protocols.messages.telemetry import State
 from ...protocols.sick.cola import TelegramCutter, TelegramError
 from ...protocols.sick.scan_data import decode_scan, is_scan
 from ...protocols.topics import CONTOUR, OBSTACLE, Topic
+from ..recording.recorder import Recorder
 from ..scanning.geometry import instant_of
 from ..scanning.scanning import Looked, Scanning
 
@@ -29,9 +30,12 @@ LATE_S: Final = 0.03
 class SimulatedScans:
     """Hears the simulated scanner and the telemetry, and tells the daemon."""
 
-    def __init__(self, cell: Cell, rig: Rig, put: Put) -> None:
-        """Listen. Raises `ConfigError` for a cell whose arm has no critical points."""
-        self._rig, self._put = rig, put
+    def __init__(self, cell: Cell, rig: Rig, put: Put, recorder: Recorder | None = None) -> None:
+        """Listen; what was looked at is recorded with its contour.
+
+        Raises `ConfigError` for a cell whose arm has no critical points.
+        """
+        self._rig, self._put, self._recorder = rig, put, recorder
         self.scanning = Scanning(cell)
         self.newest: Looked | None = None
         """The newest scan with its contour."""
@@ -49,6 +53,7 @@ class SimulatedScans:
         for looked in self.scanning.hear(instant_of(state)):
             if looked.contour is not None:
                 self.newest = looked
+                self._record(looked)
             self.on_look(looked)
             for news in looked.messages:
                 topic = CONTOUR if isinstance(news, ContourNews) else OBSTACLE
@@ -59,6 +64,14 @@ class SimulatedScans:
         while self._underway and self._underway[0][0] <= now_s + 1e-9:
             _, topic, payload = self._underway.popleft()
             self._put(topic, payload)
+
+    def _record(self, looked: Looked) -> None:
+        if self._recorder is None:
+            return
+        self._recorder.scan(self._rig.time_s, looked.points)
+        for news in looked.messages:
+            if isinstance(news, ContourNews):
+                self._recorder.message("contour", self._rig.time_s, news)
 
     def _on_telegram(self, received: bytes) -> None:
         for found in self._frames.feed(received):

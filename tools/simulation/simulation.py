@@ -109,7 +109,7 @@ class Simulation:
         )
         self.scans = None
         if cell.config.scanner is not None and cell.config.contour is not None:
-            self.scans = SimulatedScans(cell, self.rig, self.link.put)
+            self.scans = SimulatedScans(cell, self.rig, self.link.put, self._recorder)
         self.events: list[Event] = []
         self.states: list[State] = []
         self.truths: list[RigTruth] = []

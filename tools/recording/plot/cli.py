@@ -13,8 +13,8 @@ PANELS = (
 )  # fmt: skip
 
 
-TUNNEL = "tunnel"
-"""A figure of its own: an arm in its tunnels."""
+TUNNEL, CONTOUR = "tunnel", "contour"
+"""Figures of their own: an arm in its tunnels, and one on wheels before a bridge."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,14 +33,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--panels",
         default=",".join(PANELS),
-        help="which; all: %(default)s. 'tunnel': an arm in its tunnels, at six depths",
+        help="which; all: %(default)s. 'tunnel': an arm in its tunnels, at six depths. "
+        "'contour': scans, contour and reflex of a rover, at --at or when its arm folds",
     )
     parser.add_argument("--stills", type=int, default=4, help="how many moments are drawn")
     parser.add_argument(
         "--at",
         type=float,
         metavar="S",
-        help="moment of a comparison; else when the first run is closest to a sight line [s]",
+        help="moment of a comparison, else when the first run is closest to a sight line; or of a "
+        "contour, else when the arm folds [s]",
     )
     parser.add_argument("--camera", help="whose picture a comparison shows; else the first")
     parser.add_argument("--cell", help="the runs' cell, where the files do not say")
@@ -57,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         raise DeviceError("nothing to draw with: pip install 'telerobot[plot]'") from None
     panels = tuple(args.panels.split(","))
     unknown = [name for name in panels if name not in PANELS]
-    if unknown and panels != (TUNNEL,):
+    if unknown and panels not in ((TUNNEL,), (CONTOUR,)):
         raise ConfigError(f"--panels: value '{unknown[0]}': one of {', '.join(PANELS)}")
     out = args.out or args.runs[0].with_suffix(".png")
     if out.suffix not in (".png", ".svg"):
@@ -70,6 +72,10 @@ def run(args: argparse.Namespace) -> int:
         from .tunnels import slithering
 
         figure = slithering(runs[0])
+    elif panels == (CONTOUR,):
+        from .bridge import ducking
+
+        figure = ducking(runs[0], args.at)
     elif len(runs) > 1:
         figure = compared(runs, args.at, args.camera)
     else:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ....config.load import Cell, ConfigError, load_cell
 from ....config.schema.cameras import Camera
 from ....server.control.proximity.capsules import Capsules
-from ..run_file import RecordError, read_about, read_messages
+from ..run_file import RecordError, read_about, read_run
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,10 @@ class RecordedRun:
     states: list[dict[str, Any]] = field(default_factory=list)
     truths: list[dict[str, Any]] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
+    scans: list[dict[str, Any]] = field(default_factory=list)
+    """Points of a laser scanner, each with its `time_s`."""
+    contours: list[dict[str, Any]] = field(default_factory=list)
+    """What they led to, likewise."""
 
     @cached_property
     def capsules(self) -> Capsules:
@@ -109,9 +113,12 @@ def load_recording(path: Path, cell: str | None = None) -> RecordedRun:
     if name is None:
         raise RecordError(f"{path}: does not say which cell was run: name it with --cell")
     run = RecordedRun(path, load_cell(Path(name) if name.endswith(".toml") else name))
-    rows = {"state": run.states, "truth": run.truths, "event": run.events}
-    for topic, row in read_messages(path, tuple(rows)):
-        rows[topic].append(row)
+    rows = {
+        "state": run.states, "truth": run.truths, "event": run.events, "scan": run.scans,
+        "contour": run.contours,
+    }  # fmt: skip
+    for message in read_run(path, tuple(rows)):
+        rows[message.topic].append({"time_s": message.stamp_ns / 1e9} | message.json())
     if not run.states or not run.truths:
         raise RecordError(f"{path}: holds no simulated run: no states, or no truth")
     if len(run.truths[0]["q"]) != len(run.joints):
