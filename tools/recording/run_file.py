@@ -9,13 +9,14 @@ import json
 import shutil
 import struct
 import tempfile
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.exceptions import EndOfFile, McapError
+from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader
+from zstandard import ZstdError
 
 from ...config.bundle import from_text
 from ...config.load import Cell, ConfigError
@@ -44,8 +45,13 @@ class Recorded(NamedTuple):
     data: bytes
 
     def json(self) -> dict[str, Any]:
-        """Return the fields of a message that was written as JSON."""
-        fields: dict[str, Any] = json.loads(self.data)
+        """Return the fields of a message that was written as JSON. Raises `RecordError`."""
+        try:
+            fields = json.loads(self.data)
+        except (ValueError, RecursionError) as error:
+            raise RecordError(f"a message of {self.topic} is no JSON: {error}") from None
+        if not isinstance(fields, dict):
+            raise RecordError(f"a message of {self.topic} holds no fields")
         return fields
 
 
@@ -59,6 +65,8 @@ def read_run(path: Path, topics: Collection[str] | None = None) -> Iterator[Reco
         if isinstance(record, Channel):
             channels[record.id] = record.topic
         elif isinstance(record, Message):
+            if record.channel_id not in channels:
+                raise RecordError(f"{path}: damaged: a message of channel {record.channel_id}")
             topic = channels[record.channel_id]
             if topics is None or topic in topics:
                 yield Recorded(topic, record.log_time, record.data)
@@ -70,15 +78,6 @@ def read_frames(path: Path) -> Iterator[RecordedFrame]:
         row = message.json()
         data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
         yield RecordedFrame(message.stamp_ns / 1e9, row["id"], data, row["sent"], bus)
-
-
-def read_messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield topic and row of the messages of a recording, in the order of writing.
-
-    Raises as `read_run`.
-    """
-    for message in read_run(path, topics):
-        yield message.topic, message.json()
 
 
 def read_about(path: Path) -> dict[str, str]:
@@ -98,7 +97,7 @@ def read_cell(path: Path) -> Cell:
             atexit.register(shutil.rmtree, kept, ignore_errors=True)
             try:
                 return from_text(record.data.decode(), kept)
-            except ConfigError as error:
+            except (ConfigError, UnicodeDecodeError) as error:
                 raise RecordError(f"{path}: {error}") from None
     raise RecordError(f"{path}: holds no cell")
 
@@ -106,13 +105,15 @@ def read_cell(path: Path) -> Cell:
 def _records(path: Path) -> Iterator[McapRecord]:
     with path.open("rb") as file:
         count = 0
+        reader = StreamReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
         try:
-            for record in StreamReader(file).records:
+            for record in reader.records:
                 count += 1
                 yield record
-        except EndOfFile:
+        except (EndOfFile, RecordLengthLimitExceeded):
             if count == 0:
                 raise RecordError(f"{path}: not an MCAP recording: it ends at once") from None
-        except (McapError, struct.error) as error:
+        except (McapError, struct.error, ValueError, ZstdError) as error:
             if count == 0:
                 raise RecordError(f"{path}: not an MCAP recording: {error}") from None
+            raise RecordError(f"{path}: damaged after {count} records: {error}") from None

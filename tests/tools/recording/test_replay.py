@@ -111,6 +111,20 @@ def test_what_is_no_recording_is_refused_in_one_line(content, tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("command", [["replay"], ["export", "--to=numpy", "--out=OUT"]])
+def test_a_damaged_recording_is_refused_in_one_line(run, tmp_path, capsys, command, seed):
+    draw = np.random.default_rng(seed)
+    data = bytearray(run.read_bytes())
+    for at in draw.integers(8, len(data) - 40, draw.integers(1, 4)):
+        data[at : at + 4] = draw.bytes(4)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    code = main([part.replace("OUT", str(tmp_path / "out")) for part in (*command, str(path))])
+    assert code in (0, 1)
+    assert capsys.readouterr().err.count("\n") == code
+
+
 def test_a_recording_names_no_class_but_the_control_computation_s(run, tmp_path, capsys):
     def change(i, data):
         row = list(msgpack.unpackb(data))
