@@ -75,13 +75,13 @@ class Access:
 
     def role_of_key(self, key: str) -> Role | None:
         """Return the role that a secret gives; None for no secret of this console."""
-        shown = key.encode()
+        shown = key.encode(errors="replace")
         found = [r for r in _RANK if hmac.compare_digest(self.keys[r].encode(), shown)]
         return found[0] if found else None
 
     def role_of_cookie(self, cookie: str) -> Role | None:
         """Return the role that a cookie gives; None for none of this console's."""
-        shown = cookie.encode()
+        shown = cookie.encode(errors="replace")
         found = [r for r in _RANK if hmac.compare_digest(self.cookie(r).encode(), shown)]
         return found[0] if found else None
 

@@ -32,6 +32,10 @@ LAPSED_S: Final = 0.25
 ALIVE_S: Final = 1.0
 """The lease of a page that is silent for longer is not renewed [s]: so long may a page stutter."""
 
+RATE: Final = 400.0
+BURST: Final = 400.0
+"""Messages a second that a page may say, and at once; one that holds something says 100 [1]."""
+
 WAITING: Final = 256
 """Messages that wait for a page that reads slowly, beside the newest state [1]."""
 
@@ -59,17 +63,26 @@ class Page:
         self.newest: str | None = None
         """State that is not sent yet; a newer one takes its place."""
         self.wake = asyncio.Event()
-        self.overrun = False
-        """True once the page reads too slowly to be told everything."""
+        self.dismissed = ""
+        """Why the page is let go of; empty while it is not."""
         self._send_on = put
         self._beat_s = clock()
+        self._allowed, self._counted_s = BURST, clock()
         self._held: dict[tuple[t.Topic, str], dict[str, Any]] = {}
         self._lapsed = False
 
     # --- what the page says ------------------------------------------------------------------
 
     def take(self, text: str) -> None:
-        """Take in one message of the page; what is no message is told so."""
+        """Take in one message of the page; what is no message is told so, and ends what is held.
+
+        One that says more than it may is dismissed, so that it cannot keep the others waiting.
+        """
+        if not self._afford():
+            self.dismissed = "says too much"
+            self._hold({})
+            self.wake.set()
+            return
         try:
             message = json.loads(text)
             kind = message["type"]
@@ -79,8 +92,17 @@ class Page:
                 self._send(message)
             else:
                 raise ValueError(f"no such type: {kind}")
-        except (ValueError, TypeError, KeyError, AttributeError, NotCertified) as error:
+        except (
+            ValueError, TypeError, KeyError, AttributeError, RecursionError, NotCertified
+        ) as error:  # fmt: skip
+            self._hold({})
             self.tell({"type": "complaint", "detail": str(error)[:200]})
+
+    def _afford(self) -> bool:
+        now_s = self._clock()
+        self._allowed = min(BURST, self._allowed + RATE * (now_s - self._counted_s)) - 1.0
+        self._counted_s = now_s
+        return self._allowed >= 0.0
 
     def _beat(self, message: Mapping[str, Any]) -> None:
         self._beat_s = self._clock()
@@ -204,7 +226,7 @@ class Page:
         try:
             self.outbox.put_nowait(text)
         except asyncio.QueueFull:
-            self.overrun = True
+            self.dismissed = "reads too slowly"
         self.wake.set()
 
     def tell_state(self, text: str) -> None:

@@ -150,15 +150,18 @@ class Server:
                 if message.type is not WSMsgType.TEXT:
                     break
                 page.take(message.data)
+                if page.dismissed:
+                    break
         finally:
             writer.cancel()
             self._hub.close_page(page)
+            await socket.close(message=page.dismissed.encode())
         return socket
 
 
 async def _write(page: Page, socket: web.WebSocketResponse) -> None:
     """Send a page what it is told: messages in order, and of states the newest only."""
-    while not page.overrun:
+    while not page.dismissed:
         await page.wake.wait()
         page.wake.clear()
         while not page.outbox.empty():
@@ -166,4 +169,4 @@ async def _write(page: Page, socket: web.WebSocketResponse) -> None:
         if page.newest is not None:
             text, page.newest = page.newest, None
             await socket.send_str(text)
-    await socket.close(message=b"reads too slowly")
+    await socket.close(message=page.dismissed.encode())

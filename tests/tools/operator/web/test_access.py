@@ -2,6 +2,7 @@
 
 import asyncio
 import ssl
+from contextlib import suppress
 from datetime import UTC, datetime
 
 import pytest
@@ -18,6 +19,7 @@ from telerobot.tools.operator.client.connection import OperatorError
 from telerobot.tools.operator.web.access import Access, Listen, same_origin, tls_context
 from telerobot.tools.operator.web.hub import PageHub
 from telerobot.tools.operator.web.server import Server
+from yarl import URL
 
 
 def nobody():
@@ -98,6 +100,38 @@ def test_what_lies_beside_the_page_is_not_served():
             assert (await client.get(path)).status == 404
 
     visit(steps)
+
+
+def test_cookies_and_keys_of_bytes_that_are_no_text_open_nothing_and_raise_nothing():
+    async def steps(client, access, origin):
+        for cookie in ("\udcff", "\u20ac", "a" * 3000):
+            headers = {"Cookie": f"telerobot-{client.port}={cookie}"}
+            assert (await client.get("/scene.json", headers=headers)).status == 401
+        for key in ("%ff", "%ed%a0%80", "%00"):
+            assert (await client.get(URL(f"/?key={key}", encoded=True))).status == 401
+
+    visit(steps)
+    assert Access("pa10").role_of_key("\udcff") is None
+
+
+def test_a_page_that_floods_is_shown_out_and_the_others_are_not(caplog):
+    async def steps(client, access, origin):
+        await client.get("/", params={"key": access.keys[Role.OBSERVER]})
+        async with (
+            client.ws_connect("/ws?name=eve", headers={"Origin": origin}) as flood,
+            client.ws_connect("/ws?name=ann", headers={"Origin": origin}) as other,
+        ):
+            with suppress(ConnectionError):
+                for _ in range(3000):
+                    await flood.send_str('{"type": "beat"}')
+            while not flood.closed:
+                await flood.receive()
+            await other.send_str('{"type": "beat", "n": 5}')
+            while (await other.receive_json()).get("n") != 5:
+                pass
+
+    visit(steps)
+    assert not caplog.records
 
 
 def test_cookies_and_secrets_of_one_role_do_not_open_the_other():

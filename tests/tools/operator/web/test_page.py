@@ -177,7 +177,10 @@ def test_what_a_message_does_not_take_is_refused_with_the_field(browser, fields,
      '{"type": "beat", "held": {"cmd/joystick": {"twist": "up"}}}',
      '{"type": "beat", "held": {"cmd/joystick": [[1]]}}',
      '{"type": "send", "id": 1, "key": "cmd/joystick", "fields": {}}',
-     '{"type": "send", "id": 1, "key": "operator/mode", "fields": [1]}'],
+     '{"type": "send", "id": 1, "key": "operator/mode", "fields": [1]}',
+     '{"type": "beat", "held": {"cmd/joystick": {"twist": [NaN, 0, 0, 0, 0, 0]}}}',
+     "[" * 60000, '{"type": "beat", "n": ' + "9" * 5000 + "}"],
+    ids=lambda text: text[:50],
 )  # fmt: skip
 def test_junk_moves_nothing_and_is_told_so(browser, daemon, text):
     daemon.heard.clear()
@@ -189,5 +192,27 @@ def test_junk_moves_nothing_and_is_told_so(browser, daemon, text):
 def test_a_page_that_reads_too_slowly_is_let_go_and_costs_no_memory(browser):
     for _ in range(1000):
         browser.page.tell({"type": "event"})
-    assert browser.page.overrun
+    assert browser.page.dismissed == "reads too slowly"
     assert browser.page.outbox.qsize() <= 256
+
+
+@pytest.mark.parametrize(
+    "text", ["{", '{"type": "beat", "held": {"cmd/joystick": {"twist": "up"}}}']
+)
+def test_junk_of_a_page_ends_what_it_holds(browser, daemon, text):
+    browser.hold(STICK)
+    browser.run(0.1)
+    browser.page.take(text)
+    assert twists(daemon)[-1] == 0.0
+    browser.run(0.05)
+    assert twists(daemon)[-1] == 0.05, "the next beat is one again"
+
+
+def test_a_page_that_says_too_much_is_let_go_and_stops(browser, daemon):
+    browser.hold(STICK)
+    browser.run(2.0)
+    assert not browser.page.dismissed, "beats at 100 Hz are not too much"
+    for _ in range(1000):
+        browser.page.take('{"type": "beat", "held": {}}')
+    assert browser.page.dismissed == "says too much"
+    assert twists(daemon)[-1] == 0.0
