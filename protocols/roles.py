@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Self
 
-from .topics import SENSORS, TOPICS, Flow, Role, Topic
+from .topics import SENSORS, TOPICS, Role, Topic
 
 NAME: Final = r"[a-z][a-z0-9_]{0,31}"
 """Names of cells and of who is certified: parts of keys, of file names and of common names."""
@@ -88,8 +88,10 @@ def _rights(grant: Grant) -> Rights:
 
 
 def _granted(grant: Grant, topic: Topic) -> bool:
-    """Return False for the key of another sensor."""
-    return topic.flow is not Flow.SENSOR or topic.key == grant.topic
+    """Return False for the key of another sensor, and for what is told with that."""
+    if grant.role is not Role.SENSOR:
+        return True
+    return grant.topic in (topic.key, topic.told_with)
 
 
 def _keys(cell: str, topics: Iterable[Topic], *, asks: bool) -> frozenset[str]:

@@ -12,6 +12,7 @@ from functools import cached_property
 from .bounds import bounds_of
 from .messages import messages as m
 from .messages import motion, moving, requests
+from .messages.camera_picture import CameraPicture
 from .messages.contour import ContourNews
 from .messages.drive import Drive, Insert
 from .messages.obstacles import AvoidanceRequest, ObstacleNews
@@ -47,21 +48,24 @@ class Flow(Enum):
     """By the operator who holds the lease, with a proof of it; newest wins; no answer."""
     REQUEST = ("ask", Role.OPERATOR, Role.DAEMON)
     """By an operator, most with a proof of the lease; answered with a `Reply`."""
-    SENSOR = ("put", Role.SENSOR, Role.DAEMON)
-    """Read without a lease: it is no order, and it counts only as long as the tick that it belongs
-    to is recent. While the arm is enabled it can move it, inside bounds of the cell that
-    `telerobot check` tells: a picture once the lease holder has stored a view and switched vision
-    on; a frame where motion is relative to it, or to World on a Base that moves, at rest, too; an
-    obstacle turns aside or stops what somebody asks for, and pushes the elbow where the cell has a
-    field or virtual spheres; a contour slows a base down, and folds the arm of one that is driven
-    ahead. A sensor may put only on the keys that it is certified for."""
+    SENSOR = ("put", Role.SENSOR, Role.DAEMON, Role.OPERATOR, Role.OBSERVER)
+    """Read without a lease: it is no order, and it counts only as long as the tick that it
+    belongs to is recent. People are shown it, too. While the arm is enabled it can move it,
+    inside bounds of the cell that `telerobot check` tells: a picture once the lease holder has
+    stored a view and switched vision on; a frame where motion is relative to it, or to World on
+    a Base that moves, at rest, too; an obstacle turns aside or stops what somebody asks for,
+    and pushes the elbow where the cell has a field or virtual spheres; a contour slows a base
+    down, and folds the arm of one that is driven ahead. A sensor may put only on the keys that
+    it is certified for."""
+    PICTURE = ("put", Role.SENSOR, Role.OPERATOR, Role.OBSERVER)
+    """For people's eyes: the daemon does not read it."""
     TELEMETRY = (
         "put", Role.DAEMON,
         Role.OPERATOR, Role.SENSOR, Role.OBSERVER, Role.RIG, Role.JUDGE,
     )  # fmt: skip
     RIG_COMMAND = ("put", Role.JUDGE, Role.RIG)
-    # Virtual cameras are sensors, and see where the rig says that things are.
-    RIG_TELEMETRY = ("put", Role.RIG, Role.SENSOR, Role.OBSERVER, Role.JUDGE)
+    # Virtual cameras are sensors, and see where the rig says that things are; people see it drawn.
+    RIG_TELEMETRY = ("put", Role.RIG, Role.SENSOR, Role.OPERATOR, Role.OBSERVER, Role.JUDGE)
 
     def __init__(self, verb: str, sender: Role, *receivers: Role) -> None:
         self.asks = verb == "ask"
@@ -96,6 +100,8 @@ class Topic:
     """Largest payload [B] of a message whose fields do not tell it (`bounds.py`)."""
     unread: int = 8
     """So many unread messages are kept; older ones are dropped for newer ones."""
+    told_with: str = ""
+    """Key of the sensor whose certificate covers this topic, too."""
 
     @cached_property
     def max_bytes(self) -> int:
@@ -143,6 +149,8 @@ OBSTACLE = Topic(
     "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, reliable=True, unread=128
 )
 CONTOUR = Topic("sensor/contour", ContourNews, Flow.SENSOR, Life.STREAM, 25)
+PICTURE = Topic("view/picture", CameraPicture, Flow.PICTURE, Life.STREAM, 5, told_with=SIGHTING.key)
+"""Only while somebody looks."""
 FRAME_NEWS = Topic("sensor/frame", moving.FrameNews, Flow.SENSOR, Life.STREAM, 50)
 
 LEASE = _request("lease", requests.LeaseRequest)
@@ -184,7 +192,7 @@ RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, l
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, DRIVE, INSERT, CANCEL,
-    SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS,
+    SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS, PICTURE,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,

@@ -39,14 +39,14 @@ def reserved(cell: str) -> dict[str, object]:
     """Return the `access_control` of a daemon's own router that asks nobody for a certificate.
 
     Everybody may do what they like on it, but nobody takes the daemon's part: telemetry is put and
-    requests are answered by none but the daemon's own session, and none but that hears commands
-    and sensors. An expression with a wildcard is included in no rule: who listens on one hears
-    nothing that is reserved, but who puts on one reaches all, so that readers hold to exact keys.
+    requests are answered by none but the daemon's own session, and none but that hears commands.
+    An expression with a wildcard is included in no rule: who listens on one hears nothing that is
+    reserved, but who puts on one reaches all, so that readers hold to exact keys.
     """
-    own = rights((Grant(cell, Role.DAEMON),))
+    own, shown = (rights((Grant(cell, role),)) for role in (Role.DAEMON, Role.OBSERVER))
     rules = [
         _rule("telemetry", ("ingress",), ("put", "delete"), own.puts, "deny"),
-        _rule("commands", ("egress",), ("put", "delete"), own.hears, "deny"),
+        _rule("commands", ("egress",), ("put", "delete"), own.hears - shown.hears, "deny"),
         _rule("requests", ("egress",), ("query",), own.answers, "deny"),
         _rule("answers", ("ingress",), ("declare_queryable", "reply"), own.answers, "deny"),
     ]

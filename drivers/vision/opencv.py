@@ -16,7 +16,7 @@ except ImportError as error:
         "pip install opencv-python-headless"
     ) from None
 
-__all__ = ["cells", "cv2", "dictionary", "marker", "save"]
+__all__ = ["cells", "cv2", "dictionary", "marker", "save", "small_jpeg"]
 
 cv2.setNumThreads(1)
 
@@ -54,3 +54,25 @@ def save(path: Path, picture: NDArray[np.uint8], corners: NDArray[np.float64] | 
         outline = np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)
         cv2.polylines(drawn, [outline], True, (40, 200, 40), 2, cv2.LINE_AA, 4)
     cv2.imwrite(str(path), drawn, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+
+
+WIDTH_PX = 320
+"""Small pictures are at most so wide [px]."""
+QUALITIES = (70, 50, 35, 20, 10)
+"""Qualities of JPEG that are tried, the best first [%]."""
+
+
+def small_jpeg(picture: NDArray[np.uint8], largest: int) -> bytes | None:
+    """Return a picture, grey (h, w) or RGB (h, w, 3), as JPEG of at most so many bytes.
+
+    None for one that is larger at the poorest quality.
+    """
+    scale = min(1.0, WIDTH_PX / picture.shape[1])
+    size = (round(picture.shape[1] * scale), max(1, round(picture.shape[0] * scale)))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    drawn = small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_RGB2BGR)
+    for quality in QUALITIES:
+        _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        if len(coded) <= largest:
+            return bytes(coded)
+    return None

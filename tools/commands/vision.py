@@ -15,10 +15,11 @@ from ...config.schema.cameras import Camera
 from ...drivers.network.identity import identity_of
 from ...drivers.vision.detector import Detection, Detector, Picture
 from ...drivers.vision.device import VideoCamera
-from ...drivers.vision.opencv import save
+from ...drivers.vision.opencv import save, small_jpeg
 from ...protocols import topics as t
 from ...protocols.codec import encode
 from ...protocols.messages import messages as m
+from ...protocols.messages.camera_picture import LARGEST_JPEG, CameraPicture
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role
@@ -30,6 +31,9 @@ from ..simulation.pictures import told
 
 SAVE_EVERY_S = 1.0
 """Pictures are saved at most this often [s]."""
+
+SHOW_EVERY_S = 0.2
+"""People are shown a camera's picture at most this often, while somebody looks [s]."""
 
 
 class _PictureSource(Protocol):
@@ -141,6 +145,7 @@ class _PictureWork:
         self._truths = session.subscribe(t.RIG_TRUTH, 1)
         self._tick: int | None = None
         self._saved: dict[str, float] = {}
+        self._shown: dict[str, float] = {}
 
     def run(self, over: Over) -> None:
         """Look through every camera when it is due. Raises `DeviceError`."""
@@ -169,9 +174,19 @@ class _PictureWork:
         sighting, picture, sight = looked
         self._session.put(t.SIGHTING, encode(sighting))
         name = looker.camera.name
+        due = now_s - self._shown.get(name, -1e9) >= SHOW_EVERY_S
+        if due and self._session.heard(t.PICTURE):
+            self._shown[name] = now_s
+            self._show(name, tick, picture)
         if self._folder is not None and now_s - self._saved.get(name, -1e9) >= SAVE_EVERY_S:
             self._saved[name] = now_s
             save(self._folder / f"{name}.png", picture, sight.corners)
+
+    def _show(self, name: str, tick: int, picture: Picture) -> None:
+        """Tell people what a camera sees; a picture that stays too large is left out."""
+        jpeg = small_jpeg(picture, LARGEST_JPEG)
+        if jpeg is not None:
+            self._session.put(t.PICTURE, encode(CameraPicture(camera=name, tick=tick, jpeg=jpeg)))
 
 
 def _eye(camera: Camera, world: _World | None) -> _PictureSource:

@@ -17,17 +17,19 @@ TELEMETRY = {"tlm/state", "tlm/event", "tlm/description", "tlm/reflection", "tlm
 FAULTS = {"rig/fault", "rig/motion"}
 TRUTH = {"rig/truth"}
 SENSORS = {"sensor/vision", "sensor/obstacle", "sensor/contour", "sensor/frame"}
+PICTURE = {"view/picture"}
+SHOWN = TELEMETRY | TRUTH | SENSORS | PICTURE
 
 MAY = {
-    "operator-ann": {"put": COMMANDS, "ask": REQUESTS, "hear": TELEMETRY},
-    "observer-bob": {"hear": TELEMETRY | TRUTH},
-    "sensor-vision": {"put": {"sensor/vision"}, "hear": TELEMETRY | TRUTH},
+    "operator-ann": {"put": COMMANDS, "ask": REQUESTS, "hear": SHOWN},
+    "observer-bob": {"hear": SHOWN},
+    "sensor-vision": {"put": {"sensor/vision"} | PICTURE, "hear": TELEMETRY | TRUTH},
     "sensor-lidar": {"put": {"sensor/obstacle", "sensor/frame"}, "hear": TELEMETRY | TRUTH},
     "rig-pa10": {"put": TRUTH | {"sensor/frame"}, "hear": TELEMETRY | FAULTS | TRUTH},
     "judge-pa10": {
-        "put": COMMANDS | FAULTS | SENSORS,
+        "put": COMMANDS | FAULTS | SENSORS | PICTURE,
         "ask": REQUESTS,
-        "hear": TELEMETRY | TRUTH,
+        "hear": SHOWN,
     },
     "operator-lost": {},
     "daemon-ur5e": {},
@@ -126,7 +128,7 @@ def test_an_operator_of_two_cells_may_command_both(zone, endpoint, monkeypatch):
 
 
 def test_the_table_has_every_key_that_there_is():
-    assert COMMANDS | REQUESTS | TELEMETRY | FAULTS | TRUTH | SENSORS == EVERY_KEY
+    assert COMMANDS | REQUESTS | TELEMETRY | FAULTS | TRUTH | SENSORS | PICTURE == EVERY_KEY
 
 
 def test_these_observations_see_everything_where_nothing_is_refused(zone, endpoint):
@@ -169,13 +171,13 @@ def test_the_admin_space_is_closed_without_certificates_too(zone):
 
 
 def test_without_certificates_nobody_takes_the_daemons_part(zone):
-    """A stranger may put, ask and listen, but not be the daemon, nor hear what it is told."""
+    """A stranger may put, ask and listen, but not be the daemon, nor hear commands."""
     endpoint = free_endpoint("tcp")
     router = zone.open(router_config(endpoint, "pa10"))
     stranger = zone.open(client_config(endpoint))
     through = Try(router, stranger, KEYS).let_through()
     own = {f"telerobot/pa10/{key}" for key in TELEMETRY}
-    told = {f"telerobot/pa10/{key}" for key in COMMANDS | SENSORS}
+    told = {f"telerobot/pa10/{key}" for key in COMMANDS}
     asked = {f"telerobot/pa10/{key}" for key in REQUESTS}
     every = set(KEYS)
     assert through["put"] == through["delete"] == every - own
@@ -189,7 +191,7 @@ def test_without_certificates_a_wildcard_hears_no_command_and_answers_no_request
     router = zone.open(router_config(endpoint, "pa10"))
     ann, stranger = zone.open(client_config(endpoint)), zone.open(client_config(endpoint))
     tried = Try(router, stranger, KEYS)
-    told = {f"telerobot/pa10/{key}" for key in COMMANDS | SENSORS}
+    told = {f"telerobot/pa10/{key}" for key in COMMANDS}
     asked = {f"telerobot/pa10/{key}" for key in REQUESTS}
     heard = tried.passes(ann, stranger, ann.put, KEYS, ("telerobot/**",))
     assert heard.isdisjoint(told)

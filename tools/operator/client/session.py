@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import zenoh
 
@@ -34,6 +35,10 @@ class TopicBuffer:
         self._subscriber = subscriber
         self._key = str(subscriber.key_expr)
         self._max_bytes = max_bytes
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]  # its stubs
 
     def take(self) -> Iterator[bytes]:
         """Yield the payloads that wait, oldest first."""
@@ -93,15 +98,24 @@ class Session:
         refusal = self._refusal(topic)
         if refusal:
             raise NotCertified(refusal)
+        self._publisher(topic).put(payload, attachment=proof or None)
+
+    def heard(self, topic: t.Topic) -> bool:
+        """Return whether anybody listens to a topic that is put here."""
+        status: Any = self._publisher(topic).matching_status  # a bool, its stubs say
+        return bool(status.matching)
+
+    def _publisher(self, topic: t.Topic) -> "zenoh.Publisher":
         publisher = self._publishers.get(topic.key)
         if publisher is None:
+            seen = topic.flow is t.Flow.PICTURE  # what people look at gives way to all else
             publisher = self._session.declare_publisher(
                 topic.full_key(self.cell),
-                priority=zenoh.Priority.REAL_TIME,
+                priority=zenoh.Priority.BACKGROUND if seen else zenoh.Priority.REAL_TIME,
                 congestion_control=zenoh.CongestionControl.DROP,
             )
             self._publishers[topic.key] = publisher
-        publisher.put(payload, attachment=proof or None)
+        return publisher
 
     def ask(
         self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""

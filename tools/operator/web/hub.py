@@ -11,24 +11,21 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from ....protocols import topics as t
-from ....protocols.codec import CodecError, decode_as, encode
+from ....protocols.codec import encode
 from ....protocols.messages import requests
-from ....protocols.messages.obstacles import ObstacleNews
-from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event, State
 from ....protocols.topics import Role
 from ..client.connection import Connection, OperatorError
-from ..client.session import TopicBuffer
 from ..words.events import event_words
 from ..words.limits import limit_words
 from ..words.why import is_cause, why
 from .page import Page
+from .surroundings import WorldNews
 
 POLL_S: Final = 0.002
 STATE_S: Final = 1 / 60
 """Pages are told the state this often [s]."""
 
-TRUTH_S: Final = 1 / 20
 SILENT_S: Final = 0.3
 """Telemetry older than this is missing: the pages are told [s]."""
 
@@ -43,9 +40,8 @@ class PageHub:
     def __init__(self, connect: Callable[[], Connection]) -> None:
         self._connect = connect
         self._connection: Connection | None = None
-        self._truths: TopicBuffer | None = None
-        self._obstacles: TopicBuffer | None = None
-        self._tried_s = self._stated_s = self._truth_s = float("-inf")
+        self._surroundings: WorldNews | None = None
+        self._tried_s = self._stated_s = float("-inf")
         self._cause: Event | None = None
         self._link: dict[str, Any] = {}
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
@@ -88,8 +84,7 @@ class PageHub:
             self._connection.turn()
             for page in tuple(self.pages):
                 page.run(now_s)
-            self._tell_truth(now_s)
-            self._tell_obstacles()
+            self._tell_surroundings(now_s)
         self._tell_links()
 
     # --- the session -------------------------------------------------------------------------
@@ -101,9 +96,7 @@ class PageHub:
             return  # nobody answers yet: the pages see it in the link, and it is tried again
         self._connection.on_state = self._on_state
         self._connection.on_event = self._on_event
-        session = self._connection.session
-        self._truths = session.subscribe(t.RIG_TRUTH, 1)
-        self._obstacles = session.subscribe(t.OBSTACLE, 128)
+        self._surroundings = WorldNews(self._connection.session)
 
     def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
         if self._connection is not None:
@@ -144,29 +137,16 @@ class PageHub:
         for page in self.pages:
             page.tell_text(text)
 
-    def _tell_truth(self, now_s: float) -> None:
-        if self._truths is None or now_s - self._truth_s < TRUTH_S:
+    def _tell_surroundings(self, now_s: float) -> None:
+        """Pass on what the sensors and the rig tell."""
+        if self._surroundings is None:
             return
-        self._truth_s = now_s
-        for payload in self._truths.take():
-            try:
-                truth = decode_as(RigTruth, payload, t.RIG_TRUTH.max_bytes)
-            except CodecError:
-                continue  # another version's rig: the page does without
-            text = f'{{"type":"truth","truth":{truth.model_dump_json()}}}'
+        for kind, text in self._surroundings.turn(now_s, bool(self.pages)):
             for page in self.pages:
-                page.tell_text(text)
-
-    def _tell_obstacles(self) -> None:
-        """Pass on news of obstacles; where certificates are asked for, none are heard here."""
-        for payload in () if self._obstacles is None else self._obstacles.take():
-            try:
-                news = decode_as(ObstacleNews, payload, t.OBSTACLE.max_bytes)
-            except CodecError:
-                continue  # the daemon refuses it, and tells so
-            text = f'{{"type":"obstacle","obstacle":{news.model_dump_json()}}}'
-            for page in self.pages:
-                page.tell_text(text)
+                if kind:
+                    page.tell_newest(kind, text)
+                else:
+                    page.tell_text(text)
 
     def _tell_links(self) -> None:
         """Tell all pages how the daemon is reached, when that has changed."""

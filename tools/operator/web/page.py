@@ -60,8 +60,8 @@ class Page:
         self.client = ProtocolClient(name, cell, self._put, ask)
         self.round_trip = RoundTrip()
         self.outbox: asyncio.Queue[str] = asyncio.Queue(WAITING)
-        self.newest: str | None = None
-        """State that is not sent yet; a newer one takes its place."""
+        self.newest: dict[str, str] = {}
+        """State, contour and pictures that are not sent yet; a newer one takes each one's place."""
         self.wake = asyncio.Event()
         self.dismissed = ""
         """Why the page is let go of; empty while it is not."""
@@ -234,5 +234,9 @@ class Page:
 
         `text` ends where it says whether the page has the lease.
         """
-        self.newest = text + ("true}" if self.client.secret is not None else "false}")
+        self.tell_newest("state", text + ("true}" if self.client.secret else "false}"))
+
+    def tell_newest(self, kind: str, text: str) -> None:
+        """Let the page be told JSON, in place of an older one of its kind that it has not read."""
+        self.newest[kind] = text
         self.wake.set()

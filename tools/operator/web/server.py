@@ -166,7 +166,6 @@ async def _write(page: Page, socket: web.WebSocketResponse) -> None:
         page.wake.clear()
         while not page.outbox.empty():
             await socket.send_str(page.outbox.get_nowait())
-        if page.newest is not None:
-            text, page.newest = page.newest, None
-            await socket.send_str(text)
+        for kind in tuple(page.newest):
+            await socket.send_str(page.newest.pop(kind))
     await socket.close(message=page.dismissed.encode())

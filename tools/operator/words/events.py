@@ -67,7 +67,7 @@ def event_words(event: Event) -> EventWords:
     if event.name == "mode":
         return _mode(event)
     if event.name == "stopping":
-        return EventWords(sentence=f"The arm stops: {event.detail}.", next=_after(event.detail))
+        return _stopping(event.detail)
     if event.name.endswith("_refused"):
         reason = str(event.values.get("reason", ""))
         return EventWords(sentence=f"Refused: {event.detail}.", next=NEXT.get(reason, ""))
@@ -106,14 +106,30 @@ def _mode(event: Event) -> EventWords:
     return EventWords(sentence=sentence, next=after)
 
 
-def _after(reason: str) -> str:
-    if "lease" in reason:
-        return "Take the lease, then resume."
-    if "protective" in reason:
-        return "Clear the protective stop, then resume."
-    if "asked" in reason:
-        return "Resume to go on." if "hold" in reason else "Enable to go on."
-    return "Mend the cause, then resume."
+_STOPS = {
+    "lease run out": (
+        "The arm stopped: nothing was heard of the lease's holder for too long.",
+        "Take the lease, then resume.",
+    ),
+    "protective stop": (
+        "The arm stopped: protective stop.",
+        "Clear the protective stop, then resume.",
+    ),
+    "overruns": (
+        "The arm stopped: too many periods in a row came late.",
+        "See what keeps the daemon's machine busy, then resume.",
+    ),
+    "daemon ends": ("The arm stopped: the daemon ends.", "Start it again."),
+    "hold asked": ("The arm was asked to hold.", "Resume to go on."),
+    "disable asked": ("The drives were asked off.", "Enable to go on."),
+}
+
+
+def _stopping(reason: str) -> EventWords:
+    sentence, after = _STOPS.get(
+        reason, (f"The arm stopped: {reason}.", "Mend the cause, then resume.")
+    )
+    return EventWords(sentence=sentence, next=after)
 
 
 def event_line(event: Event) -> str:

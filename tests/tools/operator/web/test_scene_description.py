@@ -103,5 +103,10 @@ def test_meshes_are_asked_for_by_number_and_others_are_not_served(small, filenam
         assert mesh_files(cell) == {}
 
 
+def test_a_contours_plane_begins_at_the_arms_foot(described):
+    assert list(described("rover_bridge")["foot"]) == [0.2, 0.0, 0.5]
+    assert described("pa10")["foot"] is None
+
+
 def _farthest(points: Array, line: Array) -> float:
     return max(float(np.linalg.norm(line - point, axis=1).min()) for point in points)

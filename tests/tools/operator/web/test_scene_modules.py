@@ -142,3 +142,61 @@ def test_an_obstacle_that_only_moves_is_not_made_anew(in_node):
     assert kept == larger
     assert gone == [None, None, None]
     assert (result["names"], result["shown"]) == ([], 0)
+
+
+def test_a_contour_stands_where_its_cells_are(in_node):
+    if missing():
+        pytest.skip("the page's JavaScript is not fetched: make venv")
+    program = """
+        const { platesOf } = await load("scene/contour.js");
+        return platesOf(given);
+    """
+    nearest = [None, 1200, None, 900, None, None]
+    given = {"rows": 2, "columns": 3, "cell": 0.1, "nearest_mm": nearest}
+    plates = in_node(program, given)
+    assert plates == [pytest.approx([1.2, 0.0, 0.05]), pytest.approx([0.9, -0.1, 0.15])]
+
+
+@pytest.mark.parametrize(("takes_ms", "share"), [(200, 0.5), (2000, 0.5)])
+def test_a_page_that_draws_slowly_asks_for_one_picture_at_a_time_and_rests_as_long(
+    in_node, takes_ms, share
+):
+    program = """
+        const { createPace } = await load("scene/pace.js");
+        let now = 0, asked = 0, busy = 0, most = 0, queue = [];
+        const pace = createPace(() => {
+          const end = now + given;
+          queue.push(end);
+          return () => now >= end;
+        });
+        for (now = 0; now < 30000; now += 1000 / 60) {
+          queue = queue.filter((end) => end > now);
+          busy += queue.length > 0 ? 1 : 0;
+          asked += 1;
+          pace.took(now);
+          if (!pace.may(now)) continue;
+          pace.begun(now);
+          most = Math.max(most, queue.length);
+        }
+        return { most, drawn: busy / asked };
+    """
+    result = in_node(program, takes_ms)
+    assert result["most"] == 1
+    assert result["drawn"] == pytest.approx(share, abs=0.08)
+
+
+def test_a_page_that_draws_quickly_draws_whenever_it_may(in_node):
+    program = """
+        const { createPace } = await load("scene/pace.js");
+        const pace = createPace(() => () => true);
+        let drawn = 0;
+        for (let now = 0; now < 1000; now += 10) {
+          pace.took(now);
+          if (pace.may(now)) {
+            pace.begun(now);
+            drawn += 1;
+          }
+        }
+        return drawn;
+    """
+    assert in_node(program, None) == 100

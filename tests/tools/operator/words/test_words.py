@@ -2,18 +2,22 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from telerobot.drivers.device import Cause
 from telerobot.protocols.messages import requests
+from telerobot.protocols.messages.contour import ContourNews
 from telerobot.protocols.messages.telemetry import Event, State
 from telerobot.server.refusals import Why
 from telerobot.tools.operator.words.events import event_words
 from telerobot.tools.operator.words.limits import limit_words
+from telerobot.tools.operator.words.passage import passage_words
 from telerobot.tools.operator.words.refusals import refusal_words
 from telerobot.tools.operator.words.why import why
 
 SERVER = Path(__file__).resolve().parents[4] / "server"
+SCANNING = SERVER.parent / "tools" / "scanning"
 
 
 def event(name, severity="warning", detail="Ann: 3 mm", **values):
@@ -69,8 +73,10 @@ def test_a_limit_is_a_sentence(name, words):
 @pytest.mark.parametrize(
     ("mode", "cause", "said", "after"),
     [
-        ("hold", "lease_expired", "lease_expired", "Take the lease, then resume."),
-        ("hold", "hold asked", "hold asked", "Resume to go on."),
+        ("hold", "lease run out", "nothing was heard", "Take the lease, then resume."),
+        ("hold", "hold asked", "asked to hold", "Resume to go on."),
+        ("hold", "overruns", "came late", "See what keeps the daemon's machine busy, then resume."),
+        ("hold", "gate open", "gate open", "Mend the cause, then resume."),
         ("ready", "hold asked", "The drives are off.", "Take the lease, then enable."),
     ],
 )
@@ -79,6 +85,27 @@ def test_why_names_the_cause_of_a_stop_and_the_way_on(mode, cause, said, after):
     words = why(state, event("stopping", detail=cause))
     assert said in words["sentence"]
     assert words["next"] == after
+
+
+def told_by_a_contour(field):
+    return get_args(ContourNews.model_fields[field].annotation)
+
+
+def reasons_of_the_reflex():
+    text = "".join(path.read_text() for path in SCANNING.glob("*.py"))
+    return sorted({"held_up", *re.findall(r'"((?:base|column|no)_[a-z]+)"', text)})
+
+
+@pytest.mark.parametrize("phase", told_by_a_contour("phase"))
+def test_every_phase_of_a_passage_is_a_sentence(phase):
+    assert re.fullmatch(r"[A-Z][^_]{12,}\.", passage_words(phase, ""))
+
+
+@pytest.mark.parametrize("reason", reasons_of_the_reflex())
+def test_a_refused_passage_says_why_and_what_to_do(reason):
+    assert re.fullmatch(
+        r"There is no way through\. [A-Z][^_]+: [^_]+\.", passage_words("refused", reason)
+    )
 
 
 def test_a_protective_stop_comes_before_every_other_reason():

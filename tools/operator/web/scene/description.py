@@ -45,6 +45,7 @@ def describe(cell: Cell) -> dict[str, Any]:
         "T_world_carrier": of_pose(config.frames.T_world_carrier),
         "moving": sorted(config.frames.moving),
         "rig": described_rig(cell),
+        "foot": None if config.contour is None else config.contour.foot,
     }
 
 

@@ -12,7 +12,6 @@ import { createTabs } from "./panels/tabs.js";
 import { createView } from "./panels/view.js";
 import { createWhy } from "./panels/why.js";
 import { createPlots } from "./plots/plots.js";
-import { VIEWS } from "./scene/scene.js";
 import { sceneIn } from "./scenery.js";
 import { asker } from "./settings/ask.js";
 import { createSettings } from "./settings/settings.js";
@@ -40,12 +39,11 @@ const now = createNow(panels.Now, choices);
 const settings = createSettings(panels.Set, catalogue, { ask, choices });
 const log = createLog(panels.Log);
 const stop = createStop(at("stop"), ask);
-createView(at("view"), scene, VIEWS);
+scene.views.then((views) => views && createView(at("view"), scene, views));
 createPads(at("hand"), held);
 at("scene").handleOnScreen = scene.handleOnScreen;
 document.title = `${catalogue.cell} · telerobot`;
 
-let you = "";
 let role = "operator";
 let holds = false;
 let newest = null;
@@ -71,8 +69,11 @@ steerByKeys(held, choices, {
   "+": () => choices.choose({ level: choices.level + 1 }), "-": () => choices.choose({ level: choices.level - 1 }),
 });
 
+let reached = true;
+
 link.addEventListener("link", ({ detail }) => {
-  ({ you, role } = detail);
+  ({ role } = detail);
+  reached = detail.daemon !== "silent";
   document.body.dataset.role = role;
 });
 link.addEventListener("state", ({ detail }) => {
@@ -86,7 +87,8 @@ link.addEventListener("state", ({ detail }) => {
   scene.update(detail);
   plots.update(detail);
 });
-for (const type of ["truth", "obstacle"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
+for (const type of ["truth", "obstacle", "contour", "picture"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
+link.addEventListener("contour", ({ detail }) => now.ahead(detail.contour));
 link.addEventListener("event", ({ detail }) => {
   log.add(detail);
   plots.update(detail);
@@ -95,7 +97,7 @@ link.addEventListener("event", ({ detail }) => {
 // Panels are drawn fifteen times a second, from the newest state; the scene interpolates by itself.
 const over = at("over").appendChild(el("p", { hidden: true }));
 function draw() {
-  const silent = performance.now() - newestAt > SILENT_MS;
+  const silent = !reached || performance.now() - newestAt > SILENT_MS;
   over.hidden = !silent;
   document.body.classList.toggle("silent", silent);
   if (silent) {
@@ -104,7 +106,7 @@ function draw() {
     why.say(...what, "error");
     why.offer([], "");
     setText(over, what[0]);
-    setText(bar.mode, link.open ? "no daemon" : "no console");
+    bar.silent(link.open ? "no daemon" : "no console");
   } else {
     for (const panel of [bar, steer, now, settings, stop]) panel.update(newest, holds);
     why.update(newest, holds, role !== "operator");

@@ -1,12 +1,44 @@
 // The scene where the browser can draw it; else words in its place, and everything else goes on.
+//
+// It is loaded and made once everything else is there: without a graphics card that takes seconds,
+// in which the arm can be stopped and steered already.
 
 import { el } from "./dom.js";
-import { createScene } from "./scene/scene.js";
 
-const NOTHING = { update() {}, onTarget() {}, setOptions() {}, dispose() {}, handleOnScreen: () => [0, 0] };
+const KEPT = ["obstacle"];
 
 export function sceneIn(element, description) {
-  if (document.createElement("canvas").getContext("webgl2")) return createScene(element, description);
-  element.append(el("p", { className: "unseeable" }, "The scene cannot be drawn: this browser has no WebGL. Everything else works."));
-  return NOTHING;
+  const options = {};
+  const news = [];
+  const newest = new Map();
+  const callbacks = [];
+  let scene = null;
+
+  async function make() {
+    if (!document.createElement("canvas").getContext("webgl2")) {
+      element.append(el("p", { className: "unseeable" }, "The scene cannot be drawn: this browser has no WebGL. Everything else works."));
+      return null;
+    }
+    const { VIEWS, createScene } = await import("./scene/scene.js");
+    const made = createScene(element, description);
+    for (const callback of callbacks) made.onTarget(callback);
+    made.setOptions(options);
+    for (const message of [...newest.values(), ...news.splice(0)]) made.update(message);
+    newest.clear();
+    scene = made;
+    return VIEWS;
+  }
+
+  return {
+    /** Resolves with the names of the views once the scene is there, with null if there is none. */
+    views: new Promise((resolve) => { setTimeout(resolve); }).then(make),
+    update(message) {
+      if (scene) scene.update(message);
+      else if (KEPT.includes(message.type)) news.push(message);
+      else newest.set(message.type, message);
+    },
+    onTarget: (callback) => (scene ? scene.onTarget(callback) : callbacks.push(callback)),
+    setOptions: (given) => (scene ? scene.setOptions(given) : Object.assign(options, given)),
+    handleOnScreen: () => scene?.handleOnScreen() ?? [0, 0],
+  };
 }

@@ -9,7 +9,7 @@ export function createBar(element, { link, cell, name, ask }) {
   const refusal = el("span", { className: "refusal", role: "status" });
   const latency = el("b", {}, "–");
   const trend = el("canvas", { width: 144, height: 44, "aria-hidden": "true" });
-  const viewers = el("b", {}, "1");
+  const viewers = el("b", { className: "pages" }, "1");
   const overruns = el("b", {}, "0");
   const insecure = el("span", { className: "mode fault", hidden: true }, "anybody may command");
   const shown = el("input", { type: "text", value: name, maxLength: 32, "aria-label": "Your name", placeholder: "your name" });
@@ -62,10 +62,6 @@ export function createBar(element, { link, cell, name, ask }) {
     shown.placeholder = you;
     drive.hidden = role !== "operator";
     insecure.hidden = detail.description?.network !== "insecure";
-    if (detail.daemon === "silent") {
-      setText(mode, "no daemon");
-      setClass(mode, "mode silent");
-    }
   });
   return {
     update({ state }, isMine) {
@@ -82,6 +78,9 @@ export function createBar(element, { link, cell, name, ask }) {
         setText(factorShown, `${percent} %`);
       }
     },
-    mode,
+    silent(words) {
+      setText(mode, words);
+      setClass(mode, "mode silent");
+    },
   };
 }

@@ -19,11 +19,15 @@ export function createNow(element, choices) {
   const force = el("p", { className: "mono" });
   const near = el("p", { className: "mono" });
   const place = el("p", { className: "mono" });
+  const wheels = el("div", { hidden: true }, el("h2", {}, "Base in World"));
+  const stands = wheels.appendChild(el("p", { className: "mono" }));
+  const way = el("div", { hidden: true }, el("h2", {}, "Ahead"));
+  const passage = way.appendChild(el("p", {}));
   element.append(
     el("h2", {}, "Who moves the tool"), legend, ...rows.map(({ row }) => row),
-    el("h2", {}, "Limits that act"), limits,
+    el("h2", {}, "Limits that act"), limits, way,
     el("h2", {}, "Force on the tool"), force,
-    el("h2", {}, "Nearest"), near, el("h2", {}, "Tool in World"), place,
+    el("h2", {}, "Nearest"), near, el("h2", {}, "Tool in World"), place, wheels,
   );
   let listed = "";
   let limited = null;
@@ -49,11 +53,20 @@ export function createNow(element, choices) {
       bar.style.left = `${side ? ends[1] : ends[0] - share}%`;
       ends[side] += side ? share : -share;
     }
-    const degrees = (total[axis] * 180) / Math.PI;
-    setText(sum, axis < 3 ? `${fixed(1000 * total[axis], 1)} mm/s` : `${fixed(degrees, 1)} °/s`);
+    setText(sum, axis < 3 ? `${fixed(1000 * total[axis], 1)} mm/s` : `${degrees(total[axis])}/s`);
   }
 
+  const degrees = (angle) => `${fixed((angle * 180) / Math.PI, 1)}°`;
+
   return {
+    // What a scanner says of the way ahead, and how near the nearest of it is.
+    ahead({ words, nearest_mm: nearest, most_speed: most }) {
+      way.hidden = false;
+      const seen = nearest.filter((each) => each !== null);
+      const far = seen.length ? ` Nearest ${fixed(Math.min(...seen) / 1000, 2)} m.` : "";
+      const slowed = most === null ? "" : ` The base drives at most ${fixed(1000 * most, 0)} mm/s.`;
+      setText(passage, `${words}${far}${slowed}`);
+    },
     update({ state, limits: words }) {
       if (element.offsetParent === null) return;
       const own = choices.shown ?? state;
@@ -68,8 +81,11 @@ export function createNow(element, choices) {
       setText(force, wrench ? `${wrench.slice(0, 3).map((f) => fixed(f, 1)).join("  ")} N   ${wrench.slice(3).map((m) => fixed(m, 2)).join("  ")} N·m` : "no sensor");
       const [gap] = [...state.gaps].sort((a, b) => a[2] - b[2]);
       setText(near, gap ? `${gap[0]} – ${gap[1]}: ${fixed(1000 * gap[2], 0)} mm` : "nothing known");
-      const [x, y, z, roll, pitch, yaw] = own.pose_mrf;
-      setText(place, `${[x, y, z].map((m) => fixed(m, 3)).join("  ")} m   ${[roll, pitch, yaw].map((a) => fixed((a * 180) / Math.PI, 1)).join("  ")} °`);
+      const [x, y, z, ...attitude] = own.pose_mrf;
+      setText(place, `${[x, y, z].map((m) => fixed(m, 3)).join("  ")} m   ${attitude.map(degrees).join("  ")}`);
+      const base = choices.led?.base && own.frames?.base;
+      wheels.hidden = !base;
+      if (base) setText(stands, `${base.slice(0, 2).map((m) => fixed(m, 3)).join("  ")} m   heading ${degrees(base[5])}`);
     },
   };
 }

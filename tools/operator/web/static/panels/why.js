@@ -50,7 +50,8 @@ export function createWhy(element, ask) {
       if (mine && state.mode === "hold") may.push("resume", "disable");
       if (mine && state.mode === "enabled") may.push("hold", "disable");
       if (mine && state.mode === "fault") may.push("reset");
-      const then = ["clear", "lease", "reset", "enable", "resume"].find((name) => may.includes(name));
+      const free = mine || state.lease_holder === null;
+      const then = !free && !state.protective_stop ? "" : ["clear", "lease", "reset", "enable", "resume"].find((name) => may.includes(name));
       return offer(may, state.mode === "enabled" && mine ? "" : then);
     },
   };

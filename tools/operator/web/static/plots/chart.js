@@ -8,16 +8,18 @@ const INK = {
 };
 const DECIMALS = { N: 1, "N·m": 2, "%": 0, mm: 0, "mm/s": 0, ms: 2 };
 const LINKED = "telerobot";
+/** Times that are marked: so long ago [s]. */
+const AGO_S = [25, 15, 5];
 
 export function createChart(element, chart, { events, times }) {
   const box = document.createElement("figure");
   Object.assign(box.style, {
-    margin: "0", flex: "1 0 216px", minWidth: "216px", display: "flex", flexDirection: "column",
+    margin: "0", flex: "1 0 150px", minWidth: "150px", display: "flex", flexDirection: "column",
     padding: "5px 6px 0 8px", borderRight: "1px solid rgba(128, 138, 150, 0.22)",
   });
   const heading = document.createElement("figcaption");
   Object.assign(heading.style, {
-    display: "flex", gap: "7px", alignItems: "baseline", whiteSpace: "nowrap", overflow: "hidden",
+    display: "grid", gridTemplateRows: "16px 16px", whiteSpace: "nowrap",
     font: "600 11px/16px ui-sans-serif, system-ui, sans-serif",
   });
   const title = document.createElement("span");
@@ -25,7 +27,11 @@ export function createChart(element, chart, { events, times }) {
   const unit = document.createElement("span");
   unit.textContent = chart.unit;
   unit.style.fontWeight = "400";
-  heading.append(title, unit);
+  const named = document.createElement("div");
+  named.append(title, unit);
+  const numbers = document.createElement("div");
+  Object.assign(numbers.style, { display: "flex", gap: "7px", minWidth: "0", overflow: "hidden" });
+  heading.append(named, numbers);
   const values = chart.series.map(({ name, colour }) => {
     // Words in the page's own colour can be read on any ground; a mark has that of the line.
     const value = document.createElement("span");
@@ -38,7 +44,7 @@ export function createChart(element, chart, { events, times }) {
     Object.assign(value.style, { fontVariantNumeric: "tabular-nums", fontWeight: "500" });
     value.title = name;
     value.append(mark, words);
-    heading.append(value);
+    numbers.append(value);
     return { value, words };
   });
   const canvas = document.createElement("div");
@@ -58,7 +64,11 @@ export function createChart(element, chart, { events, times }) {
     cursor: { sync: { key: LINKED, setSeries: false }, drag: { x: false, y: false }, points: { size: 5 } },
     scales: { x: { time: false }, y: { range: (_u, low, high) => rangeOf(chart, low, high) } },
     axes: [
-      axis({ size: 16, gap: 1, space: 46, values: (_u, ticks) => ticks.map((t) => `${Math.round(t)} s`) }),
+      axis({
+        size: 16, gap: 1,
+        splits: (u) => AGO_S.map((ago) => u.scales.x.max - ago),
+        values: () => AGO_S.map((ago) => `${-ago} s`),
+      }),
       axis({ size: 32, gap: 2, space: 26 }),
     ],
     series: [{}, ...chart.series.map(({ colour }) => ({

@@ -4,8 +4,8 @@ export function createPictures(element, description) {
   const box = document.createElement("div");
   box.className = "scene-pictures";
   Object.assign(box.style, {
-    position: "absolute", right: "10px", bottom: "10px", display: "flex", flexDirection: "column",
-    gap: "8px", alignItems: "flex-end", pointerEvents: "none",
+    position: "absolute", left: "12px", bottom: "12px", display: "flex", flexWrap: "wrap-reverse",
+    gap: "8px", alignItems: "flex-end", maxWidth: "calc(100% - 390px)", pointerEvents: "none",
   });
   element.append(box);
   const shown = new Map();
@@ -18,16 +18,23 @@ export function createPictures(element, description) {
     Object.assign(button.style, {
       padding: "0", border: "1px solid rgba(140, 150, 160, 0.5)", borderRadius: "8px",
       overflow: "hidden", lineHeight: "0", background: "#000", cursor: "pointer",
-      pointerEvents: "auto", width: "190px", boxShadow: "0 4px 18px rgba(0, 0, 0, 0.35)",
+      pointerEvents: "auto", position: "relative", width: "180px", boxShadow: "0 4px 18px rgba(0, 0, 0, 0.35)",
     });
     const canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = camera?.size ?? [640, 480];
     Object.assign(canvas.style, { width: "100%", display: "block" });
-    button.append(canvas);
+    const words = document.createElement("span");
+    words.textContent = name;
+    Object.assign(words.style, {
+      position: "absolute", left: "6px", top: "5px", padding: "1px 6px", borderRadius: "5px",
+      font: "500 11px/15px ui-sans-serif, system-ui, sans-serif", color: "#fff",
+      background: "rgba(18, 21, 26, 0.72)",
+    });
+    button.append(canvas, words);
     let large = false;
     button.addEventListener("click", () => {
       large = !large;
-      button.style.width = large ? "min(46vw, 560px)" : "190px";
+      button.style.width = large ? "min(46vw, 560px)" : "180px";
       button.setAttribute("aria-pressed", String(large));
     });
     box.append(button);

@@ -6,6 +6,7 @@
  */
 
 import { createArms } from "./arms.js";
+import { createContour } from "./contour.js";
 import { createForces } from "./forces.js";
 import { createFrames } from "./frames.js";
 import { createGaps } from "./gaps.js";
@@ -36,6 +37,7 @@ export function createScene(element, description) {
   const arms = createArms(description, materials, stage.invalidate);
   const surroundings = createSurroundings(description, materials, labels);
   const tunnels = createTunnels(description, materials);
+  const contour = createContour(description, materials);
   const frames = createFrames(description, materials, labels, scale);
   const gaps = createGaps(description, materials, labels);
   const forces = createForces(description, materials, labels);
@@ -44,7 +46,7 @@ export function createScene(element, description) {
   const pictures = createPictures(element, description);
   const wall = description.rig?.wall;
   const views = createViews(stage, stage.invalidate, wall && turned(attitude(wall.pose), [0, 0, 1]));
-  const parts = { arms, surroundings, tunnels, frames, gaps, forces, paths, handle };
+  const parts = { arms, surroundings, tunnels, contour, frames, gaps, forces, paths, handle };
   for (const part of Object.values(parts)) stage.scene.add(part.object);
   const bodies = [arms, surroundings, tunnels];
   let current = null;
@@ -75,13 +77,14 @@ export function createScene(element, description) {
       stage.invalidate();
     }
     views.step(dt, current.tasks[0].mrf);
-    if (stage.draw()) labels.draw();
+    if (stage.draw(now)) labels.draw();
   }
 
   function show(view) {
     current = view;
     arms.pose(view.links, view.commanded, view.q);
     surroundings.pose(view, frames.lensAt);
+    contour.pose(view);
     frames.pose(view);
     gaps.pose(view, surroundings.obstacles);
     forces.pose(view);
@@ -124,7 +127,7 @@ export function createScene(element, description) {
   }
 
   return {
-    /** Take in a message: `state`, `truth`, or `obstacle` (news of one). */
+    /** Take in a message: `state`, `truth`, `obstacle` (news of one), `contour` or `picture`. */
     update(message) {
       if (message.type === "state") {
         timeline.push(message.t ?? message.state.time_s, message.state, performance.now() / 1000);
@@ -134,6 +137,11 @@ export function createScene(element, description) {
       } else if (message.type === "obstacle") {
         surroundings.news(message.obstacle ?? message);
         stage.invalidate();
+      } else if (message.type === "contour") {
+        contour.news(message.contour);
+        stage.invalidate();
+      } else if (message.type === "picture") {
+        pictures.show(message.picture.camera, blobOf(message.picture.jpeg));
       }
     },
     /** Show a state at once, without interpolation. */
@@ -141,8 +149,6 @@ export function createScene(element, description) {
       show(viewOf(description, { a: state, b: state, part: 1, time: state.time_s }));
       stage.invalidate();
     },
-    /** Show a picture of a camera: a Blob. */
-    picture: (name, blob) => pictures.show(name, blob),
     /** Call back with `{type, phase, released, task, pose}` as the handle is dragged; pose is xyz, rpy in World. */
     onTarget: (callback) => handle.onTarget(callback),
     setOptions,
@@ -158,6 +164,11 @@ export function createScene(element, description) {
       stage.dispose();
     },
   };
+}
+
+/** Return a JPEG that was told in base 64. */
+function blobOf(text) {
+  return new Blob([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], { type: "image/jpeg" });
 }
 
 /** Return the corners of the boxes around all bodies of an object; ghosts and mere lines are none. */

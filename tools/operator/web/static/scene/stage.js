@@ -4,10 +4,11 @@ import * as THREE from "../vendor/three.module.js";
 import { OrbitControls } from "../vendor/OrbitControls.js";
 import { RoomEnvironment } from "../vendor/RoomEnvironment.js";
 import { createGround } from "./ground.js";
+import { createPace, fenceOf } from "./pace.js";
 
-/** A picture that takes longer [ms] on average is drawn more coarsely. */
+/** Pictures that take longer [ms], so many more often than not, are drawn more coarsely. */
 const SLOW_MS = 45;
-const STILL_SLOW_PICTURES = 20;
+const STILL_SLOW_PICTURES = 8;
 
 export function createStage(element) {
   const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
@@ -50,6 +51,7 @@ export function createStage(element) {
   const ground = createGround();
   scene.add(key, key.target, rim, rim.target, fill, ground.object);
 
+  const pace = createPace(fenceOf(renderer.getContext()));
   let changed = true;
   let slow = 0;
   let width = 1;
@@ -68,18 +70,26 @@ export function createStage(element) {
   observer.observe(element);
   resize();
 
+  /** Ways to draw more coarsely, one after the other; a screen's own finer points go first. */
+  const coarser = [
+    () => shadows(512),
+    () => renderer.setPixelRatio(Math.min(1, renderer.getPixelRatio())),
+    () => renderer.setPixelRatio(Math.min(0.75, renderer.getPixelRatio())),
+    () => { key.castShadow = false; },
+  ];
+
+  function shadows(size) {
+    key.shadow.mapSize.set(size, size);
+    key.shadow.map?.dispose();
+    key.shadow.map = null;
+  }
+
   /** Draw more coarsely where pictures take too long, as without a graphics processor. */
   function judge(milliseconds) {
     slow = milliseconds > SLOW_MS ? slow + 1 : Math.max(0, slow - 1);
-    if (slow < STILL_SLOW_PICTURES) return;
+    if (slow < STILL_SLOW_PICTURES || !coarser.length) return;
     slow = 0;
-    if (key.shadow.mapSize.x > 512) {
-      key.shadow.mapSize.set(512, 512);
-      key.shadow.map?.dispose();
-      key.shadow.map = null;
-    } else if (renderer.getPixelRatio() > 0.75) {
-      renderer.setPixelRatio(Math.max(0.75, renderer.getPixelRatio() - 0.5));
-    }
+    coarser.shift()();
     invalidate();
   }
 
@@ -113,14 +123,15 @@ export function createStage(element) {
       invalidate();
     },
 
-    /** Draw if something has changed since; return whether it did. */
-    draw() {
+    /** Draw at `now` [ms] if something has changed since, and it may; return whether it did. */
+    draw(now) {
       controls.update();
-      if (!changed) return false;
+      const took = pace.took(now);
+      if (took !== null) judge(took);
+      if (!changed || !pace.may(now)) return false;
       changed = false;
-      const begin = performance.now();
       renderer.render(scene, camera);
-      judge(performance.now() - begin);
+      pace.begun(now);
       return true;
     },
 

@@ -1,0 +1,84 @@
+"""What sensors tell reaches the pages; over loopback, through a daemon's own router."""
+
+import base64
+import json
+import socket
+import struct
+import time
+
+import pytest
+import zenoh
+from telerobot.drivers.network.sessions import router_config
+from telerobot.protocols import topics as t
+from telerobot.protocols.codec import encode
+from telerobot.protocols.messages.camera_picture import CameraPicture
+from telerobot.protocols.messages.contour import ContourNews
+from telerobot.protocols.messages.obstacles import ObstacleNews
+from telerobot.tools.operator.client.session import Session
+from telerobot.tools.operator.web.surroundings import WorldNews
+
+PATIENCE_S = 20.0
+CONTOUR = ContourNews(
+    tick=7, rows=2, columns=2, cell=0.05, phase="refused", reason="no_posture", most_speed=0.0,
+    nearest_mm=struct.pack("<4H", 65535, 1200, 0, 65535),
+)  # fmt: skip
+CRATE = ObstacleNews(name="crate", tick=7, shape="sphere", xyz=(1.0, 0.0, 0.0), radius=0.1)
+PICTURE = CameraPicture(camera="eye", tick=7, jpeg=b"JPEG")
+
+
+@pytest.fixture
+def network():
+    """Return a sensor's session and an operator's surroundings."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with zenoh.open(router_config(endpoint, "pa10")):
+        sensor, operator = Session("pa10", endpoint), Session("pa10", endpoint)
+        yield sensor, WorldNews(operator)
+        sensor.close()
+        operator.close()
+
+
+def told(network, topic, message, looked_at=True):
+    """Return what pages are told first of a message, which is put again and again."""
+    sensor, surroundings = network
+    deadline_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline_s:
+        sensor.put(topic, encode(message))
+        for each in surroundings.turn(time.monotonic(), looked_at):
+            return each.kind, json.loads(each.text)
+    raise AssertionError("nothing is told")
+
+
+def test_an_obstacle_that_a_sensor_tells_of_is_shown_and_each_news_counts(network):
+    kind, message = told(network, t.OBSTACLE, CRATE)
+    assert (kind, message["type"]) == ("", "obstacle")
+    assert (message["obstacle"]["name"], message["obstacle"]["radius"]) == ("crate", 0.1)
+
+
+def test_a_contour_is_shown_with_its_distances_and_what_it_means_in_words(network):
+    kind, message = told(network, t.CONTOUR, CONTOUR)
+    contour = message["contour"]
+    assert kind == "contour"
+    assert contour["nearest_mm"] == [None, 1200, 0, None]
+    assert (contour["rows"], contour["columns"], contour["most_speed"]) == (2, 2, 0.0)
+    assert contour["words"].startswith("There is no way through. No posture")
+
+
+def test_a_picture_is_asked_for_while_somebody_looks_and_no_longer(network):
+    sensor, surroundings = network
+    kind, message = told(network, t.PICTURE, PICTURE)
+    assert kind == "picture eye"
+    assert base64.b64decode(message["picture"]["jpeg"]) == b"JPEG"
+    assert sensor.heard(t.PICTURE)
+    deadline_s = time.monotonic() + PATIENCE_S
+    while sensor.heard(t.PICTURE) and time.monotonic() < deadline_s:
+        assert list(surroundings.turn(time.monotonic(), False)) == []
+    assert not sensor.heard(t.PICTURE)
+
+
+def test_junk_is_passed_over(network):
+    sensor, surroundings = network
+    sensor.put(t.CONTOUR, b"junk")
+    assert told(network, t.OBSTACLE, CRATE)[1]["type"] == "obstacle"
+    assert {each.kind for each in surroundings.turn(time.monotonic(), True)} <= {""}

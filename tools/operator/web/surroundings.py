@@ -1,0 +1,88 @@
+"""Surroundings that a page is shown: obstacles, contour and pictures, as sensors tell of them."""
+
+import base64
+import json
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any, Final, NamedTuple
+
+from ....protocols import topics as t
+from ....protocols.codec import CodecError, decode_as
+from ....protocols.messages.camera_picture import CameraPicture
+from ....protocols.messages.contour import NOTHING, ContourNews
+from ....protocols.messages.obstacles import ObstacleNews
+from ....protocols.messages.rig import RigTruth
+from ..client.session import Session, TopicBuffer
+from ..words.passage import passage_words
+
+TRUTH_S: Final = 1 / 20
+"""Pages are told the rig's truth at most this often [s]."""
+
+
+class Told(NamedTuple):
+    """A message for all pages, as JSON."""
+
+    kind: str
+    """Newer messages of a kind make older ones needless; empty: each one counts."""
+    text: str
+
+
+class WorldNews:
+    """Reads what sensors and the rig tell. Pictures are asked for only while somebody looks."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._truths = session.subscribe(t.RIG_TRUTH, 1)
+        self._obstacles = session.subscribe(t.OBSTACLE, 128)
+        self._contours = session.subscribe(t.CONTOUR, 1)
+        self._pictures: TopicBuffer | None = None
+        self._truth_s = float("-inf")
+
+    def turn(self, now_s: float, looked_at: bool) -> Iterator[Told]:
+        """Yield what is new; `looked_at` says whether any page is open."""
+        if looked_at and self._pictures is None:
+            self._pictures = self._session.subscribe(t.PICTURE, t.PICTURE.unread)
+        elif not looked_at and self._pictures is not None:
+            self._pictures.close()
+            self._pictures = None
+        if now_s - self._truth_s >= TRUTH_S:
+            self._truth_s = now_s
+            yield from _read(self._truths, t.RIG_TRUTH, _truth)
+        yield from _read(self._obstacles, t.OBSTACLE, _obstacle)
+        yield from _read(self._contours, t.CONTOUR, _contour)
+        if self._pictures is not None:
+            yield from _read(self._pictures, t.PICTURE, _picture)
+
+
+def _read(inbox: TopicBuffer, topic: t.Topic, tell: Callable[[Any], Told]) -> Iterator[Told]:
+    for payload in inbox.take():
+        try:
+            message = decode_as(topic.message, payload, topic.max_bytes)
+        except CodecError:
+            continue  # of another version, or junk: the page does without
+        yield tell(message)
+
+
+def _truth(truth: RigTruth) -> Told:
+    return Told("truth", f'{{"type":"truth","truth":{truth.model_dump_json()}}}')
+
+
+def _obstacle(news: ObstacleNews) -> Told:
+    return Told("", f'{{"type":"obstacle","obstacle":{news.model_dump_json()}}}')
+
+
+def _contour(news: ContourNews) -> Told:
+    cells = struct.unpack(f"<{news.rows * news.columns}H", news.nearest_mm)
+    contour = {
+        **news.model_dump(include={"tick", "rows", "columns", "cell", "phase", "most_speed"}),
+        "nearest_mm": [None if each == NOTHING else each for each in cells],
+        "words": passage_words(news.phase, news.reason),
+    }
+    return Told("contour", json.dumps({"type": "contour", "contour": contour}))
+
+
+def _picture(picture: CameraPicture) -> Told:
+    told = {"camera": picture.camera, "tick": picture.tick}
+    jpeg = base64.b64encode(picture.jpeg).decode()
+    text = json.dumps({"type": "picture", "picture": {**told, "jpeg": jpeg}})
+    return Told(f"picture {picture.camera}", text)
