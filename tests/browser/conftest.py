@@ -27,7 +27,8 @@ SECRET, WATCHER = "for-operators", "for-observers"
 PLAIN = ("--disable-3d-apis", "--disable-gpu")
 DRAWING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script>"
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
+"""Wall time after which something will never be; a limit for failures only [s]."""
 TRIES = 5
 """A page on a busy machine may hang for so long that it loses the lease."""
 
@@ -35,6 +36,7 @@ COARSE = 0.3
 SMALL = {"width": 960, "height": 620}
 """Drawn by the processor alone, a picture takes its time; the fewer points, the less."""
 
+READY = "body[data-ready]"
 OFFERED = ".actions button.next:not([hidden])"
 AGAIN_S = 3.0
 """A button is pressed again if the page still offers it by then [s]."""
@@ -44,7 +46,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 @pytest.fixture(scope="session")
 def browsers():
-    """Return a browser without a scene, and one with; skip, with the reason, where none is.
+    """Return what opens a browser, with a scene or without; skip, with the reason, where none is.
 
     Most tests do without the scene: to draw it without a graphics card takes a core.
     """
@@ -56,13 +58,17 @@ def browsers():
     if missing():
         pytest.skip("the page's JavaScript is not fetched: make venv")
     with sync_api.sync_playwright() as playwright:
-        each = [
-            playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *flags])
-            for flags in (PLAIN, DRAWING)
-        ]
-        yield tuple(each)
-        for browser in each:
-            browser.close()
+        opened = {}
+
+        def browser(drawn):
+            if drawn not in opened:
+                flags = ["--no-sandbox", *(DRAWING if drawn else PLAIN)]
+                opened[drawn] = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
+            return opened[drawn]
+
+        yield browser
+        for each in opened.values():
+            each.close()
 
 
 class Console:
@@ -110,7 +116,7 @@ class Site:
 
     def page(self, key=SECRET, name="ann", host=HOST, script="", drawn=False, **context):
         """Return a page that has come in, and shows a state; its scene only if `drawn`."""
-        opened = self._browsers[drawn].new_context(
+        opened = self._browsers(drawn).new_context(
             **{"viewport": SMALL, "device_scale_factor": COARSE, **context}
         )
         self._contexts.append(opened)
@@ -122,7 +128,8 @@ class Site:
         if script:
             page.add_init_script(script)
         page.goto(self.console.address(key, host))
-        page.wait_for_selector("body[data-ready]", timeout=1000 * PATIENCE_S)
+        # Attached, not visible: that would wait for pictures of the page, which come late.
+        page.wait_for_selector(READY, state="attached", timeout=1000 * PATIENCE_S)
         self.until(lambda: self.mode(page) not in ("…", "no daemon"), "the page shows no state")
         return page
 
@@ -147,7 +154,8 @@ class Site:
             if offered and again:
                 pressed, pressed_s = offered, time.monotonic()
                 page.evaluate(f"document.querySelector('{OFFERED}')?.click()")
-            return self.mode(page) == "enabled" and not offered
+            mine = "(you)" in page.text_content("#bar")
+            return self.mode(page) == "enabled" and mine and not offered
 
         self.until(enabled, "not enabled")
 
@@ -177,18 +185,22 @@ class Site:
         return max(abs(rate) for rate in self.plant.truth.dq)
 
     def hold(self, page, key="r"):
-        """Hold a key until the arm moves by it; take the lease again if the page lost it before."""
+        """Hold a key until the arm moves by it."""
+        self.hold_by(page, lambda: page.keyboard.down(key), lambda: page.keyboard.up(key))
+
+    def hold_by(self, page, begin, end):
+        """Hold something until the arm moves by it; take the lease again if the page lost it."""
         for _ in range(TRIES):
             self.go_on(page)
             self.forget()
-            page.keyboard.down(key)
+            begin()
             self.until(
                 lambda: self.speed() > 0.01 or self.mode(page) != "enabled",
                 "the arm does not move",
             )
             if self.speed() > 0.01:
                 return
-            page.keyboard.up(key)
+            end()
         raise AssertionError(f"the page loses the lease again and again; {self.plant.told()}")
 
     def until_moving(self):
@@ -253,3 +265,13 @@ def site(running):
     running.forget()
     yield running
     running.leave()
+
+
+@pytest.fixture(scope="module")
+def rover(browsers):
+    """Return a rover with a console."""
+    with plant_type()(load_cell("rover")) as plant:
+        plant.operator("watcher")
+        site = Site(plant, browsers)
+        yield site
+        site.close()

@@ -83,17 +83,31 @@ def test_a_held_key_moves_the_tool_until_it_is_released(site):
     assert page.errors == []
 
 
-@pytest.mark.parametrize("ending", ["blur", "hidden"])
-def test_a_page_that_is_not_looked_at_lets_go_of_everything(site, ending):
+def test_a_page_that_loses_the_focus_to_another_lets_go_of_everything(site):
+    page = site.enabled()
+    # Playwright lets every page believe that it has the focus, unless it is told not to.
+    focus = page.context.new_cdp_session(page)
+    focus.send("Emulation.setFocusEmulationEnabled", {"enabled": False})
+    page.bring_to_front()
+    page.evaluate("addEventListener('blur', (event) => { window.lost = event.isTrusted; })")
+    site.hold(page)
+    other = page.context.new_page()
+    other.bring_to_front()
+    site.until_still()
+    assert page.evaluate("window.lost") is True, "the browser itself has to say so"
+    assert site.mode(page) == "enabled"
+    assert "stream_expired" not in site.events(), "the stop was found out, not told"
+    page.keyboard.up("r")
+
+
+def test_a_page_that_is_hidden_lets_go_of_everything(site):
+    """A browser without a screen hides no page: here the page is told that it is hidden."""
     page = site.enabled()
     site.hold(page)
-    if ending == "blur":
-        page.evaluate("window.dispatchEvent(new Event('blur'))")
-    else:
-        page.evaluate(
-            "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
-            "document.dispatchEvent(new Event('visibilitychange'));"
-        )
+    page.evaluate(
+        "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+        "document.dispatchEvent(new Event('visibilitychange'));"
+    )
     site.until_still()
     assert site.mode(page) == "enabled"
     assert "lease_expired" not in site.events()

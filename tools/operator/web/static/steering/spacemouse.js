@@ -30,22 +30,29 @@ export function createSpaceMouse(element, held) {
   const words = el("span", { className: "dim" }, "not connected");
   let parts = [0, 0, 0, 0, 0, 0];
   let timer = 0;
+  let armed = true;
+  const used = new Set();
+  held.onEnd(() => (armed = false));
 
   function end() {
     parts = [0, 0, 0, 0, 0, 0];
     held.twist("spacemouse", null);
   }
 
+  function heard(event) {
+    parts = partsOf(event.reportId, event.data, parts);
+    if (parts.every((each) => each === 0)) armed = true;  // after an ending it has to be let go of first
+    held.twist("spacemouse", armed && document.hasFocus() ? parts : null);
+    clearTimeout(timer);
+    timer = setTimeout(end, SILENT_MS);
+  }
+
   async function use(device) {
-    await device.open();
+    if (!device.opened) await device.open();
     words.textContent = device.productName;
-    device.addEventListener("inputreport", (event) => {
-      if (!document.hasFocus()) return;
-      parts = partsOf(event.reportId, event.data, parts);
-      held.twist("spacemouse", parts);
-      clearTimeout(timer);
-      timer = setTimeout(end, SILENT_MS);
-    });
+    if (used.has(device)) return;
+    used.add(device);
+    device.addEventListener("inputreport", heard);
   }
 
   navigator.hid.addEventListener("disconnect", () => {

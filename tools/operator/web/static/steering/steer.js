@@ -21,6 +21,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
   const armRow = el("div", { className: "row", hidden: true }, el("span", { className: "dim" }, "arm"), arm);
   const postures = el("div", { className: "row" });
   const driving = el("div", { className: "row" });
+  let driven = null;
   const joints = el("div", {});
   const pad = el("div", {});
   const mouse = el("div", {});
@@ -71,7 +72,12 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
     postures.replaceChildren(
       ...Object.keys(led?.postures ?? {}).map((name) => button(name, () => move(name))),
       button("Cancel goals", () => ask("cmd/cancel", choices.task, refusal)));
-    driving.replaceChildren(...drives(led));
+    if (led !== driven) {
+      // Buttons that are taken away hear no release: what they hold ends with them.
+      held.stream("cmd/drive", null);
+      driving.replaceChildren(...drives(led));
+      driven = led;
+    }
     show();
   });
   show();
