@@ -10,6 +10,7 @@ from telerobot.tools.bench import cli, growth, load, tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.figures import machine, percentiles
 from telerobot.tools.bench.growth_plot import drawn
+from telerobot.tools.bench.page import page
 from telerobot.tools.bench.plant import without_self_motion
 from telerobot.tools.cli import main
 
@@ -158,3 +159,10 @@ def test_the_fit_is_measured_beside_a_dense_solve(tmp_path):
     assert {"10 joints", "1000 joints", "growth_100_to_1000", "paper_figures_ms"} <= figures.keys()
     assert {"fit_us", "with_curve_us", "dense_us"} == figures["100 joints"].keys()
     assert "dense_us" not in figures["1000 joints"]
+
+
+def test_the_page_is_left_out_with_the_reason_where_no_browser_is(monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda _name: None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: object())
+    figures = page.bench(load_cell("pa10"), True)
+    assert figures == {"skipped": "no chromium here: apt-get install chromium"}

@@ -15,6 +15,7 @@ from .curves import fit
 from .figures import Figures, machine
 from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth
 from .load import OBSTACLES, among
+from .page import page
 
 Bench = Callable[[Cell, bool], Figures]
 
@@ -46,6 +47,7 @@ BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
         lambda cell, quick: latency.bench(cell, latency.QUICK_STEPS if quick else latency.STEPS),
         ("pa10",),
     ),
+    "page": (page.bench, ("pa10",)),
 }
 """Every benchmark by name, and the cells that it runs with."""
 

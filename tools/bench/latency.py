@@ -9,6 +9,7 @@ meanwhile, since both move targets by themselves.
 import struct
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from ...protocols import topics as t
 from ...protocols.canopen.can301 import rpdo1_id
 from ...protocols.messages.messages import Frame
 from .figures import Figures, percentiles
-from .plant import EnabledPlant, driven, without_self_motion
+from .plant import EnabledPlant, FrameListener, driven, without_self_motion
 
 STEPS = 200
 QUICK_STEPS = 50
@@ -38,19 +39,22 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
         still = without_self_motion(cell, Path(folder))
         with driven(still) as plant:
             plant.operator.request(t.SWITCH, source="force", on=False)
-            watch = _Watch(plant)
+            targets = Targets(plant.cell, plant.listener)
             draw = np.random.default_rng(1)
             seconds: list[float] = []
             missed = 0
             for i in range(steps):
-                watch.until_still()
+                targets.until_still(STILL_S, plant.operator.turn)
                 time.sleep(float(draw.uniform(0.0, period_s)))
                 plant.operator.turn()
-                latency_s = watch.step(SPEED if i % 2 else -SPEED)
-                if latency_s is None:
+                targets.forget()
+                put_s = time.time()
+                _stick(plant, SPEED if i % 2 else -SPEED)
+                changed_s = targets.changed_at(GIVE_UP_S)
+                if changed_s is None:
                     missed += 1
                 else:
-                    seconds.append(latency_s)
+                    seconds.append(changed_s - put_s)
                 _stick(plant, 0.0)
     figures = percentiles(1e6 * np.array(seconds))
     target_us = round(1e6 * (2.0 * period_s + ALLOWANCE_S), 1)
@@ -63,38 +67,39 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
     }
 
 
-class _Watch:
+class Targets:
     """Knows the newest target of each drive on the bus."""
 
-    def __init__(self, plant: EnabledPlant) -> None:
-        self._plant = plant
-        drives = plant.cell.config.mechanism.drives
-        self._ids = {rpdo1_id(drive.node) for drive in drives}
+    def __init__(self, cell: Cell, listener: FrameListener) -> None:
+        self._listener = listener
+        self._ids = {rpdo1_id(drive.node) for drive in cell.config.mechanism.drives}
         self._targets: dict[int, int] = {}
 
-    def until_still(self) -> None:
-        """Keep the operator's session alive until no target has changed for a while."""
+    def until_still(self, still_s: float, meanwhile: Callable[[], None]) -> None:
+        """Call `meanwhile` again and again until no target has changed for so long [s]."""
         since_s = time.monotonic()
-        while time.monotonic() - since_s < STILL_S:
-            self._plant.operator.turn()
-            if self._changed_at(0.002) is not None:
+        while time.monotonic() - since_s < still_s:
+            meanwhile()
+            if self._next(0.002) is not None:
                 since_s = time.monotonic()
 
-    def step(self, speed: float) -> float | None:
-        """Put a stick twist; return the time to the first changed target [s], None if none came."""
-        while self._plant.listener.wait(0.0) is not None:
-            continue  # frames from before the put
-        put_s = time.time()
-        _stick(self._plant, speed)
-        while time.time() - put_s < GIVE_UP_S:
-            changed_s = self._changed_at(0.02)
+    def forget(self) -> None:
+        """Read the frames that have come already."""
+        while self._listener.wait(0.0) is not None:
+            continue
+
+    def changed_at(self, within_s: float) -> float | None:
+        """Return the stamp of the next frame that changes a target, None if none comes [s]."""
+        since_s = time.monotonic()
+        while time.monotonic() - since_s < within_s:
+            changed_s = self._next(0.02)
             if changed_s is not None:
-                return changed_s - put_s
+                return changed_s
         return None
 
-    def _changed_at(self, timeout_s: float) -> float | None:
-        """Return the stamp of the next frame that changes a target, None if none comes [s]."""
-        frame = self._plant.listener.wait(timeout_s)
+    def _next(self, timeout_s: float) -> float | None:
+        """Return the stamp of the next frame if it changes a target [s]."""
+        frame = self._listener.wait(timeout_s)
         if frame is None or frame.arbitration_id not in self._ids or len(frame.data) != 6:
             return None
         (target,) = struct.unpack_from("<i", frame.data, 2)
