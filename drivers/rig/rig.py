@@ -23,7 +23,7 @@ from .nodes.drive_loops import DriveLoops
 from .nodes.node import Node
 from .nodes.scanner_node import NAME as SCANNER
 from .nodes.scanner_node import SimulatedScanner
-from .nodes.servo_node import SimulatedDrive
+from .nodes.servo.servo_node import SimulatedDrive
 from .nodes.wire import RigError, Wire
 from .physics.beam import Beam
 from .physics.geoms import quaternion

@@ -1,15 +1,18 @@
 """A simulated CANopen slave (CiA 301): network management, SDO, PDOs, SYNC, heartbeats, EMCY."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from ....protocols.canopen import can301
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
 from ....protocols.messages.rig import RigFault
+from .event_pdo import EventPdo
 from .link import NodeLink
-from .objects import EDS, NodeSdoServer, ObjectStore, WrongStateError
-from .pdo import Pdo, existing_pdos, is_mapping_of_existing, is_pdo_object
+from .objects import EDS, ObjectStore, RefusedError
+from .pdo import Pdo, check_pdo_object, existing_pdos, is_pdo_object
+from .sdo_server import NodeSdoServer
 
 NEVER = float("inf")
 _EPSILON_S = 1e-7
@@ -29,6 +32,8 @@ class CanNode:
     """
 
     samples_after_step = False
+    plain: frozenset[tuple[int, int]] = frozenset()
+    """Objects of an RPDO that are only stored: any value will do, and `on_rpdo` reads them."""
 
     def __init__(
         self, node: int, link: NodeLink, clock: Callable[[], float], eds: Path = EDS
@@ -45,6 +50,7 @@ class CanNode:
         """When `tick` has something to do next [s]."""
         self._rpdos: dict[int, Pdo] | None = None
         self._tpdos: tuple[Pdo, ...] = ()
+        self._events: tuple[EventPdo, ...] = ()
         self._pending: list[tuple[Pdo, bytes]] = []
         self._syncs = 0
         self._next_beat_s = NEVER
@@ -56,10 +62,13 @@ class CanNode:
         """Take the state after power-on, or after a reset of the communication."""
 
     def on_written(self, index: int, subindex: int, value: int) -> None:
-        """An object was written, over SDO or by an RPDO. May raise `WrongStateError`."""
+        """An object was written, over SDO or by an RPDO. May raise `RefusedError`."""
 
     def on_rpdo(self, _pdo: Pdo) -> None:
         """All objects of one RPDO have been written."""
+
+    def on_sync(self) -> None:
+        """A SYNC came, and the RPDOs that waited for it have been written."""
 
     def on_setpoint_frame(self) -> None:
         """An RPDO came in; what it says takes effect at its own time."""
@@ -126,6 +135,12 @@ class CanNode:
             self.link.send(can301.heartbeat_id(self.node), bytes((self.nmt,)))
             self._next_beat_s += period
         self.due_s = min(self._next_beat_s, self._watch_master(now))
+        if self.nmt is NmtState.OPERATIONAL:
+            self._map_pdos()
+            for event in self._events:
+                if not event.at_sync:
+                    self._tell(event)
+                    self.due_s = 0.0  # what it maps may change at any step
 
     def _watch_master(self, now: float) -> float:
         timeout = (self.objects[Com.CONSUMER_HEARTBEAT, 1] & 0xFFFF) * 1e-3
@@ -167,11 +182,15 @@ class CanNode:
         self._map_pdos()
         self._syncs += 1
         for pdo in self._tpdos:
-            if pdo.synchronous and self._syncs % pdo.transmission == 0:
+            if self._syncs % pdo.transmission == 0:
                 self.link.send(pdo.can_id, pdo.pack(self.objects))
+        for event in self._events:
+            if event.at_sync:
+                self._tell(event)
         pending, self._pending = self._pending, []
         for pdo, data in pending:
             self._apply(pdo, data)
+        self.on_sync()
 
     def _on_rpdo(self, can_id: int, data: bytes) -> None:
         pdo = self._map_pdos().get(can_id)
@@ -188,19 +207,29 @@ class CanNode:
 
     def _apply(self, pdo: Pdo, data: bytes) -> None:
         for key, value in zip(pdo.keys, pdo.layout.unpack_from(data), strict=True):
-            self.objects[key] = value
+            if key in self.plain:
+                self.objects[key] = value
+                continue
+            with suppress(RefusedError):  # nobody asked for an answer: the old value stays
+                self.objects.write(*key, value)
         self.on_rpdo(pdo)
+
+    def _tell(self, event: EventPdo) -> None:
+        data = event.due(self.objects, self.clock())
+        if data is not None:
+            self.link.send(event.pdo.can_id, data)
 
     def _map_pdos(self) -> dict[int, Pdo]:
         if self._rpdos is None:
-            self._tpdos = existing_pdos(self.objects, receive=False)
+            tpdos = existing_pdos(self.objects, receive=False)
+            self._tpdos = tuple(pdo for pdo in tpdos if pdo.synchronous)
+            self._events = tuple(EventPdo(pdo) for pdo in tpdos if not pdo.synchronous)
             self._rpdos = {pdo.can_id: pdo for pdo in existing_pdos(self.objects, receive=True)}
         return self._rpdos
 
     def _before_write(self, index: int, subindex: int, value: int) -> None:
-        if is_mapping_of_existing(self.objects, index):
-            raise WrongStateError
         if is_pdo_object(index):
+            check_pdo_object(self.objects, index, subindex, value)
             self._rpdos = None
         if index == Com.PRODUCER_HEARTBEAT:
             self._next_beat_s = NEVER

@@ -90,16 +90,17 @@ class DriveLoops:
         self._pulled.pop(joint, None)
         self._running.discard(joint)
 
-    def aim(self, joint: int, position: float, period_s: float) -> bool:
+    def aim(self, joint: int, position: float, period_s: float, *, streamed: bool = True) -> bool:
         """Move the reference to `position` [rad] within `period_s`.
 
-        If nothing newer comes, the motion is continued for another period, as drives do over one
-        lost setpoint, then the reference stands. Returns whether the motor's top speed cut it.
+        If nothing newer comes in a stream, the motion is continued for another period, as drives do
+        over one lost setpoint, then the reference stands. Returns whether the motor's top speed cut
+        it.
         """
         wanted = (position - self.reference[joint]) / period_s
         most = self.max_speed[joint]
         self.speed[joint] = min(max(wanted, -most), most)
-        self._steps_left[joint] = 2 * round(period_s / self.dt)
+        self._steps_left[joint] = (2 if streamed else 1) * round(period_s / self.dt)
         return bool(abs(wanted) > most)
 
     def run(self, joint: int, speed: float) -> bool:

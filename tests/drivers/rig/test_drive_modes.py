@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell
 from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, OperationMode, Status
+from telerobot.protocols.canopen.sdo import Abort
 
 from .conftest import PERIOD_S, Master
 
@@ -146,11 +146,16 @@ def test_the_mode_stays_while_the_power_is_on(master: Master, mode: OperationMod
     assert master.read(JOINT, Object.MODE_DISPLAY, 0, "<b") == mode
 
 
-def test_a_mode_that_the_drive_lacks_cannot_be_enabled(master: Master, cell: Cell) -> None:
+def test_a_mode_that_the_drive_lacks_is_refused_and_without_any_it_cannot_be_enabled(
+    master: Master,
+) -> None:
     master.enable()
     master.command(Control.DISABLE_VOLTAGE)
     master.cycle(2)
-    master.write(JOINT, Object.MODE_OF_OPERATION, 0, "<b", 3)
+    answer = master.write(JOINT, Object.MODE_OF_OPERATION, 0, "<b", 3)
+    assert int.from_bytes(answer[4:], "little") == Abort.INVALID_VALUE
+    assert master.read(JOINT, Object.MODE_DISPLAY, 0, "<b") == OperationMode.CSP
+    master.write(JOINT, Object.MODE_OF_OPERATION, 0, "<b", 0)
     for word in (Control.SHUTDOWN, Control.SWITCH_ON, Control.ENABLE_OPERATION):
         master.command(word)
         master.cycle(5)

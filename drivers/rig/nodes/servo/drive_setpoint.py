@@ -2,16 +2,27 @@
 
 from typing import Final
 
-from ....config.schema.mechanism import Drive
-from ....protocols.canopen.cia402 import Object, OperationMode
-from .drive_loops import DriveLoops
-from .objects import ObjectStore
+from .....config.schema.mechanism import Drive
+from .....protocols.canopen.cia402 import Object, OperationMode
+from ..drive_loops import DriveLoops
+from ..objects import ObjectStore
 
 _UNLIMITED: Final = 0xFFFFFFFF
 
 
-def follow(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive: Drive) -> bool:
-    """Follow the newest setpoint of the mode; return whether the drive's limits cut it."""
+def follow(
+    mode: int,
+    objects: ObjectStore,
+    loop: DriveLoops,
+    joint: int,
+    drive: Drive,
+    *,
+    streamed: bool = True,
+) -> bool:
+    """Follow the newest setpoint of the mode; return whether the drive's limits cut it.
+
+    `streamed`: more are to come, one every period.
+    """
     scale = drive.direction * drive.counts_per_radian
     if mode == OperationMode.CSP:
         counts = objects[Object.TARGET_POSITION, 0]
@@ -19,7 +30,8 @@ def follow(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive:
         kept = min(max(counts, low), high)
         value = objects[Object.INTERPOLATION_PERIOD, 1]
         period_s = value * 10.0 ** objects[Object.INTERPOLATION_PERIOD, 2]
-        return loop.aim(joint, drive.zero_rad + kept / scale, period_s) or kept != counts
+        target = drive.zero_rad + kept / scale
+        return loop.aim(joint, target, period_s, streamed=streamed) or kept != counts
     if mode == OperationMode.CSV:
         counts = objects[Object.TARGET_VELOCITY, 0] + objects[Object.VELOCITY_OFFSET, 0]
         return loop.run(joint, counts / scale)
@@ -28,10 +40,18 @@ def follow(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive:
 
 
 def tune(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive: Drive) -> None:
-    """Take over the following window of the mode, and the torque offset."""
+    """Take over the following window of the mode, the torque offset and the bound of torque."""
     loop.window[joint] = window(mode, objects, drive)
     share = objects[Object.TORQUE_OFFSET, 0] * 1e-3
     loop.offset[joint] = share * drive.direction * drive.rated_torque
+    bound = objects[Object.MAX_TORQUE, 0]
+    reached = bound >= most_torque(drive)
+    loop.max_torque[joint] = drive.max_torque if reached else bound * 1e-3 * drive.rated_torque
+
+
+def most_torque(drive: Drive) -> int:
+    """Return the most that 6072h may be [1/1000 of the rated torque]."""
+    return round(drive.max_torque / drive.rated_torque * 1000)
 
 
 def window(mode: int, objects: ObjectStore, drive: Drive) -> float:

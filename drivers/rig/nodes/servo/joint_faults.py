@@ -1,10 +1,10 @@
 """Mechanical faults of a joint: blocked, braked, pushed."""
 
-from ....config.schema.mechanism import Drive
-from ....protocols.messages.rig import RigFault
-from ..fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
-from ..physics.chassis import GRIP
-from ..physics.world import World
+from .....config.schema.mechanism import Drive
+from .....protocols.messages.rig import RigFault
+from ...fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
+from ...physics.chassis import GRIP
+from ...physics.world import World
 
 
 def inject_at_joint(fault: RigFault, world: World, joint: int, drive: Drive) -> None:

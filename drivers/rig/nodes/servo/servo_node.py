@@ -1,52 +1,67 @@
 """The simulated CiA 402 servo drive in CSP, CSV and CST, with a holding brake.
 
 What it does beside the profile, as real drives do: it holds the joint before it opens the brake, in
-CST with the torque that it is sent, and follows once the brake is open (one that is set wrongly
-opens the brake first, and the joint sags); a quick stop and a fault's ramp are run by the drive's
-own loops, whatever the mode, from the torque that it gives; the mode is not changed while the power
-is on; the setpoint timeout 2F00h (see the
-device's EDS); a fault is reset only when its cause has gone.
+CST with the torque that it is sent, and follows once the brake is open (`power_stage.py`); a quick
+stop and a fault's ramp are run by the drive's own loops, whatever the mode, from the torque that it
+gives; the mode is not changed while the power is on; the setpoint timeout 2F00h (see the device's
+EDS); a fault is reset only when its cause has gone. A setpoint acts at the SYNC after it was
+written, by PDO or SDO; one that was written before the drive was enabled does not.
 """
 
 from collections.abc import Callable
 from typing import Self, cast
 
-from ....config.schema.mechanism import Drive
-from ....config.schema.on_bus import Entry
-from ....config.schema.rig.rig import RigDrive
-from ....protocols.canopen import cia402
-from ....protocols.canopen.can301 import EmcyCode, NmtState
-from ....protocols.canopen.cia402 import (
+from .....config.schema.mechanism import Drive
+from .....config.schema.on_bus import Entry
+from .....config.schema.rig.rig import RigDrive
+from .....protocols.canopen import cia402
+from .....protocols.canopen.can301 import EmcyCode
+from .....protocols.canopen.cia402 import (
     AbortConnectionOption,
     DriveState,
     Object,
     OperationMode,
     Status,
 )
-from ....protocols.canopen.counter import wrapped
-from ....protocols.messages.rig import RigFault
-from ..fault_values import value_of
-from ..physics.world import World
-from .bench import Bench
-from .can_node import NEVER, CanNode
-from .drive_loops import DriveLoops
-from .drive_setpoint import deceleration, follow, tune
+from .....protocols.canopen.sdo import Abort
+from .....protocols.messages.rig import RigFault
+from ...fault_values import value_of
+from ...physics.world import World
+from ..bench import Bench
+from ..can_node import CanNode
+from ..drive_loops import DriveLoops
+from ..link import NodeLink
+from ..objects import RefusedError
+from ..pdo import Pdo
+from .drive_setpoint import deceleration, follow, most_torque, tune
 from .joint_faults import inject_at_joint
-from .link import NodeLink
-from .objects import WrongStateError
-from .pdo import Pdo
+from .measured import Measured
+from .power_stage import PowerStage
 
-_AT_ONCE = 0
-_STAYS = frozenset((5, 6))
-"""605Ah: 0 takes the power at once, 1 and 2 ramp and then do, 5 and 6 ramp and then hold."""
+_AT_ONCE, _RAMP, _RAMP_AND_STAY = 0, 2, 6
+"""605Ah: takes the power at once; ramps on 6085h and then does; ramps and then holds."""
 _ENABLED = DriveState.OPERATION_ENABLED
-_I16 = 2**15 - 1
-_TARGET_REACHED_RAD = 1e-3
+_MOVING = (_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
+_NO_MODE = 0
 _MODES = (OperationMode.CSP, OperationMode.CSV, OperationMode.CST)
+_TARGETS = frozenset(
+    (index, 0)
+    for index in (
+        Object.TARGET_POSITION,
+        Object.TARGET_VELOCITY,
+        Object.VELOCITY_OFFSET,
+        Object.TARGET_TORQUE,
+    )
+)
+_TUNING = frozenset(
+    (Object.FOLLOWING_WINDOW, Object.MODE_OF_OPERATION, Object.TORQUE_OFFSET, Object.MAX_TORQUE)
+)
 
 
 class SimulatedDrive(CanNode):
     """One joint's drive. `joint` is its place in `loop` and `world`; `clock` gives physics time."""
+
+    plain = _TARGETS | {(Object.CONTROLWORD, 0)}
 
     def __init__(
         self,
@@ -61,24 +76,20 @@ class SimulatedDrive(CanNode):
         super().__init__(drive.node, link, clock)
         self.drive = drive
         self.state = DriveState.NOT_READY
-        self._joint = joint
-        self._loop = loop
-        self._world = world
-        self._sag_s, self._release_s = physics.torque_delay_s, physics.brake_delay_s
-        self._scale = drive.direction * drive.counts_per_radian
+        self._joint, self._loop, self._world = joint, loop, world
+        self._power = PowerStage(joint, loop, world, physics, clock, self._follow_torque)
         self._broken = False
         self._controlword = 0
         self._error = EmcyCode.NO_ERROR
-        self._follows_at_s = self._lets_go_at_s = NEVER
         self._setpoint_s = 0.0
+        self._asked = False
         self._cut = False
-        live = self.objects.live
-        live[Object.STATUSWORD, 0] = self.statusword
-        live[Object.POSITION_ACTUAL, 0] = lambda: self._to_counts(world.angle(joint))
-        live[Object.VELOCITY_ACTUAL, 0] = lambda: round(self._scale * world.dq[joint])
-        live[Object.TORQUE_ACTUAL, 0] = self._torque
-        live[Object.RATED_TORQUE, 0] = lambda: round(drive.rated_torque * 1000)
-        live[Object.MAX_TORQUE, 0] = lambda: round(drive.max_torque / drive.rated_torque * 1000)
+        self._measured = Measured(drive, joint, loop, world)
+        self.objects.live[Object.STATUSWORD, 0] = self.statusword
+        self.objects.live.update(self._measured.objects())
+        choices = self.objects.choices
+        choices[Object.MODE_OF_OPERATION, 0] = frozenset((_NO_MODE, *_MODES))
+        choices[Object.QUICK_STOP_OPTION, 0] = frozenset((_AT_ONCE, _RAMP, _RAMP_AND_STAY))
 
     def break_down(self, broken: bool) -> None:
         """Let the power stage fail (EMCY 2310h), or take the cause of that failure away."""
@@ -105,33 +116,24 @@ class SimulatedDrive(CanNode):
 
     def statusword(self) -> int:
         """Return 6041h."""
-        joint, loop = self._joint, self._loop
-        word: int = cia402.STATE_BITS[self.state] | Status.VOLTAGE_ENABLED
-        if self.nmt is NmtState.OPERATIONAL:
-            word |= Status.REMOTE
+        word: int = cia402.STATE_BITS[self.state] | Status.VOLTAGE_ENABLED | Status.REMOTE
         if self.state is _ENABLED:
             word |= Status.FOLLOWS_COMMAND
-            if abs(loop.error[joint]) < _TARGET_REACHED_RAD and loop.at_rest(joint):
+            if self._measured.target_reached:
                 word |= Status.TARGET_REACHED
         if self._cut:
             word |= Status.INTERNAL_LIMIT
-        if loop.steps_beyond[joint] > 0 or self._error is EmcyCode.FOLLOWING_ERROR:
+        if self._error is EmcyCode.FOLLOWING_ERROR:
             word |= Status.FOLLOWING_ERROR
         return word
 
-    def _torque(self) -> int:
-        torque = float(self._loop.reported[self._joint])
-        share = torque / self.drive.rated_torque * self.drive.direction
-        return max(-_I16, min(_I16, round(share * 1000)))
-
-    def _to_counts(self, angle: float) -> int:
-        return wrapped(round(self._scale * (angle - self.drive.zero_rad)))
-
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the power off; a fault outlives a reset of the communication only."""
-        self._power_off()
+        self._power.switch_off()
+        if not communication_only:
+            self.objects[Object.MAX_TORQUE, 0] = most_torque(self.drive)
         tune(self._mode, self.objects, self._loop, self._joint, self.drive)
-        self._controlword, self._cut = 0, False
+        self._controlword, self._cut, self._asked = 0, False, False
         if not (communication_only and self.state.in_fault):
             self.state, self._error = DriveState.SWITCH_ON_DISABLED, EmcyCode.NO_ERROR
         else:
@@ -143,23 +145,33 @@ class SimulatedDrive(CanNode):
         """React to objects that act when they are written."""
         if index == Object.MODE_OF_OPERATION:
             self._select(value)
+        elif index == Object.MAX_TORQUE and value > most_torque(self.drive):
+            raise RefusedError(Abort.INVALID_VALUE)
         self.objects[index, subindex] = value
         if index == Object.CONTROLWORD:
             self._obey(value)
-        elif index in (Object.FOLLOWING_WINDOW, Object.MODE_OF_OPERATION, Object.TORQUE_OFFSET):
+        elif index in _TUNING:
             tune(self._mode, self.objects, self._loop, self._joint, self.drive)
+        elif (index, subindex) in _TARGETS:
+            self._asked = True
 
     def on_setpoint_frame(self) -> None:
         """Restart the watch for setpoints."""
         self._setpoint_s = self.clock()
 
-    def on_rpdo(self, _pdo: Pdo) -> None:
+    def on_rpdo(self, pdo: Pdo) -> None:
         """Obey the controlword, then follow the setpoint of the mode, of a PDO that has them."""
-        if (Object.CONTROLWORD, 0) not in _pdo.keys:
-            return
-        self._obey(self.objects[Object.CONTROLWORD, 0])
-        if self.state is _ENABLED:
+        if (Object.CONTROLWORD, 0) in pdo.keys:
+            self._obey(self.objects[Object.CONTROLWORD, 0])
+        if self.state is _ENABLED and not _TARGETS.isdisjoint(pdo.keys):
             self._follow()
+
+    def on_sync(self) -> None:
+        """Follow a setpoint that came by SDO."""
+        if self._asked:
+            self._asked = False
+            if self.state is _ENABLED:
+                self._follow(streamed=False)
 
     def on_master_lost(self) -> None:
         """Do what 6007h says."""
@@ -181,10 +193,9 @@ class SimulatedDrive(CanNode):
         """Do what is due: brake and torque, ends of ramps, watches."""
         super().tick()
         now = self.clock() + 1e-7
-        if now >= self._lets_go_at_s:
-            self._let_go()
-        if now >= self._follows_at_s:
-            self._begin()
+        if self._power.tick(now):
+            self._setpoint_s = self.clock()
+            self.state = _ENABLED
         if self._loop.steps_beyond[self._joint]:
             self._watch_following()
         if self.state is _ENABLED:
@@ -196,16 +207,16 @@ class SimulatedDrive(CanNode):
         if self.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE):
             self._end_of_ramp()
             self.due_s = 0.0
-        self.due_s = min(self.due_s, self._follows_at_s, self._lets_go_at_s)
+        self.due_s = min(self.due_s, self._power.due_s)
 
     def _obey(self, word: int) -> None:
         before, previous = self.state, self._controlword
         self._controlword = word
         wanted = cia402.apply_controlword(before, previous, word)
-        if self._follows_at_s < NEVER:
+        if self._power.coming_on:
             if wanted is _ENABLED:
                 return
-            self._power_off()
+            self._power.switch_off()
         if wanted is before:
             return
         if before is DriveState.FAULT:
@@ -218,50 +229,13 @@ class SimulatedDrive(CanNode):
             self._disable(wanted)
 
     def _enable(self) -> None:
-        if self._mode not in _MODES:
-            return
-        self._let_go()
-        sags = self._sag_s > 0.0
-        if sags:
-            self._world.set_brake(self._joint, closed=False)
-        else:
-            self._hold()
-        self._follows_at_s = self.clock() + (self._sag_s if sags else self._release_s)
-
-    def _hold(self) -> None:
-        self._loop.engage(self._joint, float(self._world.q[self._joint]))
-        if self._mode == OperationMode.CST:
-            self._follow()
-
-    def _begin(self) -> None:
-        self._follows_at_s = NEVER
-        if self._sag_s > 0.0:
-            self._hold()
-        else:
-            self._world.set_brake(self._joint, closed=False)
-            if self._mode == OperationMode.CST:
-                self._follow()
-        self._setpoint_s = self.clock()
-        self.state = _ENABLED
+        if self._mode in _MODES:
+            self._power.switch_on()
 
     def _disable(self, state: DriveState, *, at_once: bool = False) -> None:
-        self._power_off(at_once=at_once)
+        self._power.switch_off(at_once=at_once)
+        self.due_s = min(self.due_s, self._power.due_s)
         self.state = state
-
-    def _power_off(self, *, at_once: bool = False) -> None:
-        """Close the brake, and hold the joint until it has closed; not if the power is lost."""
-        self._follows_at_s = NEVER
-        self._world.set_brake(self._joint, closed=True)
-        delay_s = self._world.brakes.delay_s(self._joint)
-        if at_once or delay_s <= 0.0:
-            self._let_go()
-        elif self._lets_go_at_s == NEVER:
-            self._lets_go_at_s = self.clock() + delay_s
-            self.due_s = min(self.due_s, self._lets_go_at_s)
-
-    def _let_go(self) -> None:
-        self._lets_go_at_s = NEVER
-        self._loop.release(self._joint)
 
     def _quick_stop(self) -> None:
         if self.objects[Object.QUICK_STOP_OPTION, 0] == _AT_ONCE:
@@ -275,7 +249,7 @@ class SimulatedDrive(CanNode):
             return
         if self.state is DriveState.FAULT_REACTION_ACTIVE:
             self._disable(DriveState.FAULT)
-        elif self.objects[Object.QUICK_STOP_OPTION, 0] not in _STAYS:
+        elif self.objects[Object.QUICK_STOP_OPTION, 0] != _RAMP_AND_STAY:
             self._disable(DriveState.SWITCH_ON_DISABLED)
 
     def _fail(self, error: EmcyCode, *, ramp: bool, tell: bool = True) -> None:
@@ -284,20 +258,14 @@ class SimulatedDrive(CanNode):
         self._error = error
         if tell:
             self.emergency(error)
-        moving = self.state in (
-            _ENABLED,
-            DriveState.QUICK_STOP_ACTIVE,
-            DriveState.FAULT_REACTION_ACTIVE,
-        )
-        if ramp and moving:
+        if ramp and self.state in _MOVING:
             self.state = DriveState.FAULT_REACTION_ACTIVE
             self._ramp_down()
         else:
             self._disable(DriveState.FAULT, at_once=True)
 
     def _reset_fault(self) -> None:
-        still = (self._error is EmcyCode.HEARTBEAT and self.master_lost) or self._broken
-        if still:
+        if self._broken or (self._error is EmcyCode.HEARTBEAT and self.master_lost):
             return
         self.state, self._error = DriveState.SWITCH_ON_DISABLED, EmcyCode.NO_ERROR
         self.emergency(EmcyCode.NO_ERROR)
@@ -307,24 +275,26 @@ class SimulatedDrive(CanNode):
         return self.objects[Object.MODE_DISPLAY, 0]
 
     def _select(self, mode: int) -> None:
-        if mode != self._mode and (self.state is _ENABLED or self._follows_at_s < NEVER):
-            raise WrongStateError
-        self.objects[Object.MODE_DISPLAY, 0] = mode if mode in _MODES else 0
+        if mode != self._mode and (self.state is _ENABLED or self._power.coming_on):
+            raise RefusedError(Abort.WRONG_STATE)
+        self.objects[Object.MODE_DISPLAY, 0] = mode
 
-    def _follow(self) -> None:
+    def _follow(self, *, streamed: bool = True) -> None:
         """Follow the newest setpoint of the mode; what the drive's limits cut is reported."""
-        self._cut = follow(self._mode, self.objects, self._loop, self._joint, self.drive)
+        at = (self._loop, self._joint, self.drive)
+        self._cut = follow(self._mode, self.objects, *at, streamed=streamed)
+
+    def _follow_torque(self) -> None:
+        if self._mode == OperationMode.CST:
+            self._follow()
 
     def _ramp_down(self) -> None:
-        joint, world = self._joint, self._world
-        if self._mode == OperationMode.CST:
-            self._loop.take_over(joint, float(world.q[joint]), float(world.dq[joint]))
-        self._loop.ramp_down(joint, deceleration(self.objects, self.drive))
+        ramp, in_torque = deceleration(self.objects, self.drive), self._mode == OperationMode.CST
+        self._power.ramp_down(ramp, from_torque=in_torque)
 
     def _watch_following(self) -> None:
         elapsed = self._loop.steps_beyond[self._joint] * self._loop.dt
         if elapsed * 1000 <= self.objects[Object.FOLLOWING_TIMEOUT, 0] or self.state.in_fault:
             return
-        joint, world = self._joint, self._world
-        self._loop.resume_from(joint, float(world.q[joint]), float(world.dq[joint]))
+        self._power.give_up_error()
         self._fail(EmcyCode.FOLLOWING_ERROR, ramp=True)
