@@ -10,6 +10,8 @@ from .section import Name, Section
 NodeId = Annotated[int, Field(ge=1, le=127)]
 CanId = Annotated[int, Field(ge=0, le=0x7FF)]
 
+Unsigned32 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+
 CANOPEN_BASES: Final = (0x080, 0x180, 0x200, 0x580, 0x600, 0x700)
 """Of every node: EMCY, TPDO1, RPDO1, SDO answer, SDO request, heartbeat (CiA 301, 7.3.5)."""
 
@@ -40,10 +42,22 @@ class OnBus(Section):
         raise NotImplementedError
 
 
+class NodeIdentity(Section):
+    """Identity of a CANopen node, 1018h, which `telerobot check CELL --bus` compares."""
+
+    vendor: Unsigned32 | None = Field(None, description="vendor-ID, 1018h:1")
+    product: Unsigned32 | None = Field(None, description="product code, 1018h:2")
+    revision: Unsigned32 | None = Field(None, description="revision number, 1018h:3")
+    serial: Unsigned32 | None = Field(None, description="serial number, 1018h:4")
+
+
 class CanOpenNode(OnBus):
     """Base of the table of a CANopen node, which has a heartbeat, too."""
 
     node: NodeId = Field(description="CANopen node id [1]")
+    identity: NodeIdentity | None = Field(
+        None, description="who it is, where that is to be compared; none: anybody"
+    )
 
     def identifiers(self) -> tuple[tuple[str, int], ...]:
         """Return those of the predefined connection set."""

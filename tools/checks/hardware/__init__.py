@@ -1,0 +1,1 @@
+"""Checks of what is on the buses: read over SDO, compared with the cell, nothing moved."""
