@@ -58,7 +58,7 @@ class Cycle:
         self._control, self._link = control, link
         self._heartbeat_every = max(1, int(timing.heartbeat_period_s / timing.period_s))
         self._last_q: Array | None = None
-        self._events = events = opening_events(cell.config.zenoh)
+        self.events = self._events = events = opening_events(cell.config.zenoh)
         self._admission = admission = Admission(
             name, timing.period_s, timing.max_command_age_s, timing.lease_timeout_s
         )

@@ -1,5 +1,6 @@
 """The daemon: builds a cell from its config and runs it. The one file that knows every class."""
 
+import os
 import platform
 import signal
 import sys
@@ -27,7 +28,9 @@ from .operators.exposure import doubts, exposure
 from .operators.link import Link, ZenohLink
 from .plant import Plant
 from .runtime.clock import Clock, MonotonicClock
+from .runtime.log_lines import Level, LogLines, is_journals
 from .runtime.operating_system import prepare, release
+from .runtime.service import notify
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""
@@ -84,10 +87,12 @@ class Shutdown:
         return not (off or over)
 
 
-def serve(cell: Cell, seconds: float | None = None, folder: Path | None = None) -> LoopStatistics:
+def serve(
+    cell: Cell, seconds: float | None = None, folder: Path | None = None, level: Level = "off"
+) -> LoopStatistics:
     """Run a cell's daemon until it is told to end; return what the loop was like.
 
-    Black boxes go to `folder`; None: none are written.
+    Black boxes go to `folder`; None: none are written. Events of `level` and above go to stderr.
 
     Raises `ConfigError` for a daemon that anybody could command, `DeviceError` when the bus or
     the endpoint cannot be opened. Devices that are missing are looked for again and again, and so
@@ -95,32 +100,55 @@ def serve(cell: Cell, seconds: float | None = None, folder: Path | None = None) 
     """
     refuse_exposure(cell.config.zenoh, cell.path)
     identity = identity_of(cell, Role.DAEMON, cell.config.name)
-    for notice in (*exposure(cell.config.zenoh), *doubts(identity)):
-        print(f"telerobot: {notice}", file=sys.stderr, flush=True)
-    clock, ending = MonotonicClock(), Shutdown(seconds)
-    link = _join(cell, identity, clock, ending)
-    if link is None:
-        return LoopStatistics()
+    log = LogLines(sys.stderr, level, journal=is_journals(sys.stderr, os.environ))
+    try:
+        for notice in (*exposure(cell.config.zenoh), *doubts(identity)):
+            log.notice(notice)
+        clock, ending = MonotonicClock(), Shutdown(seconds)
+        link = _join(cell, identity, clock, ending, log)
+        if link is None:
+            return LoopStatistics()
+        return _run(cell, link, folder, clock, ending, log)
+    finally:
+        log.close()
+
+
+def _run(
+    cell: Cell,
+    link: Link,
+    folder: Path | None,
+    clock: MonotonicClock,
+    ending: Shutdown,
+    log: LogLines,
+) -> LoopStatistics:
+    """Boot the cell's devices and run its loop until it is told to end."""
     box = None
     if folder is not None:
         facts = {"version": metadata.version("telerobot"), "machine": platform.platform()}
         box = BlackBox(folder, cell.config.name, to_text(cell), facts)
     cycle = build(cell, open_buses(cell, clock.now), link, clock, random_key, box)
+    cycle.events.taps.append(log.take)
     try:
         cycle.warm_up()
         for notice in prepare():
-            print(f"telerobot: {notice}", file=sys.stderr)
-        if not _boot(cycle, clock, ending):
+            log.notice(notice)
+        if not _boot(cycle, clock, ending, log):
             return LoopStatistics()
         print(f"telerobot: {cell.config.name} is ready at {cell.config.zenoh.endpoint}", flush=True)
+        notify("READY=1")
         return run(cycle, clock, cell.config.timing.period_s, ending.go_on)
     finally:
+        notify("STOPPING=1")
         cycle.close()
         release()
 
 
 def _join(
-    cell: Cell, identity: Identity | None, clock: MonotonicClock, ending: Shutdown
+    cell: Cell,
+    identity: Identity | None,
+    clock: MonotonicClock,
+    ending: Shutdown,
+    log: LogLines,
 ) -> Link | None:
     """Open the operators' network, however long a common router takes to appear.
 
@@ -135,13 +163,13 @@ def _join(
             if zenoh.router is None:
                 raise
             if not told:
-                print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
+                log.notice(f"waiting: {error}")
             told = True
             clock.sleep_until(clock.now() + RETRY_S)
     return None
 
 
-def _boot(cycle: Cycle, clock: MonotonicClock, ending: Shutdown) -> bool:
+def _boot(cycle: Cycle, clock: MonotonicClock, ending: Shutdown, log: LogLines) -> bool:
     """Open the devices, however long they take to appear; return False when told to end."""
     told = ""
     while not ending.asked:
@@ -150,7 +178,7 @@ def _boot(cycle: Cycle, clock: MonotonicClock, ending: Shutdown) -> bool:
         except DeviceError as error:
             if str(error) != told:
                 told = str(error)
-                print(f"telerobot: waiting: {told}", file=sys.stderr, flush=True)
+                log.notice(f"waiting: {told}")
             cycle.wait_in_boot(str(error))
             again_s = clock.now() + RETRY_S
             while clock.now() < again_s:  # what comes in meanwhile must not pile up

@@ -1,6 +1,7 @@
 """Events with cause and values; one of a name is sent at most a few times a second."""
 
 from collections import deque
+from collections.abc import Callable
 from typing import Literal
 
 from ...protocols.messages.telemetry import Event
@@ -26,6 +27,8 @@ class Events:
         self._standing: list[tuple[str, str, dict[str, Value]]] = []
         self.tick = 0
         self.time_s = 0.0
+        self.taps: list[Callable[[Event], None]] = []
+        """Called with every event that is told, in the tick."""
 
     def at(self, tick: int, time_s: float) -> None:
         """Set the tick and time that events are stamped with."""
@@ -85,18 +88,19 @@ class Events:
         suppressed = self._suppressed.pop(kind, 0)
         if suppressed:
             values = {**values, "suppressed": suppressed}
-        self._pending.append(
-            Event.model_construct(
-                id=self._next_id,
-                tick=self.tick,
-                time_s=self.time_s,
-                name=name,
-                severity=severity,
-                detail=detail[:1000],
-                values=values,
-            )
+        event = Event.model_construct(
+            id=self._next_id,
+            tick=self.tick,
+            time_s=self.time_s,
+            name=name,
+            severity=severity,
+            detail=detail[:1000],
+            values=values,
         )
+        self._pending.append(event)
         self._next_id += 1
+        for tap in self.taps:
+            tap(event)
 
 
 class _MechanismEvents(Events):

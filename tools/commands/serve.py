@@ -26,6 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "each kind at most (default: %(default)s)",
     )
     parser.add_argument(
+        "--log", choices=("off", "error", "warning", "info"), default="info",
+        help="events of this level and above are lines on stderr, with levels for journald "
+        "(default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
         "--record", metavar="FOLDER", type=Path, help="record the cell there, by another process"
     )
 
@@ -34,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     """Serve until told to end. Raises `ConfigError`, `DeviceError`."""
     cell = cell_from(args)
     with recording(cell, args.record):
-        statistics = serve(cell, args.seconds, args.blackbox)
+        statistics = serve(cell, args.seconds, args.blackbox, args.log)
     if args.statistics:
         args.statistics.write_text(json.dumps(statistics.figures()))
     print(statistics.line())

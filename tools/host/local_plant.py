@@ -93,7 +93,7 @@ class LocalPlant:
         """Start the daemon."""
         statistics = [] if self._statistics is None else [f"--statistics={self._statistics}"]
         boxes = f"--blackbox={self._boxes or self._folder.name}"
-        self.daemon = self._start("serve", self.cell, [*statistics, boxes])
+        self.daemon = self._start("serve", self.cell, [*statistics, boxes, "--log=off"])
 
     def start_vision(self) -> None:
         """Start looking through the cell's cameras. A machine that can't goes on without."""
