@@ -1,5 +1,6 @@
-"""A small cell of three joints, as files that a test may spoil."""
+"""A small cell of three joints, as files that a test may spoil, and a cell of two arms."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,6 +73,26 @@ friction = [1.0]
 """
 )
 
+TWO_ARMS = """name = "two"
+default_script = "pa10_tour"
+[[buses]]
+name = "one"
+channel = "239.74.163.30"
+[[buses]]
+name = "other"
+channel = "239.74.163.31"
+[[mechanisms]]
+name = "left"
+like = "{}"
+bus = "one"
+{}
+[[mechanisms]]
+name = "right"
+like = "{}"
+bus = "other"
+{}
+"""
+
 
 @dataclass(frozen=True)
 class CellFiles:
@@ -104,6 +125,31 @@ def small(tmp_path: Path) -> CellFiles:
     files.cell.write_text(CELL)
     files.urdf.write_text(URDF)
     return files
+
+
+@pytest.fixture(scope="session")
+def two_arms(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Return a function that writes a cell of two arms, "left" and "right", with a bus each.
+
+    It takes `like` which shipped cells they are, their bases as places along World's y [m] or as
+    TOML, what else each says as its `own`, and what `more` the file says; it returns the file.
+    """
+
+    def write(
+        like: tuple[str, str] = ("pa10", "ur5e"),
+        bases: tuple[float | str, float | str] = (0.55, -0.60),
+        own: tuple[str, str] = ("", ""),
+        more: str = "",
+    ) -> Path:
+        texts: list[str] = []
+        for name, base, said in zip(like, bases, own, strict=True):
+            place = base if isinstance(base, str) else f"xyz = [0.0, {base}, 0.0]"
+            texts += [name, f"T_world_base = {{ {place} }}\n{said}"]
+        path = tmp_path_factory.mktemp("two") / "two.toml"
+        path.write_text(TWO_ARMS.format(*texts) + more)
+        return path
+
+    return write
 
 
 @pytest.fixture(scope="session")

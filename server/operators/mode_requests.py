@@ -96,6 +96,9 @@ class ModeRequests:
             raise Refused(Why.SENSOR_STALE, f"the news of obstacle {stale} is stale")
         if units.touched:
             raise Refused(Why.TOUCHED, "what pushes the arm is still there")
+        for joint in units.joint:
+            if joint.reason_to_stop is not None:
+                raise Refused(Why.NOT_NOW, f"{joint.reason_to_stop}: let go of it first")
 
     def settle(self, mode: Mode, context: RequestContext) -> None:
         """Answer the pending request once its action has succeeded, or has taken too long."""

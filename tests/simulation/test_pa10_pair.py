@@ -172,6 +172,28 @@ def test_a_beam_that_slips_out_of_a_gripper_stops_both_and_they_let_go_of_it(pla
     assert run.summary["limit_violations"] == 0
 
 
+def test_after_a_slip_the_payload_is_taken_off_and_let_go_of_and_the_arms_go_on(play, cell):
+    run = play(
+        {"at_s": 0.1, "for_s": 0.6, "cmd/joystick": BACK},
+        {"at_s": 0.5, "rig/fault": {"kind": "slip", "target": "right.force_torque"}},
+        {"at_s": 1.0, "rig/fault": {"kind": "slip", "target": "left.force_torque"}},
+        {"at_s": 1.5, "operator/mode": {"action": "resume"}},
+        {"at_s": 1.6, "operator/hold_together": {"on": False}},
+        {"at_s": 1.9, "operator/mode": {"action": "resume"}},
+        {"at_s": 2.0, "for_s": 0.5, "cmd/joystick": {"task": "left", **BACK}},
+        seconds=2.4,
+        cell=cell,
+    )
+    # nobody goes after a share of nothing, and what slipped stays so until it is let go of
+    (refused,) = run.summary["refused"]
+    assert "beam slipped from right: let go of it first" in refused
+    assert len(run.events("let_go")) == 1
+    assert run.summary["mode"] == "enabled"
+    lifted = run.truths[-1].arms["left"].pose_mrf[2] - run.truths[-40].arms["left"].pose_mrf[2]
+    assert lifted > 5e-3
+    assert run.summary["limit_violations"] == 0
+
+
 def test_only_who_holds_a_payload_can_lose_it(play):
     fault = {"at_s": 0.05, "rig/fault": {"kind": "slip", "target": "force_torque"}}
     run = play(fault, seconds=0.1)

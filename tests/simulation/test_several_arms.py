@@ -8,25 +8,7 @@ from telerobot.config.load import load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
-PAIR = """
-name = "pair"
-default_script = "pa10_tour"
-[[buses]]
-name = "one"
-channel = "239.74.163.30"
-[[buses]]
-name = "other"
-channel = "239.74.163.31"
-[[mechanisms]]
-name = "left"
-like = "pa10"
-bus = "one"
-T_world_base = { xyz = [0.0, 0.55, 0.0] }
-[[mechanisms]]
-name = "right"
-like = "ur5e"
-bus = "other"
-T_world_base = { xyz = [0.0, -0.45, 0.0] }
+SCREW = """
 [[tasks]]
 name = "screw"
 by = ["right"]
@@ -43,10 +25,8 @@ TOGETHER = [
 
 
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory):
-    path = tmp_path_factory.mktemp("cells") / "pair.toml"
-    path.write_text(PAIR)
-    return load_cell(path)
+def pair(two_arms):
+    return load_cell(two_arms(bases=(0.55, -0.45), more=SCREW))
 
 
 def reached(run, joints):

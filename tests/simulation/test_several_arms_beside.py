@@ -9,26 +9,6 @@ from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
 
-PAIR = """
-name = "pair"
-default_script = "pa10_tour"
-[[buses]]
-name = "one"
-channel = "239.74.163.30"
-[[buses]]
-name = "other"
-channel = "239.74.163.31"
-[[mechanisms]]
-name = "left"
-like = "pa10"
-bus = "one"
-T_world_base = { xyz = [0.0, 0.55, 0.0] }
-[[mechanisms]]
-name = "right"
-like = "LIKE"
-bus = "other"
-T_world_base = { xyz = [0.0, -0.60, 0.0] }
-"""
 LEFT, RIGHT = slice(0, 7), slice(7, 14)
 UP = {"twist": [0.0, 0.0, 0.05, 0.0, 0.0, 0.0], "expressed_in": "world"}
 BOTH_UP = [
@@ -38,13 +18,11 @@ BOTH_UP = [
 
 
 @pytest.fixture
-def cell(tmp_path):
+def cell(two_arms):
     """Load two arms, the right one like another cell's, with more in the file."""
 
     def load(more="", like="pa10"):
-        path = tmp_path / "pair.toml"
-        path.write_text(PAIR.replace("LIKE", like) + more)
-        return load_cell(path)
+        return load_cell(two_arms(like=("pa10", like), more=more))
 
     return load
 

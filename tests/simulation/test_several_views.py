@@ -6,24 +6,7 @@ from telerobot.config.load import load_cell
 
 pytestmark = pytest.mark.usefixtures("rendering")
 
-CELL = """
-name = "two"
-default_script = "pa10_tour"
-[[buses]]
-name = "one"
-channel = "239.74.163.30"
-[[buses]]
-name = "other"
-channel = "239.74.163.31"
-[[mechanisms]]
-name = "left"
-like = "pa10"
-bus = "one"
-T_world_base = { xyz = [0.0, 1.6, 0.0] }
-[[mechanisms]]
-name = "right"
-like = "pa10_vision"
-bus = "other"
+LOOK = """
 [[tasks]]
 name = "look"
 by = ["right"]
@@ -46,10 +29,8 @@ AWAY = {"task": "look", "twist": [0.0, 0.06, 0.04, 0.0, 0.0, 0.1], "expressed_in
 
 
 @pytest.fixture
-def cell(tmp_path):
-    path = tmp_path / "two.toml"
-    path.write_text(CELL)
-    return load_cell(path)
+def cell(two_arms):
+    return load_cell(two_arms(like=("pa10", "pa10_vision"), bases=(1.6, ""), more=LOOK))
 
 
 def test_the_view_of_one_arms_camera_is_kept_by_that_arm(play, cell):

@@ -70,7 +70,23 @@ def test_one_arm_takes_the_time_of_one(monkeypatch):
     for phase in ("free_us", "limited_us", "back_to_back_us"):
         assert figures[f"{phase}_1"]["times_one"] == 1.0
         assert figures[f"{phase}_2"]["p50"] > 0.0
+        assert figures[f"{phase}_payload"]["p50"] > 0.0
     assert figures["pause_ms"] == 1e3 * tick.PAUSE_S
+
+
+def test_arms_on_one_payload_are_measured_while_they_hold_it(monkeypatch):
+    held = []
+
+    class Watched(tick.Control):
+        def tick(self, memories, inputs):
+            nexts, outputs = super().tick(memories, inputs)
+            held.append([output.held is not None for output in outputs])
+            return nexts, outputs
+
+    monkeypatch.setattr(tick, "Control", Watched)
+    tick.bench(load.among(load.on_one_payload(), load.OBSTACLES), ticks=20)
+    assert held
+    assert all(all(each) for each in held)
 
 
 def test_growth_writes_a_row_for_each_count(tmp_path, monkeypatch, capsys):

@@ -12,11 +12,13 @@ from statistics import median
 from ...config.load import Cell
 from . import tick
 from .figures import Figures
-from .load import OBSTACLES, among, chain, several
+from .load import OBSTACLES, among, chain, on_one_payload, several
 
 COUNTS = (1, 2, 4, 8, 16, 32, 64)
 JOINTS = (6, 7, 8, 10, 12, 16, 24, 32, 48, 60)
 ARMS = (1, 2, 3, 4)
+PAYLOAD = "payload"
+"""Row of two arms on one payload, beside those of arms with a task each."""
 TICKS = 1000
 ROUNDS = 5
 """Everything is measured so often, in turn, and each phase's quietest round counts: on a machine
@@ -39,17 +41,18 @@ def growth(cell: Cell, quick: bool) -> Figures:
 
 
 def arms(cell: Cell, ticks: int, rounds: int) -> Figures:
-    """Measure one arm, and several with a task each, all among the same number of obstacles.
+    """Measure one arm, several with a task each, and two on one payload, among as many obstacles.
 
     Of each phase the quietest round; `times_one` is the median, over the rounds, of how often the
     time of one arm it takes.
     """
     with tempfile.TemporaryDirectory() as folder:
         cells = [among(several(cell, count, Path(folder)), OBSTACLES) for count in ARMS]
+        cells.append(among(on_one_payload(), OBSTACLES))
         measured = [[tick.bench(made, ticks) for made in cells] for _ in range(rounds)]
     found: Figures = {"obstacles": OBSTACLES, "pause_ms": 1e3 * tick.PAUSE_S}
     for phase in ("free_us", "limited_us", "back_to_back_us"):
-        for i, count in enumerate(ARMS):
+        for i, count in enumerate((*ARMS, PAYLOAD)):
             ratios = [figures[i][phase]["p50"] / figures[0][phase]["p50"] for figures in measured]
             row = min((figures[i][phase] for figures in measured), key=lambda times: times["p99"])
             found[f"{phase}_{count}"] = {**row, "times_one": round(median(ratios), 2)}

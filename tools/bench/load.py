@@ -60,7 +60,7 @@ def among(cell: Cell, count: int) -> Cell:
     first, *others = (
         replace(part, config=part.config.model_copy(update=told), others=()) for part in cell.parts
     )
-    return replace(first, others=tuple(others))
+    return replace(first, others=tuple(others), joint_tasks=cell.joint_tasks)
 
 
 def several(cell: Cell, count: int, folder: Path) -> Cell:
@@ -78,6 +78,17 @@ def several(cell: Cell, count: int, folder: Path) -> Cell:
         lines += [f"T_world_base = {{ xyz = [0.0, {y}, 0.0] }}"]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return load_cell(path)
+
+
+def on_one_payload() -> Cell:
+    """Return the shipped cell of two arms that hold a payload, which weighs nothing here.
+
+    What sensors tell in a benchmark is noise: of a weight they would have to tell.
+    """
+    cell = load_cell("pa10_pair")
+    (task,) = cell.joint_tasks
+    light = task.model_copy(update={"payload": task.payload.model_copy(update={"mass": 0.0})})
+    return replace(cell, joint_tasks=(light,))
 
 
 def _drawn(draw: Draw, i: int, centre: Array) -> tuple[Obstacle, Thing]:

@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from ...config.load import Cell
+from ...config.load import Cell, joint_part
 from ...server.control.evolve import evolve
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.mechanism.null_space.redundancy import ObjectiveGains
@@ -116,7 +116,9 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
     draw = np.random.default_rng(1)
     ready = [np.array(part.config.mechanism.postures["ready"]) for part in cell.parts]
     memories = control.seed(np.concatenate(ready))
-    operators = [_Operator(part, q) for part, q in zip(cell.parts, ready, strict=True)]
+    leads = {task.by[0]: joint_part(cell, task) for task in cell.joint_tasks if task.at_start}
+    led = [leads.get(part.config.mechanism.name, part) for part in cell.parts]
+    operators = [_Operator(part, q) for part, q in zip(led, ready, strict=True)]
     seconds: list[float] = []
     pace: list[float] = []
     limited = 0

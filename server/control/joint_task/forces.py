@@ -15,6 +15,7 @@ from ..grasps.held import Held
 from ..grasps.load_shares import grasp_maps, internal, load_shares
 from ..mechanism.wrist import WristMemory
 from ..rigid_body import twist_at
+from ..scene import Flags
 from ..spatial import GRAVITY, Array, Pose, cross, rotate_twist
 from ..state import Inputs, Intent
 from ..task.bleed import bleed
@@ -25,6 +26,9 @@ LEAST_SHARE = 4.0
 
 EMPTY = 0.25
 """An arm that carries less than this part of its share carries nothing [1]."""
+
+SLIPPED_S = 0.1
+"""A payload has slipped when one arm carries nothing of it and the others all for so long [s]."""
 
 OTHERS = 0.75
 """The others carry its part when they carry more than this of the whole [1]."""
@@ -97,25 +101,33 @@ def grasping(
     return Grasping(p, desired, exerted, force)
 
 
-def without_load(forces: Grasping, up: Array) -> tuple[bool, ...]:
-    """Return which of k arms carry next to nothing of the payload, and the others their part.
+def without_load(forces: Grasping, up: Array) -> tuple[Flags, Flags]:
+    """Return which of k arms carry next to nothing of the payload, and of which others carry that.
 
-    `up` (3,) is the vertical in the axes of the MRF. What a payload rests on takes load off the
-    others, too: then nothing slipped.
+    Both are (k,); `up` (3,) is the vertical in the axes of the MRF. What a payload rests on takes
+    load off the others, too: then nothing slipped.
     """
     exerted = [h for h in forces.exerted if h is not None]
     meant = forces.desired[:, :3] @ up
     if len(exerted) < len(meant) or meant.min() < LEAST_SHARE:
-        return (False,) * len(meant)
+        nobody = np.zeros(len(meant), dtype=bool)
+        return nobody, nobody
     carried = np.array(exerted)[:, :3] @ up
-    others = (carried.sum() - carried) > OTHERS * meant.sum()
-    return tuple(((carried < EMPTY * meant) & others).tolist())
+    empty: Flags = carried < EMPTY * meant
+    return empty, empty & ((carried.sum() - carried) > OTHERS * meant.sum())
 
 
 def light_s(before_s: Sequence[float], forces: Grasping, up: Array, period_s: float) -> list[float]:
-    """Return how long each arm has been without load [s], one period after `before_s`."""
-    empty = without_load(forces, up)
-    return [s + period_s if e else 0.0 for s, e in zip(before_s, empty, strict=True)]
+    """Return how long each arm has been without load [s], one period after `before_s`.
+
+    A payload that slipped has not come back when the others lose it, too: they would go after their
+    shares of nothing. It has when the arm carries its part.
+    """
+    empty, slips = (flags.tolist() for flags in without_load(forces, up))
+    return [
+        s + period_s if slips[i] or (empty[i] and s >= SLIPPED_S) else 0.0
+        for i, s in enumerate(before_s)
+    ]
 
 
 class GivingWay:

@@ -31,16 +31,13 @@ from ..state import Inputs, Intent, Memory, Output
 from ..task.sources.force import ForceState
 from ..task.task import TaskMemory
 from .common import Common
-from .forces import GivingWay, Grasping, light_s
+from .forces import SLIPPED_S, GivingWay, Grasping, light_s
 from .grips import Grips
 from .members import Member, Together
+from .stretch import relative_speed
 
 FIT_M = 0.020
 """Grasps that are farther from fitting each other do not hold one payload [m]."""
-
-
-SLIPPED_S = 0.1
-"""An arm that carries next to nothing for so long has lost the payload [s]."""
 
 
 class _Of(NamedTuple):
@@ -143,7 +140,7 @@ class JointTask:
             members.append(self._member(i, of, t, twists, twist, share, holding))
         return Together(
             tuple(members), T_world_mrf, shared, twists, twist, share, strained,
-            lost, forces.p, share * _relative(ways),
+            lost, forces.p, share * relative_speed(ways),
         )  # fmt: skip
 
     def finish(
@@ -293,8 +290,3 @@ def _of_member(own: Inputs, told: Inputs, held: Held, T_payload_mrf: Pose) -> In
         own, settings=settings, stick=None, jog=None, goal=None, view=None, posture=None,
         T_wrist_goal=None, wrench_desired=told.wrench_desired, at_posture=told.at_posture,
     )  # fmt: skip
-
-
-def _relative(twists: Sequence[Array]) -> float:
-    """Return the greatest difference in speed [m/s] of two twists (6,)."""
-    return max(float(np.linalg.norm((a - b)[:3])) for a in twists for b in twists)

@@ -14,29 +14,10 @@ from telerobot.server.plant import Plant
 from telerobot.tools.simulation.virtual_buses import VirtualBuses
 
 PERIOD_S = 0.01
-PAIR = """
-name = "two"
-default_script = "pa10_tour"
-[[buses]]
-name = "one"
-channel = "239.74.163.30"
-[[buses]]
-name = "other"
-channel = "239.74.163.31"
-[[mechanisms]]
-name = "left"
-like = "pa10"
-bus = "one"
-T_world_base = { xyz = [0.0, 2.0, 0.0] }
-[[mechanisms]]
-name = "right"
-like = "ur5e"
-bus = "other"
-T_world_base = { xyz = [0.0, 1.0, 0.0] }
-gripper = { node = 20 }
-[rig]
-gripper = { mass = 2.0 }
-"""
+APART = (2.0, 1.0)
+"""Bases, along World's y [m]."""
+GRIPPER = ("", "gripper = { node = 20 }")
+HELD = "[rig]\ngripper = { mass = 2.0 }\n"
 LEFT, RIGHT = slice(0, 7), slice(7, 13)
 
 
@@ -99,10 +80,8 @@ class Run:
 
 
 @pytest.fixture
-def run(tmp_path):
-    path = tmp_path / "two.toml"
-    path.write_text(PAIR)
-    made = Run(load_cell(path))
+def run(two_arms):
+    made = Run(load_cell(two_arms(bases=APART, own=GRIPPER, more=HELD)))
     yield made
     made.buses.close()
 
@@ -223,14 +202,13 @@ def test_the_gripper_of_one_arm_takes_hold_with_that_arm(run):
     assert left < 2.0
 
 
-def test_contact_is_told_of_the_arm_that_touches(tmp_path):
-    path = tmp_path / "two.toml"
+def test_contact_is_told_of_the_arm_that_touches(two_arms):
     box = '[[rig.boxes]]\nname = "table"\nxyz = [0.0, 1.0, -10.0]\nhalf_size = [0.2, 0.2, 0.05]\n'
-    path.write_text(PAIR + box)
-    run = Run(load_cell(path))
+    far = two_arms(bases=APART, own=GRIPPER, more=HELD + box)
+    run = Run(load_cell(far))
     x, y, z, *_ = run.rig.truth().arms["right"].pose_mrf
-    path.write_text(PAIR + box.replace("0.0, 1.0, -10.0", f"{x}, {y}, {z - 0.055}"))
-    run = Run(load_cell(path))
+    near = box.replace("0.0, 1.0, -10.0", f"{x}, {y}, {z - 0.055}")
+    run = Run(load_cell(two_arms(bases=APART, own=GRIPPER, more=HELD + near)))
     run.rig.advance(0.01)
     truth = run.rig.truth()
     assert np.linalg.norm(truth.arms["right"].contact_force) > 1.0

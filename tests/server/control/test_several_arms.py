@@ -12,38 +12,17 @@ from telerobot.server.control.task.asked import StickCommand
 from telerobot.server.control.tick import Control
 
 T = 0.01
-PAIR = """
-name = "pair"
-default_script = "pa10_tour"
-[[buses]]
-name = "left"
-channel = "239.74.163.20"
-[[buses]]
-name = "right"
-channel = "239.74.163.21"
-[[mechanisms]]
-name = "left"
-bus = "left"
-like = "pa10"
-T_world_base = { xyz = [0.0, LEFT, 0.0] }
-[[mechanisms]]
-name = "right"
-bus = "right"
-like = "pa10"
-T_world_base = { xyz = [0.1, RIGHT, 0.0], rpy = [0.0, 0.0, 0.5] }
-[rig]
-tool_radius = 0.0
-"""
+NO_BALL = "[rig]\ntool_radius = 0.0\n"
 """The ball at the tool, which is to touch things, would be no part of the promise."""
 
 
 @pytest.fixture
-def pair(tmp_path):
+def pair(two_arms):
     """Return a function that loads two PA-10s whose bases are so far from the middle [m]."""
 
     def load(left, right):
-        path = tmp_path / "pair.toml"
-        path.write_text(PAIR.replace("LEFT", str(left)).replace("RIGHT", str(right)))
+        turned = f"xyz = [0.1, {right}, 0.0], rpy = [0.0, 0.0, 0.5]"
+        path = two_arms(like=("pa10", "pa10"), bases=(left, turned), more=NO_BALL)
         return load_cell(path)
 
     return load

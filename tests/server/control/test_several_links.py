@@ -10,25 +10,7 @@ from telerobot.server.control.tick import Control
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
-PAIR = """
-name = "two"
-default_script = "pa10_tour"
-[[buses]]
-name = "one"
-channel = "239.74.163.30"
-[[buses]]
-name = "other"
-channel = "239.74.163.31"
-[[mechanisms]]
-name = "left"
-like = "pa10_hand_pole"
-bus = "one"
-T_world_base = { xyz = [0.0, 0.55, 0.0] }
-[[mechanisms]]
-name = "right"
-like = "ur5e"
-bus = "other"
-T_world_base = { xyz = [0.0, -0.6, 0.0] }
+CAPSULES = """
 [avoidance]
 capsules = [
   { link = "left.hand", start = [0.0, 0.0, 0.0], end = [0.0, 0.0, 0.3], radius = 0.2 },
@@ -38,10 +20,8 @@ capsules = [
 
 
 @pytest.fixture
-def two(tmp_path):
-    path = tmp_path / "two.toml"
-    path.write_text(PAIR)
-    return load_cell(path)
+def two(two_arms):
+    return load_cell(two_arms(like=("pa10_hand_pole", "ur5e"), more=CAPSULES))
 
 
 def test_a_capsule_is_on_the_arm_that_its_link_names(two):

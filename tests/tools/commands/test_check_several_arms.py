@@ -6,34 +6,11 @@ from telerobot.tools.checks.findings import Severity
 from telerobot.tools.cli import main
 from telerobot.tools.commands.check import judge
 
-PAIR = """
-name = "two"
-default_script = "pa10_tour"
-[[buses]]
-name = "one"
-channel = "239.74.163.30"
-[[buses]]
-name = "other"
-channel = "239.74.163.31"
-[[mechanisms]]
-name = "left"
-like = "pa10"
-bus = "one"
-T_world_base = { xyz = [0.0, 0.55, 0.0] }
-[[mechanisms]]
-name = "right"
-like = "ur5e"
-bus = "other"
-T_world_base = { xyz = [0.0, -0.6, 0.0] }
-"""
-
 
 @pytest.fixture
-def path(tmp_path):
+def path(two_arms):
     """Path of a cell with two arms."""
-    path = tmp_path / "two.toml"
-    path.write_text(PAIR)
-    return path
+    return two_arms()
 
 
 def findings(path):
@@ -90,7 +67,7 @@ def test_arms_that_start_nearer_than_promised_are_an_error(path):
     found = findings(path)
     assert found["arms at start"].status is Severity.OK
     assert found["arms at start"].values["gap"] > 0.1
-    path.write_text(PAIR.replace("-0.6, 0.0", "0.35, 0.0"))
+    path.write_text(path.read_text().replace("-0.6, 0.0", "0.35, 0.0"))
     near = findings(path)["arms at start"]
     assert near.status is Severity.ERROR
     assert near.values["gap"] < near.values["clearance"]
@@ -100,7 +77,7 @@ def test_arms_that_start_nearer_than_promised_are_an_error(path):
 
 
 def test_arms_that_nothing_keeps_apart_are_worth_a_word(path):
-    path.write_text(PAIR + "[avoidance]\nenabled = false\n")
+    path.write_text(path.read_text() + "[avoidance]\nenabled = false\n")
     assert findings(path)["arms apart"].status is Severity.WARN
 
 
@@ -114,7 +91,7 @@ def test_arms_that_nothing_keeps_apart_are_worth_a_word(path):
     ],
 )  # fmt: skip
 def test_links_are_named_with_their_arm(path, more, words, capsys):
-    path.write_text(PAIR + f"[avoidance]\n{more}\n")
+    path.write_text(path.read_text() + f"[avoidance]\n{more}\n")
     assert main(["check", str(path)]) == 2
     assert words in capsys.readouterr().err
     path.write_text(

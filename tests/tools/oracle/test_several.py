@@ -9,33 +9,11 @@ from telerobot.drivers.rig.physics.world import World
 from telerobot.tools.oracle.arm import OracleArm
 from telerobot.tools.oracle.several import Arms
 
-PAIR = """
-name = "pair"
-default_script = "pa10_tour"
-[[buses]]
-name = "left"
-channel = "239.74.163.20"
-[[buses]]
-name = "right"
-channel = "239.74.163.21"
-[[mechanisms]]
-name = "left"
-like = "pa10"
-bus = "left"
-T_world_base = { xyz = [0.0, 0.45, 0.0] }
-[[mechanisms]]
-name = "right"
-like = "ur5e"
-bus = "right"
-T_world_base = { xyz = [0.1, -0.40, 0.0], rpy = [0.0, 0.0, 0.5] }
-"""
-
 
 @pytest.fixture
-def pair(tmp_path):
-    path = tmp_path / "pair.toml"
-    path.write_text(PAIR)
-    return load_cell(path)
+def pair(two_arms):
+    turned = "xyz = [0.1, -0.40, 0.0], rpy = [0.0, 0.0, 0.5]"
+    return load_cell(two_arms(bases=(0.45, turned)))
 
 
 def test_arms_are_as_far_apart_as_the_physics_has_them(pair):

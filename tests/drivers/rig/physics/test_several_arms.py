@@ -5,34 +5,13 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.physics.world import World
 
-PAIR = """
-name = "pair"
-default_script = "pa10_tour"
-[[buses]]
-name = "left"
-channel = "239.74.163.20"
-[[buses]]
-name = "right"
-channel = "239.74.163.21"
-[[mechanisms]]
-name = "left"
-bus = "left"
-like = "pa10"
-T_world_base = { xyz = [0.0, 0.55, 0.0] }
-[[mechanisms]]
-name = "right"
-bus = "right"
-like = "pa10"
-T_world_base = { xyz = [0.1, -0.70, 0.0], rpy = [0.0, 0.0, 0.5] }
-"""
 LEFT, RIGHT = slice(0, 7), slice(7, 14)
 
 
 @pytest.fixture
-def pair(tmp_path):
-    path = tmp_path / "pair.toml"
-    path.write_text(PAIR)
-    return load_cell(path)
+def pair(two_arms):
+    turned = "xyz = [0.1, -0.70, 0.0], rpy = [0.0, 0.0, 0.5]"
+    return load_cell(two_arms(like=("pa10", "pa10"), bases=(0.55, turned)))
 
 
 def fall(world, seconds):
