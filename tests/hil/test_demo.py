@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
@@ -88,8 +89,11 @@ class Terminal:
         self.text = ""
 
     def read_until(self, words, within_s=120):
+        self.until(lambda: words in self.text, words, within_s)
+
+    def until(self, done, words, within_s=120):
         deadline_s = time.monotonic() + within_s
-        while words not in self.text:
+        while not done():
             ready, _, _ = select.select([self._fd], [], [], within_s)
             assert ready, f"nothing more, and no {words!r} in:\n{self.text[-3000:]}"
             assert time.monotonic() < deadline_s, f"no {words!r} in:\n{self.text[-3000:]}"
@@ -132,5 +136,30 @@ def test_what_is_killed_is_told_and_started_again_and_the_keys_go_on():
         demo.read_until("lease free")  # told by the new daemon
         demo.press("L")
         demo.read_until("lease granted")
+    finally:
+        demo.close()
+
+
+def test_the_keys_lead_a_beam_that_two_arms_hold():
+    shown = re.compile(r"([A-Z]+) \| beam \| xyz \S+ \S+ ([+-][\d.]+) m")
+    demo = Terminal("pa10_pair", "--no-page")
+
+    def higher_than(place):
+        mode, z = shown.findall(demo.text)[-1]
+        if float(z) > place + 0.01:
+            return True
+        demo.press("r" if mode == "ENABLED" else "m")  # ticks that come late end in HOLD
+        return False
+
+    try:
+        demo.read_until("lease granted")
+        demo.press("m")
+        demo.until(lambda: shown.search(demo.text), "beam")
+        before = float(shown.findall(demo.text)[-1][1])
+        demo.until(lambda: higher_than(before), "a beam that rises")
+        demo.forget()
+        demo.press("x")
+        demo.read_until("PROTECTIVE STOP")
+        demo.until(lambda: [m for m, _ in shown.findall(demo.text)[-1:]] == ["HOLD"], "HOLD")
     finally:
         demo.close()

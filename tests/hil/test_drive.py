@@ -9,6 +9,7 @@ import subprocess
 import sys
 import termios
 import threading
+from functools import partial
 
 import numpy as np
 import pytest
@@ -58,11 +59,11 @@ class Terminal:
 
 
 @pytest.fixture
-def terminal(plant):
-    """Return a function that starts `telerobot drive` on the plant, in a terminal."""
+def open_terminal():
+    """Return a function that starts `telerobot drive` on a plant, in a terminal."""
     terminals = []
 
-    def start(*extra):
+    def start(plant, *extra):
         cell, endpoint, *_ = options(plant.cell)
         terminals.append(Terminal(*DRIVE, cell, endpoint, "--name", "ann", *extra))
         return terminals[-1]
@@ -70,6 +71,12 @@ def terminal(plant):
     yield start
     for each in terminals:
         each.close()
+
+
+@pytest.fixture
+def terminal(plant, open_terminal):
+    """Return a function that starts it on the PA-10."""
+    return partial(open_terminal, plant)
 
 
 def wait_text(plant, terminal, text, within_s=20.0):
@@ -124,6 +131,39 @@ def test_a_held_key_moves_the_arm_and_letting_go_stops_it(plant, terminal):
     assert screen.program.returncode == 0
     plant.until(screen.restored, 5.0)
     plant.until(lambda: watcher.state.mode == "hold", 3.0)
+
+
+@pytest.mark.slow
+def test_held_keys_insert_and_withdraw_a_snake_of_thirty_drives_on_two_buses(
+    make_plant, open_terminal
+):
+    plant = make_plant("snake")
+    watcher = plant.operator("watcher")
+    depth = lambda: (watcher.state.insertion or {}).get("depth", 0.0)  # noqa: E731
+    speed = lambda: (watcher.state.insertion or {}).get("speed", 1.0)  # noqa: E731
+
+    def hold_until(key, reached):
+        start_s = plant.truth.time_s
+        while not reached():
+            assert plant.truth.time_s < start_s + 10.0, f"{key!r} does not get there"
+            screen.type(key)
+            plant.run_for(0.03)
+
+    screen = open_terminal(plant)
+    wait_text(plant, screen, "lease granted to ann", 60.0)  # two processes start beside it
+    screen.type("m")
+    wait_text(plant, screen, "enable: done")
+    before = depth()
+    hold_until("v", lambda: depth() > before + 0.05)
+    plant.until(lambda: speed() == 0.0, 3.0, "letting go does not stop it")
+    rest = depth()
+    plant.run_for(0.3)
+    assert depth() == pytest.approx(rest, abs=1e-3)
+    hold_until("b", lambda: depth() < rest - 0.03)
+    plant.until(lambda: speed() == 0.0, 3.0, "letting go does not stop it")
+    assert watcher.state.mode == "enabled"
+    assert plant.truth.clearance_m > 0.008
+    assert plant.truth.contact_force == (0.0, 0.0, 0.0)
 
 
 def test_space_stops_the_arm_and_its_refusals_are_said(plant, terminal):

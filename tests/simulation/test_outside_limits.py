@@ -60,6 +60,20 @@ def test_enabling_moves_nothing_wherever_the_joints_stand(mode, joint, sense, be
         assert event.values["beyond_rad"] == pytest.approx(beyond, abs=1e-4)
 
 
+@pytest.mark.parametrize("name", ["pa10_hand", "pa10_pair", "pa10_platform", "snake_space"])
+def test_enabling_moves_nothing_in_other_bodies_either(name):
+    cell = load_cell(name)
+    rig = cell.config.rig
+    if (
+        rig.frames is not None
+    ):  # the noise of a Base's pose is followed by the tool that holds World
+        frames = rig.frames.model_copy(update={"noise": (0.0, 0.0)})
+        rig = rig.model_copy(update={"frames": frames})
+        cell = dataclasses.replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    _, way = played(cell, seconds=0.4)
+    assert np.abs(way - way[0]).max() < 1e-3
+
+
 STICK = {"twist": [0.0, 0.05, 0.0, 0.0, 0.0, 0.2], "expressed_in": "base"}
 JOG = [0.0] * 7
 

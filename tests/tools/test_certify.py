@@ -227,6 +227,25 @@ def test_each_process_finds_its_own(arm):
     assert identity_of(load_cell("pa10"), Role.OPERATOR, "ann") is None
 
 
+@pytest.mark.parametrize("asked", [[], ["--sensor", "scan", "--sensor", "vision"]])
+def test_the_scanners_process_finds_one_for_contour_and_boxes(arm, asked):
+    arm.write_text(ARM.replace('"pa10"', '"rover_bridge"'))
+    certify(arm, *asked)
+    both = {f"telerobot:rover_bridge/sensor/{key}" for key in ("contour", "obstacle")}
+    assert granted(arm.parent / "keys", "sensor-scan") == both
+    for key in ("sensor/contour", "sensor/obstacle"):
+        found = identity_of(load_cell(arm), Role.SENSOR, "scan", key)
+        assert found.certificate.name == "sensor-scan"
+
+
+def test_a_scanner_that_may_not_tell_of_boxes_is_refused_before_it_scans(arm, capsys):
+    arm.write_text(ARM.replace('"pa10"', '"rover_bridge"'))
+    certify(arm, "--sensor", "scan=contour")
+    assert main(["scan", str(arm)]) == 2
+    told = capsys.readouterr().err
+    assert "sensor-scan.crt: does not certify telerobot:rover_bridge/sensor/obstacle" in told
+
+
 def test_of_several_operators_the_one_of_the_name_is_taken_or_none(arm):
     certify(arm, "--operator", "ann", "--operator", "bob")
     assert identity_of(load_cell(arm), Role.OPERATOR, "bob").certificate.name == "operator-bob"

@@ -1,6 +1,7 @@
 """`telerobot campaign`: behaviour at scale, from seeds that anyone can run again."""
 
 import argparse
+import gc
 import json
 import multiprocessing
 import os
@@ -87,7 +88,13 @@ def _played(jobs: list[Job], processes: int) -> Iterator[JobResult]:
 
 def _play(job: Job) -> JobResult:
     name, what = job
-    return PARTS[name].play(what)
+    # What a run keeps is not garbage: looking for some among it took a sixth of the time.
+    gc.collect()
+    gc.disable()
+    try:
+        return PARTS[name].play(what)
+    finally:
+        gc.enable()
 
 
 def _show(name: str, found: Summary) -> None:

@@ -10,7 +10,7 @@ from ...drivers.network.certificates import Certificate, certificate, issued, re
 from ...protocols.roles import NAME
 from ...protocols.topics import Role
 from .authority import DAYS, Authority
-from .holders import Holder, is_host, named, sensor_keys, standing
+from .holders import SCAN, SCANS, Holder, is_host, named, sensor_keys, standing
 from .router import write_router
 
 LONGEST_DAYS = 3650
@@ -128,7 +128,7 @@ def _name(text: str) -> str:
 
 def _sensor(text: str) -> tuple[str, tuple[str, ...]]:
     name, given, listed = text.partition("=")
-    keys = listed.split(",") if given else [name]
+    keys = listed.split(",") if given else SCANS if name == SCAN else [name]
     wrong = [key for key in keys if key not in sensor_keys()]
     if wrong:
         raise argparse.ArgumentTypeError(

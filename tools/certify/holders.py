@@ -24,8 +24,10 @@ class Holder:
     hosts: frozenset[str] = frozenset()
 
 
-PUTS: Final = {"contour": ("sensor/contour", "sensor/obstacle")}
-"""Keys of a sensor that puts on more than its own: a scanner tells of obstacles, too."""
+SCAN: Final = "scan"
+"""`telerobot scan`, which asks for a certificate of that name."""
+SCANS: Final = ("contour", "obstacle")
+"""Keys that it puts on: a scanner tells of obstacles, too."""
 
 
 def named(cells: list[Cell], args: argparse.Namespace) -> list[Holder]:
@@ -45,7 +47,9 @@ def named(cells: list[Cell], args: argparse.Namespace) -> list[Holder]:
     operators, observers, sensors = args.operator, args.observer, args.sensor
     if not (operators or observers or sensors or args.router):
         operators, observers = ["operator"], ["observer"]
-        sensors = [(key, PUTS.get(key, (f"sensor/{key}",))) for key in _used(cells)]
+        sensors = [(key, (f"sensor/{key}",)) for key in _used(cells)]
+        if any(cell.config.scanner is not None for cell in cells):
+            sensors.append((SCAN, tuple(f"sensor/{key}" for key in SCANS)))
     for role, each in ((Role.OPERATOR, operators), (Role.OBSERVER, observers)):
         made += [
             Holder(f"{role}-{who}", frozenset(Grant(cell, role) for cell in names)) for who in each
@@ -86,10 +90,9 @@ def _used(cells: list[Cell]) -> list[str]:
     used = {
         "vision": any(cell.config.cameras for cell in cells),
         "obstacle": any(cell.config.keeps_clear for cell in cells),
-        "contour": any(cell.config.scanner is not None for cell in cells),
         "frame": any(cell.config.frames.moving for cell in cells),
     }
-    return [key for key in sensor_keys() if used[key]]
+    return [key for key in sensor_keys() if used.get(key)]
 
 
 def _own_hosts() -> tuple[str, ...]:

@@ -45,7 +45,8 @@ def run(args: argparse.Namespace) -> int:
     scanning = Scanning(cell)
     # Silence for as long as a search takes would stop the base.
     scanning.reflex.elsewhere = ThreadPoolExecutor(1)
-    identity = identity_of(cell, Role.SENSOR, "scan", t.CONTOUR.key)
+    for topic in (t.OBSTACLE, t.CONTOUR):  # it puts on both
+        identity = identity_of(cell, Role.SENSOR, "scan", topic.key)
     over = until_told(args.seconds)
     session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
     work = None

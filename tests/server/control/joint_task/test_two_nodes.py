@@ -19,6 +19,12 @@ TILTED = (
     (RIGHT, "misplaced = { xyz = [-0.002, -0.00015, -0.002] }"),
 )
 
+BOTH = (
+    (LEFT, "misplaced = { xyz = [0.004, 0.00115, 0.0] }"),
+    (RIGHT, "misplaced = { xyz = [0.0, 0.00085, -0.002] }"),
+)
+"""As built, and tilted by 2 mm at either end."""
+
 
 def inserted(run, seconds=12.0, deep=20e-3, ahead=AHEAD):
     """Push ahead until both pegs are so deep; return their depths [m] and the greatest push [N]."""
@@ -31,7 +37,7 @@ def inserted(run, seconds=12.0, deep=20e-3, ahead=AHEAD):
     return run.world.beam.peg_depths(), push
 
 
-@pytest.mark.parametrize("changes", [AS_BUILT, TILTED], ids=["as built", "tilted"])
+@pytest.mark.parametrize("changes", [AS_BUILT, TILTED, BOTH], ids=["as built", "tilted", "both"])
 def test_both_pegs_go_in_gently_while_force_control_melts_what_does_not_fit(tmp_path, changes):
     run = Carrying(pair(tmp_path, *changes, nodes=True))
     depths, push = inserted(run)
