@@ -62,7 +62,7 @@ COMMANDS: Final = (
     Command("check", "commands.check",
             "judge a cell: timeouts, bus load, drives, stability, postures",
             ("telerobot check pa10", "telerobot check my/cell.toml --bus",
-             "telerobot check my/cell.toml --profile j1")),
+             "telerobot check my/cell.toml --profile=j1")),
     Command("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
             ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
     Command("certify", "certify.cli", "certificates: who may command, tell and listen on a network",
