@@ -1,5 +1,7 @@
 import math
 import re
+import tomllib
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,23 @@ def test_a_path_may_be_text(small):
 @pytest.mark.parametrize("name", shipped("cells"))
 def test_every_shipped_cell_loads_by_name(name):
     assert load_cell(name).config.name == name
+
+
+def shipped_endpoints():
+    """UDP ports of buses and TCP endpoints of each shipped cell that has its own."""
+    for name in shipped("cells"):
+        cell = load_cell(name)
+        document = tomllib.loads(cell.path.read_text())
+        if "extends" in document and not {"bus", "buses", "zenoh"} & document.keys():
+            continue  # the cell that it extends with something changed, in its place
+        yield from (f"udp {bus.port}" for bus in cell.config.fieldbuses)
+        yield cell.config.zenoh.listen
+        if cell.config.scanner is not None:
+            yield cell.config.scanner.address
+
+
+def test_shipped_cells_may_run_side_by_side():
+    assert [of for of, times in Counter(shipped_endpoints()).items() if times > 1] == []
 
 
 def test_an_unknown_name_says_what_is_shipped():
