@@ -74,7 +74,8 @@ class ContourReflex(Section):
     )
     link_radius: float = Field(0.06, ge=0.005, le=0.5, description="of the arm's housings [m]")
     rule: Literal["posture", "sequence"] = Field(
-        "posture", description="a search of a whole posture, or tool, then elbow, then both"
+        "posture",
+        description="a search of a whole posture, or F1 (tool), F2 (elbow), F3 (both) in order",
     )
     wait: bool = Field(True, description="the base slows down and waits until the arm is through")
     speed: float = Field(0.3, gt=0, le=2, description="the tool folds at most so quickly [m/s]")

@@ -4,19 +4,24 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
 
-def rover(steps: list[dict[str, object]], seconds: float, **bridge: float) -> Simulation:
+def rover(
+    steps: list[dict[str, object]], seconds: float, rule: str = "posture", **bridge: float
+) -> Simulation:
     """A run with a bridge that is near."""
     cell = load_cell("rover_bridge")
     rig = cell.config.rig
     near = rig.bridge.model_copy(update={"distance": 1.7} | bridge)
     rig = rig.model_copy(update={"bridge": near})
-    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    contour = cell.config.contour.model_copy(update={"rule": rule})
+    told = {"rig": rig, "contour": contour}
+    cell = replace(cell, config=cell.config.model_copy(update=told))
     return Simulation(cell, Script.model_validate({"duration_s": seconds, "step": steps}))
 
 
@@ -60,6 +65,36 @@ def test_the_rover_ducks_under_the_bridge_and_unfolds_again() -> None:
     arm = np.array([truth.q[2:9] for truth in result.truths])
     assert np.abs(arm[:, 3]).max() <= 2.094
     np.testing.assert_allclose(arm[-1], arm[0], atol=0.05)
+
+
+@pytest.mark.slow
+def test_by_the_papers_order_the_rover_passes_where_its_tool_alone_has_to_move() -> None:
+    run = rover([drive(0.3)], 30.0, "sequence", height=1.05)
+    s = run.run(lambda: "passage_returning" in names(run) and x(run) > 2.6).summary
+    assert "passage_refused" not in names(run)
+    assert x(run) > 2.6
+    assert (s["failure"], s["limit_violations"], s["mode"]) == (None, 0, "enabled")
+    assert s["min_clearance_m"] > 0.02
+
+
+@pytest.mark.slow
+def test_by_the_papers_order_an_arm_that_goes_round_in_circles_stands_and_says_so() -> None:
+    run = rover([drive(0.3)], 30.0, "sequence", height=1.15, width=0.9)
+    since: list[float] = []
+
+    def refused_for_a_second() -> bool:
+        if "passage_refused" in names(run):
+            since.append(run.clock.time_s)
+        return bool(since) and run.clock.time_s - since[0] > 1.0
+
+    result = run.run(refused_for_a_second)
+    (refused,) = [event for event in run.events if event.name == "passage_refused"]
+    assert refused.values["reason"] == "sequence_stuck"
+    assert names(run).count("passage_folding") > 1
+    assert np.abs(result.truths[-1].dq[:9]).max() < 0.01
+    s = result.summary
+    assert (s["failure"], s["limit_violations"], s["mode"]) == (None, 0, "enabled")
+    assert s["min_clearance_m"] > 0.02
 
 
 def test_without_avoidance_the_arm_hits_it() -> None:

@@ -36,6 +36,8 @@ AGAIN_S: Final = 2.0
 """A refused passage is looked at again after [s]."""
 STUCK_S: Final = 12.0
 """An arm that has not got there by then is held up [s]."""
+SAME: Final = 0.05
+"""Postures are the same if no joint differs by more [rad]: steps of the grid are coarser."""
 
 
 class PassagePhase(StrEnum):
@@ -91,6 +93,7 @@ class Reflex:
         self.phase = PassagePhase.CLEAR
         self.goal: Array | None = None
         self._home: Array | None = None
+        self._tried: list[Array] = []
         self._since_s = self._entered_s = self._free_since_s = math.inf
         self._reason = ""
 
@@ -152,6 +155,8 @@ class Reflex:
         found = self._found(q, ahead)
         if found is None:
             return
+        if self._in_sequence:
+            found = self._further(found)
         self._reason, self.goal = found.reason, found.q
         if found.q is None:
             self._go_to(PassagePhase.REFUSED, time_s)
@@ -174,6 +179,18 @@ class Reflex:
         return (
             self._search.sequence(q, ahead) if self._in_sequence else self._search.posture(q, ahead)
         )
+
+    def _further(self, found: FoldingPosture) -> FoldingPosture:
+        """Return the next posture of the paper's order, unless it was gone to already.
+
+        What F1 frees, F2 or F3 may bring back: then the order goes round in circles, for ever.
+        """
+        if found.q is None:
+            return found
+        if any(np.abs(found.q - tried).max() < SAME for tried in self._tried):
+            return FoldingPosture(None, "sequence_stuck")
+        self._tried.append(found.q)
+        return found
 
     def _under_way(self, time_s: float, q: Array, ahead: Obstacles, passed: Obstacles) -> None:
         """Go on to the goal while it is free, and the rest of the way."""
@@ -234,7 +251,7 @@ class Reflex:
         if phase in (PassagePhase.UNDECIDED, PassagePhase.REFUSED):
             self._free_since_s = time_s
         if phase is PassagePhase.CLEAR:
-            self._since_s, self._reason = math.inf, ""
+            self._since_s, self._reason, self._tried = math.inf, "", []
 
     # --- waiting -----------------------------------------------------------------------------
 

@@ -159,8 +159,8 @@ class Search:
         if blocked:
             return FoldingPosture(None, blocked)
         now = self.points.of(q[None])[0]
-        seen = moving(now[None])[0]
-        lines = (seen[[0, -1]], seen[[0, 1]], now[1:])
+        # Each line begins off the shoulder on its own way, as those of the candidates do.
+        lines = (moving(now[[0, -1]][None])[0], moving(now[[0, 1]][None])[0], now[1:])
         met = [float(clearances(x, obstacles).min(initial=np.inf)) for x in lines]
         q_all, parts = self._candidates(q, q[self.points.lead :])
         elbow = np.linalg.norm(parts[1] - now[1], axis=1)

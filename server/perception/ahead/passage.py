@@ -27,6 +27,7 @@ REFUSALS: Final = {
     "sequence_f1": "no free place for the tool",
     "sequence_f2": "no free place for the elbow",
     "sequence_f3": "the tool cannot be brought behind the elbow",
+    "sequence_stuck": "tool and elbow free each other's way in turn, and never both",
 }
 """Reasons of a passage that is refused, in words."""
 

@@ -82,12 +82,35 @@ def test_the_papers_order_moves_the_tool_before_the_elbow(found: Search) -> None
     assert heights[0][1] < 0.6 < start[-1, 2]
 
 
+@pytest.mark.parametrize("height", [0.45, 0.6])
+@pytest.mark.parametrize("width", [1.4, 0.9])
+def test_the_papers_order_never_asks_for_where_the_arm_is_already(
+    found: Search, height: float, width: float
+) -> None:
+    q, obstacles = START, bridge(height, 1.5, width)
+    for _ in range(6):
+        answer = found.sequence(q, obstacles)
+        if answer.q is None or answer.q is q:
+            break
+        assert np.abs(answer.q - q).max() > 0.05
+        q = answer.q
+
+
 class Drive:
     """A base that drives as it may, an arm that folds as it should, in steps of 0.1 s."""
 
-    def __init__(self, found: Search, height: float, speed: float, ahead: float = 2.5) -> None:
-        self.reflex = Reflex(found, 4.0)
-        self.height, self.speed, self.ahead = height, speed, ahead
+    def __init__(
+        self,
+        found: Search,
+        height: float,
+        speed: float,
+        ahead: float = 2.5,
+        width: float = 1.4,
+        *,
+        in_sequence: bool = False,
+    ) -> None:
+        self.reflex = Reflex(found, 4.0, in_sequence=in_sequence)
+        self.height, self.speed, self.ahead, self.width = height, speed, ahead, width
         self.q, self.time_s, self.points = START, 0.0, found.points
         self.phases: list[PassagePhase] = []
         self.least = math.inf
@@ -95,7 +118,7 @@ class Drive:
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
-            obstacles = bridge(self.height, self.ahead)
+            obstacles = bridge(self.height, self.ahead, self.width).within(-3.0, 3.0)
             answer = self.reflex.step(self.time_s, self.q, obstacles)
             if not self.phases or self.phases[-1] is not answer.phase:
                 self.phases.append(answer.phase)
@@ -123,6 +146,30 @@ def test_the_arm_folds_passes_and_unfolds(found: Search, speed: float) -> None:
         PassagePhase.CLEAR,
     ]
     assert drive.least > 0.07
+    np.testing.assert_allclose(drive.q, START, atol=0.03)
+
+
+def test_the_papers_order_passes_where_the_tool_alone_has_to_move(found: Search) -> None:
+    drive = Drive(found, 0.55, 0.3, in_sequence=True)
+    drive.run(40)
+    assert drive.phases[-3:] == [PassagePhase.FOLDED, PassagePhase.RETURNING, PassagePhase.CLEAR]
+    assert drive.ahead < -0.5
+    assert drive.least > 0.07
+
+
+def test_the_papers_order_that_goes_round_in_circles_is_refused_and_stands(found: Search) -> None:
+    """F1 and F2 undo each other: without a memory the arm folds to and fro for ever."""
+    drive = Drive(found, 0.65, 0.3, width=0.9, in_sequence=True)
+    drive.run(30)
+    assert (drive.phases[-1], drive.reason) == (PassagePhase.REFUSED, "sequence_stuck")
+    q, ahead = drive.q, drive.ahead
+    drive.run(10)
+    assert drive.reason == "sequence_stuck"
+    assert drive.ahead == pytest.approx(ahead, abs=1e-6)
+    np.testing.assert_array_equal(drive.q, q)
+    drive.speed = -0.3
+    drive.run(25)
+    assert drive.phases[-1] is PassagePhase.CLEAR
     np.testing.assert_allclose(drive.q, START, atol=0.03)
 
 

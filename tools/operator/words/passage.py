@@ -14,6 +14,10 @@ _REASONS = {
     "column_blocked": "The arm's foot does not pass: drive round it.",
     "no_posture": "No posture of the arm passes: drive round it.",
     "no_way": "The arm finds no free way to the posture that would pass: back off.",
+    "sequence_f1": "The tool finds no free place: drive round it.",
+    "sequence_f2": "The elbow finds no free place while the tool stands: drive round it.",
+    "sequence_f3": "The tool does not get behind the elbow: drive round it.",
+    "sequence_stuck": "Tool and elbow go round in circles: drive round it.",
     "held_up": "The arm was held up on its way: look at what it met.",
 }
 

@@ -93,7 +93,7 @@ def told_by_a_contour(field):
 
 def reasons_of_the_reflex():
     text = "".join(path.read_text() for path in SCANNING.glob("*.py"))
-    return sorted({"held_up", *re.findall(r'"((?:base|column|no)_[a-z]+)"', text)})
+    return sorted({"held_up", *re.findall(r'"((?:base|column|no|sequence)_[a-z0-9]+)"', text)})
 
 
 @pytest.mark.parametrize("phase", told_by_a_contour("phase"))
