@@ -129,22 +129,23 @@ class Simulation:
             while not self.player.over:
                 self.step()
                 waiting = self.player.phase is not Phase.PLAYING
-                if waiting and self.clock.time_s > ENABLE_WITHIN_S:
-                    break
-                if until is not None and until():
+                late = waiting and self.clock.time_s > ENABLE_WITHIN_S
+                if late or (until is not None and until()):
                     break
             return self._result()
         finally:
-            self.cycle.close()
-            self.buses.close()
-            if self._cameras is not None:
-                self._cameras.close()
-            if self._recorder is not None:
-                self._recorder.close()
+            self.close()
+
+    def close(self) -> None:
+        """End the run, and finish what is recorded."""
+        self.cycle.close()
+        self.buses.close()
+        for each in (self._cameras, self._recorder):
+            if each is not None:
+                each.close()
 
     def step(self) -> None:
         """Advance one period."""
-        period = self.cell.config.timing.period_s
         self._tell_time()
         self.player.run(self.clock.time_s)
         if self._cameras is not None:
@@ -157,7 +158,7 @@ class Simulation:
         self.rig.poll()
         self.cycle.finish()
         self._compute.append(self.cycle.compute_s)
-        for _ in range(round(period / self.rig.dt)):
+        for _ in range(round(self.cell.config.timing.period_s / self.rig.dt)):
             self.buses.set_time(self.rig.time_s + self.rig.dt)  # nodes send at a step's end
             self.rig.step()
             if self.on_physics is not None:
@@ -231,8 +232,7 @@ class Simulation:
     # --- judging -----------------------------------------------------------------------------
 
     def _judge(self) -> None:
-        truth = self.rig.truth()
-        self.truths.append(truth)
+        self.truths.append(truth := self.rig.truth())
         self._write("truth", truth)
         self._tunnel.judge(truth)
         for judge, unit in zip(self._tools, self.cycle.units.each, strict=True):

@@ -13,7 +13,9 @@ from ....protocols.messages.reflection import Reflection
 from ....protocols.messages.rig import RigFault
 from ....protocols.messages.telemetry import Description, Event, State
 from ....protocols.topics import Role
+from ....server.runtime.clock import Clock, MonotonicClock
 from ...host.address import moved
+from .line import Line
 from .protocol_client import ProtocolClient
 from .round_trip import RoundTrip
 from .session import NotCertified, Session
@@ -46,29 +48,34 @@ class Connection:
     ) -> None:
         loaded = cell if isinstance(cell, Cell) else load_cell(cell)
         loaded = moved(loaded, endpoint=endpoint, identity=identity)
-        self.cell = loaded.config.name
         self.endpoint = loaded.config.zenoh.dialled
         shown = identity_of(loaded, Role.OPERATOR, name)
         try:
-            self.session = Session(self.cell, self.endpoint, shown)
+            session = Session(loaded.config.name, self.endpoint, shown)
         except ConnectionError as error:
             raise OperatorError("no_daemon", str(error)) from None
+        self._begin(loaded, name, session, MonotonicClock())
+
+    def _begin(self, cell: Cell, name: str, session: Line, clock: Clock) -> None:
+        """Listen to a cell's daemon over a line that is open."""
+        self.cell = cell.config.name
+        self.session, self.clock = session, clock
         # Of what is true only now, the newest that can be read; junk between does not push it out.
         depths = {t.STATE: 64, t.REFLECTION: 64, t.EVENT: 256, t.DESCRIPTION: 8}
-        self._inboxes = {topic: self.session.subscribe(topic, n) for topic, n in depths.items()}
-        self.client = ProtocolClient(name, self.cell, self._put, self.session.ask)
+        self._inboxes = {topic: session.subscribe(topic, n) for topic, n in depths.items()}
+        self.client = ProtocolClient(name, self.cell, self._put, session.ask)
         self.description: Description | None = None
         """The daemon's description of its cell; comes within a second."""
         self.round_trip = RoundTrip()
         self.state_since_s: float | None = None
-        """Time of reading the newest state, on the monotonic clock [s]."""
+        """Time of reading the newest state, on `clock` [s]."""
         self.on_state: Callable[[State], None] = ignore
         """Called with every state that is read."""
         self.on_event: Callable[[Event], None] = ignore
         """Called with every event that is read."""
         self.on_reflection: Callable[[Reflection], None] = ignore
         """Called with every force for the handle that is read; none come of most cells."""
-        self.reflection = loaded.config.reflection
+        self.reflection = cell.config.reflection
         """Section `[reflection]` of the cell."""
 
     @property
@@ -88,14 +95,14 @@ class Connection:
 
     def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
         """Keep the session alive for a while, or until something holds; return whether it did."""
-        end = time.monotonic() + seconds
+        end = self.clock.now() + seconds
         while True:
             self.turn()
             if until is not None and until():
                 return True
-            if time.monotonic() >= end:
+            if self.clock.now() >= end:
                 return until is None
-            time.sleep(POLL_S)
+            self._rest()
 
     def turn(self) -> None:
         """Read what came in and send what is due, once; waits for nothing."""
@@ -107,7 +114,7 @@ class Connection:
             elif payloads:
                 any(self._take(topic, payload) for payload in reversed(payloads))
         self.session.poll()
-        self.client.run(time.monotonic())
+        self.client.run(self.clock.now())
 
     def inject(self, fault: RigFault | RigMotion) -> None:
         """Inject a fault into the virtual hardware, or move what stands there."""
@@ -121,6 +128,10 @@ class Connection:
         """End the session."""
         self.session.close()
 
+    def _rest(self) -> None:
+        """Let a little time pass between two turns."""
+        time.sleep(POLL_S)
+
     def _take(self, topic: t.Topic, payload: bytes) -> bool:
         """Take in what was told; return False for what cannot be read."""
         try:
@@ -128,7 +139,7 @@ class Connection:
         except CodecError:
             return False  # another version's telemetry; commands would be refused by name
         if isinstance(message, State):
-            self._take_state(message, time.monotonic())
+            self._take_state(message, self.clock.now())
         elif isinstance(message, Reflection):
             self.on_reflection(message)
         elif isinstance(message, Event):
@@ -147,5 +158,5 @@ class Connection:
         self.on_state(state)
 
     def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
-        self.round_trip.sent(topic.key, self.client.seq, time.monotonic())
+        self.round_trip.sent(topic.key, self.client.seq, self.clock.now())
         self.session.put(topic, payload, proof)

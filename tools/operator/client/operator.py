@@ -8,8 +8,7 @@ with Operator("pa10") as operator:
 Where the cell has several tasks, it leads the first; `operator.task(NAME)` leads another.
 """
 
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, Self
 
@@ -70,13 +69,13 @@ class Operator(Connection, Motions):
 
     def acquire(self) -> None:
         """Take the lease. Raises `OperatorError` while somebody else holds it."""
-        end = time.monotonic() + REPLY_TIMEOUT_S
+        end = self.clock.now() + REPLY_TIMEOUT_S
         while not self.holds_lease:
             try:
                 self._wait(self.client.acquire)
             except OperatorError as error:
                 # A session that is just open does not know yet what the daemon answers.
-                if error.reason != "no_answer" or time.monotonic() > end:
+                if error.reason != "no_answer" or self.clock.now() > end:
                     raise
                 self.spin(0.05)
 
@@ -118,6 +117,19 @@ class Operator(Connection, Motions):
     def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
         """Send any request and return its reply. Raises `OperatorError` when refused."""
         return self._wait(lambda on_reply: self.client.request(topic, on_reply, **fields))
+
+    def paced(self, rate: float, seconds: float) -> Iterator[int]:
+        """Yield 0, 1, 2, … so many times a second [1/s] for a while, for a loop's body to follow.
+
+        The session is kept alive between two of them. Times are absolute: a body that took long
+        shortens the wait that follows; a time that is missed is skipped.
+        """
+        start = self.clock.now()
+        for i in range(round(seconds * rate)):
+            left = start + (i + 1) / rate - self.clock.now()
+            if left > 0.0:
+                yield i
+                self.spin(max(0.0, start + (i + 1) / rate - self.clock.now()))
 
     def task(self, name: str) -> TaskClient:
         """Return what leads one task of the cell, by its name, through this session.

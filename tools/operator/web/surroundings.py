@@ -12,7 +12,7 @@ from ....protocols.messages.camera_picture import CameraPicture
 from ....protocols.messages.contour import NOTHING, ContourNews
 from ....protocols.messages.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigTruth
-from ..client.session import Session, TopicBuffer
+from ..client.line import Buffer, Line
 from ..words.passage import passage_words
 
 TRUTH_S: Final = 1 / 20
@@ -30,12 +30,12 @@ class Told(NamedTuple):
 class WorldNews:
     """Reads what sensors and the rig tell. Pictures are asked for only while somebody looks."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Line) -> None:
         self._session = session
         self._truths = session.subscribe(t.RIG_TRUTH, 1)
         self._obstacles = session.subscribe(t.OBSTACLE, 128)
         self._contours = session.subscribe(t.CONTOUR, 1)
-        self._pictures: TopicBuffer | None = None
+        self._pictures: Buffer | None = None
         self._truth_s = float("-inf")
 
     def turn(self, now_s: float, looked_at: bool) -> Iterator[Told]:
@@ -54,7 +54,7 @@ class WorldNews:
             yield from _read(self._pictures, t.PICTURE, _picture)
 
 
-def _read(inbox: TopicBuffer, topic: t.Topic, tell: Callable[[Any], Told]) -> Iterator[Told]:
+def _read(inbox: Buffer, topic: t.Topic, tell: Callable[[Any], Told]) -> Iterator[Told]:
     for payload in inbox.take():
         try:
             message = decode_as(topic.message, payload, topic.max_bytes)
