@@ -29,6 +29,10 @@ $(STAMP): pyproject.toml constraints.txt $(LOCK)
 	@test -x $(BIN)/python || { echo "creating $(VENV) with $(PYTHON)"; "$(PYTHON)" -m venv $(VENV); }
 	@echo "installing telerobot into $(VENV)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@for extra in export arms; do \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: \
+	    -c constraints.txt -e ".[$$extra]" || \
+	    echo "the packages of telerobot[$$extra] cannot be had here: their tests will skip"; done
 	@echo "fetching what the console's page is served with"
 	@$(BIN)/python -m telerobot.tools.operator.web.vendor || true
 	@echo "compiling its kernels"

@@ -15,7 +15,7 @@ from typing import Final
 from .errors import ConfigError, nearest
 from .schema.mechanism import Drive, LinkInertial
 from .urdf_elements import check_bodies, check_elements, normalise, unshaped_links
-from .urdf_plain import give_inertials, mesh_links, refuse_xacro, simplify
+from .urdf_plain import balance, give_inertials, mesh_links, refuse_xacro, simplify
 
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
@@ -80,6 +80,7 @@ class Robot:
         """
         root = read_tree(self.urdf)
         give_inertials(root, self.urdf, self.inertials)
+        balance(root)
         simplify(root, [joint.name for joint in self.joints], root_link, looks=looks)
         normalise(root)
         known = {joint.name: joint for joint in self.joints}

@@ -22,6 +22,12 @@ HEAVIEST: Final = 1e6
 """No link has more mass [kg], or more inertia [kg·m²]."""
 
 
+NO_INERTIA: Final = "mass without inertia"
+"""Fault of a link that MuJoCo would refuse where it moves."""
+FRAME_MASS: Final = 1e-3
+"""A link of less mass is a frame, and needs no shape: some tools want a mass of every link [kg]."""
+
+
 class _Rule(NamedTuple):
     """How many numbers an attribute holds, whether it may be absent, and their bounds."""
 
@@ -40,12 +46,13 @@ IMPOSSIBLE: Final = 0.02
 """Part by which an inertia may miss what bodies can have: models are rounded [1]."""
 _ANY: Final = _Rule(1, False, -1e12, 1e12)
 _MOMENT: Final = _Rule(1, True, -HEAVIEST, HEAVIEST)
-_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""Entries of an inertia tensor, row by row."""
 _RULES: Final[Mapping[str, Mapping[str, _Rule]]] = {
     "origin": {"xyz": _PLACE, "rpy": _ANGLES},
     "axis": {"xyz": _Rule(3, True, -FARTHEST, FARTHEST)},
     "mass": {"value": _Rule(1, True, 0.0, HEAVIEST)},
-    "inertia": dict.fromkeys(_MOMENTS, _MOMENT),
+    "inertia": dict.fromkeys(MOMENTS, _MOMENT),
     "sphere": {"radius": _LENGTH},
     "cylinder": {"radius": _LENGTH, "length": _LENGTH},
     "capsule": {"radius": _LENGTH, "length": _LENGTH},
@@ -123,10 +130,13 @@ def normalise(root: ET.Element) -> None:
 
 
 def unshaped_links(root: ET.Element) -> Iterator[str]:
-    """Yield the names of links that have mass and no `<collision>`: nothing keeps them clear."""
+    """Yield the names of links that have mass and no `<collision>`: nothing keeps them clear.
+
+    Frames, of less than `FRAME_MASS`, are left out.
+    """
     for link in root.findall("link"):
         mass = link.find("inertial/mass")
-        heavy = mass is not None and float(mass.get("value", "0")) > 0.0
+        heavy = mass is not None and float(mass.get("value", "0")) >= FRAME_MASS
         if heavy and link.find("collision") is None:
             yield link.get("name", "")
 
@@ -188,7 +198,7 @@ def inertial_fault(link: ET.Element) -> str | None:
     if mass is None or inertia is None or float(mass.get("value", "0")) <= 0.0:
         return None
     if all(float(inertia.get(name, "0")) < 1e-12 for name in ("ixx", "iyy", "izz")):
-        return "mass without inertia"
+        return NO_INERTIA
     return None
 
 
@@ -199,7 +209,7 @@ def _check_inertial(inertial: ET.Element, where: str) -> None:
     inertia = inertial.find("inertia")
     if inertia is None:
         return
-    xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "")) for name in _MOMENTS)
+    xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "")) for name in MOMENTS)
     a, b, c = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
     if a < -1e-9 * max(c, 0.0) - 1e-300:
         raise ConfigError(

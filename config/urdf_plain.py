@@ -5,11 +5,16 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from .errors import ConfigError, nearest
 from .schema.mechanism import LinkInertial
+from .urdf_elements import MOMENTS
 
 _LOOKED_AT: Final = ("gazebo", "material", "transmission", "mujoco", "ros2_control", "sensor")
 """Elements that say nothing about a chain's motion."""
+_ENTRIES: Final = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Rows and columns of `MOMENTS`."""
 
 
 def refuse_xacro(root: ET.Element, urdf: Path) -> None:
@@ -51,6 +56,23 @@ def give_inertials(root: ET.Element, urdf: Path, inertials: Iterable[LinkInertia
         ET.SubElement(inertial, "mass", value=repr(given.mass))
         names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         ET.SubElement(inertial, "inertia", dict(zip(names, map(repr, given.inertia), strict=True)))
+
+
+def balance(root: ET.Element) -> None:
+    """Lower each greatest principal moment that misses the triangle inequality by rounding.
+
+    The moments of a body satisfy A + B ≥ C, which MuJoCo holds a model to exactly. What misses it
+    by more than rounding has been refused.
+    """
+    for inertia in root.findall("link/inertial/inertia"):
+        xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "0")) for name in MOMENTS)
+        moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if moments[0] + moments[1] >= moments[2]:
+            continue
+        moments[2] = (moments[0] + moments[1]) * (1.0 - 1e-9)
+        I = (axes * moments) @ axes.T  # noqa: E741  the field's symbol
+        for name, (i, j) in zip(MOMENTS, _ENTRIES, strict=True):
+            inertia.set(name, repr(float(I[i, j])))
 
 
 def simplify(

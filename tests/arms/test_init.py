@@ -9,9 +9,9 @@ from telerobot.config.load import load_cell
 from telerobot.tools.campaign.urdfs.collection import published
 from telerobot.tools.campaign.urdfs.trial import try_arm
 from telerobot.tools.cli import main
-from telerobot.tools.init.capsules import fit
 from telerobot.tools.init.robot import read_arm
-from telerobot.tools.init.shapes import LinkMesh, link_shape
+from telerobot.tools.init.shape.capsules import fit
+from telerobot.tools.init.shape.shapes import LinkMesh, link_shape
 
 
 def refusal(urdf, tip=None):

@@ -10,8 +10,8 @@ from ...config.load import load_cell
 from ..checks.findings import Severity
 from ..commands.check import judge
 from .make import Made, make
-from .packages import packages_of
 from .robot import UrdfArm, read_arm
+from .shape.packages import packages_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

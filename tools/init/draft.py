@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from .robot import UrdfArm
-from .shapes import Array
+from .shape.shapes import Array
 from .toml_text import number, numbers, plain, quoted
 
 CONFIRM = "CONFIRM"
@@ -203,8 +203,7 @@ def _control(draft: Draft) -> list[str]:
         lines += ["]"]
     for fit in draft.arm.fits:
         tight = "flat" if math.isinf(fit.ratio) else f"{fit.ratio:.2f} times its hull's volume"
-        what = "what is looked at" if fit.from_visual else "its mesh"
-        lines += ["", f"# Around {what}: {tight}."]
+        lines += ["", f"# Around {fit.source}: {tight}."]
         for tube in fit.tubes:
             lines += [
                 "[[avoidance.capsules]]",

@@ -6,11 +6,22 @@ from typing import Final
 
 from ...config.urdf import CONTINUOUS_RANGE
 from .draft import DriveDraft
+from .shape.shapes import Array
 
 UNKNOWN_SPEED: Final = (0.5, 0.1)
 """Of a joint whose URDF says none."""
 FASTEST: Final = (1.5, 0.25)
 """No joint is told to be faster, a prismatic one in metres [rad/s], [m/s]."""
+QUICKEST: Final = 8.0
+"""No joint accelerates more [rad/s²]."""
+STRONGEST: Final = 1e4
+"""Greater torques in a URDF stand for none [N·m]."""
+HOLDS: Final = 0.7
+"""Part of a torque that gravity may take in postures that are used [1]."""
+OFTEN: Final = 0.3
+"""A torque that holds the arm in fewer of all postures cannot be meant [1]."""
+STOPS_S: Final = 0.4
+"""Time in which the acceleration ends the greatest speed [s]."""
 
 
 def cell_name(stem: str) -> str:
@@ -50,6 +61,33 @@ def range_of(joint: ET.Element, drive: DriveDraft) -> tuple[float, float]:
     if drive.lower is not None and drive.upper is not None:
         return drive.lower, drive.upper
     return limit_of(joint, "lower"), limit_of(joint, "upper")
+
+
+def set_strength(drive: DriveDraft, joint: ET.Element, gravity: Array, inertia: float) -> None:
+    """Set torque, acceleration and speed of a drive.
+
+    By the torques `gravity` (p,) that hold the arm in many postures, and the greatest inertia that
+    the joint moves. A URDF's torque that holds the arm in some of them is kept.
+    """
+    effort, weight = limit_of(joint, "effort"), float(gravity.max(initial=0.0))
+    drive.notes = [note for note in drive.notes if "torque limit" not in note]
+    drive.torque = effort
+    held = float((gravity <= HOLDS * effort).mean())
+    if not 0.0 < effort <= STRONGEST or held < OFTEN:
+        drive.torque = float(f"{3.0 * weight + 6.0 * inertia + 0.5:.2g}")
+        why = "is missing, or absurd"
+        if 0.0 < effort <= STRONGEST:
+            why = f"is {effort:g}, and would not hold the arm, which takes {weight:.3g}"
+        drive.notes.append(f"the URDF's torque limit of {drive.joint} {why}")
+    elif weight > effort:
+        drive.notes.append(
+            f"the torque limit of {drive.joint}, {effort:g}, does not hold the arm everywhere: "
+            f"stretched out it takes {weight:.3g}"
+        )
+    taken = min(weight, HOLDS * drive.torque)
+    spare = drive.torque - taken
+    drive.acceleration = max(0.05, min(QUICKEST, 0.33 * spare / (1.3 * inertia + 5e-3)))
+    drive.velocity = min(drive.velocity, max(2e-3, STOPS_S * drive.acceleration))
 
 
 def limits_of(lower: float, upper: float, *, prismatic: bool) -> tuple[float, float] | None:

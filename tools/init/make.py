@@ -1,6 +1,5 @@
 """From a URDF to a cell: what can be read is read, what can be found is found."""
 
-import math
 import tempfile
 import zlib
 from dataclasses import dataclass
@@ -15,20 +14,15 @@ from ...config.rig_drives import greatest_inertias
 from ..checks.findings import Severity
 from ..checks.loops.stability import stability
 from .draft import Draft, text_of
-from .drives import cell_name, drive_of, limit_of, range_of
+from .drives import HOLDS, cell_name, drive_of, range_of, set_strength
 from .robot import UrdfArm, beyond
 from .script import ScriptFigures
 from .script import text_of as script_of
-from .shapes import Array
+from .shape.shapes import Array
 from .study import GradedPosture, Study
 from .toml_text import path_from
+from .tool import BALL, ToolSide
 
-QUICKEST: Final = 8.0
-"""No joint accelerates more [rad/s²]."""
-BALL: Final = 0.012
-"""Radius of the tool's ball [m]."""
-STANDS_OUT: Final = 0.02
-"""The ball stands out from the arm by so much [m]."""
 TO_WALL: Final = 0.06
 """From the ball to the wall at `ready` [m]."""
 INTO_WALL: Final = 0.03
@@ -68,9 +62,7 @@ def make(arm: UrdfArm, out: Path) -> Made:
     draft.postures = {"start": middle, "ready": middle}
     with tempfile.TemporaryDirectory() as folder:
         bench = _Bench(Path(folder))
-        _tool(draft, bench)
-        _strength(draft, bench)
-        plan = _postures(draft, bench)
+        plan = _planned(draft, bench)
         _gains(draft, bench)
     plan = replace_force(plan, draft)
     draft.urdf = path_from(out.parent, arm.urdf)
@@ -92,32 +84,23 @@ class _Bench:
         return Study(self.load(draft), draft.length)
 
 
-def _tool(draft: Draft, bench: _Bench) -> None:
-    """Put the MRF in front of all that is fixed to the last joint, and weigh that."""
+def _planned(draft: Draft, bench: _Bench) -> ScriptFigures:
+    """Put the tool where it looks outward, and find postures; where there are none, elsewhere."""
     draft.payload, draft.com = beyond(draft.arm)
-    study = bench.study(draft)
-    forest = study.capsules.forest
-    body, T_body_tip = forest.body_of(draft.arm.tip)
-    mine = np.flatnonzero(study.capsules.body == body)
-    placed = study.capsules.place(np.zeros((1, forest.n)))
-    frame = placed.frames[0, body - 1]
-    points = (placed.ends[0][mine].reshape(-1, 3) - frame[:, 3]) @ frame[:, :3]
-    points = (points - T_body_tip.p) @ T_body_tip.R  # in the tip link
-    radii = np.repeat(study.capsules.radius[mine], 2)
-    axis = T_body_tip.R.T @ forest.tree.axis[body - 1]
-    joint = -T_body_tip.R.T @ T_body_tip.p
-    way = -joint
-    if float(np.linalg.norm(way)) < 0.02 and len(points):
-        way = points.mean(axis=0) - joint
-    if float(np.linalg.norm(way)) < 0.005:
-        way = axis
-    outward = np.eye(3)[int(np.argmax(np.abs(way)))]
-    outward = outward * math.copysign(1.0, float(outward @ way))
-    most = float((points @ outward + radii).max(initial=0.0))
-    draft.mrf = outward * round(max(most, 0.0) + STANDS_OUT + BALL, 4)
-    inside = max(most - 0.02, 0.0)
-    draft.tool = (outward * round(inside, 4), BALL)
-    draft.contacts = bench.study(draft).overlapping()
+    side = ToolSide(draft, bench.study(draft))
+    wrong: ConfigError | None = None
+    for outward in side.directions():
+        side.put(outward)
+        draft.contacts = []
+        draft.contacts = bench.study(draft).overlapping()
+        _strength(draft, bench)
+        try:
+            return _postures(draft, bench)
+        except ConfigError as error:
+            wrong = wrong or error
+    if wrong is None:
+        raise ConfigError(f"{draft.arm.urdf}: link {draft.arm.tip} has no axes")
+    raise wrong
 
 
 def _strength(draft: Draft, bench: _Bench) -> None:
@@ -125,29 +108,13 @@ def _strength(draft: Draft, bench: _Bench) -> None:
     cell = bench.load(draft)
     study = Study(cell, draft.length)
     postures = study.drawn(300)
-    gravity = np.abs([study.mechanism.gravity(q)[0] for q in postures]).max(axis=0)
+    gravity = np.abs([study.mechanism.gravity(q)[0] for q in postures])  # (p, n)
     moved = greatest_inertias(cell.robot, draft.arm.tip, [], 0.0)
     places = np.array([study.tool_pose(q).p for q in postures])
     draft.reach = float(np.linalg.norm(places - study.mechanism.T_world_base.p, axis=1).max())
     draft.length = float(np.clip(0.3 * draft.reach, 0.03, 0.3))
-    for joint, drive, weight, inertia in zip(
-        draft.arm.chain, draft.drives, gravity.tolist(), moved.tolist(), strict=True
-    ):
-        effort = limit_of(joint, "effort")
-        needed = 3.0 * weight + 6.0 * inertia + 0.5
-        drive.torque = effort
-        if effort <= 0.0 or effort > 1e4:
-            drive.torque = float(f"{needed:.2g}")
-            drive.notes.append(f"the URDF's torque limit of {drive.joint} is missing, or absurd")
-        elif effort < 1.1 * weight:
-            drive.torque = float(f"{needed:.2g}")
-            drive.notes.append(
-                f"the URDF's torque limit of {drive.joint}, {effort:g}, would not hold the arm, "
-                f"which takes {weight:.3g}"
-            )
-        spare = max(drive.torque - weight, 0.1 * drive.torque)
-        most = min(QUICKEST, 0.33 * spare / max(1.3 * inertia + 5e-3, 1e-6))
-        drive.acceleration = max(most, 3.0 * drive.velocity, 0.05)
+    for k, joint in enumerate(draft.arm.chain):
+        set_strength(draft.drives[k], joint, gravity[:, k], float(moved[k]))
 
 
 def _postures(draft: Draft, bench: _Bench) -> ScriptFigures:
@@ -178,6 +145,7 @@ def _postures(draft: Draft, bench: _Bench) -> ScriptFigures:
 def _plan(draft: Draft, study: Study, found: GradedPosture, forward: Array) -> ScriptFigures | None:
     """Return the script from a posture, or None where a way is not free; set what it needs."""
     least = 0.5 * found.sigma
+    torques = np.array([drive.torque for drive in draft.drives])
     q, T = found.q.round(4), study.tool_pose(found.q.round(4))
     d = T.R @ forward
     scale = float(np.clip(draft.reach, 0.3, 1.0))
@@ -202,6 +170,8 @@ def _plan(draft: Draft, study: Study, found: GradedPosture, forward: Array) -> S
             begun = _nudged(study, q, -0.15)
         if reached is None or begun is None or not study.free(begun, q):
             continue
+        if any((study.weight(p) > HOLDS * torques).any() for p in (reached, begun)):
+            continue
         target, start = reached, begun.round(4)
         stick = np.concatenate([0.02 * scale * side, np.zeros(3)])
         break
@@ -213,9 +183,7 @@ def _plan(draft: Draft, study: Study, found: GradedPosture, forward: Array) -> S
     moved_s = float((np.abs(start - q) / speeds).max()) * 1.5 + 2.0
     target_s = float((np.abs(target - q) / speeds).max()) * 2.0 + 4.0
     J = study.mechanism.kinematics(q, study.tool).J[:3]
-    gravity = np.abs(study.mechanism.gravity(q)[0])
-    torques = np.array([drive.torque for drive in draft.drives])
-    spare = np.maximum(torques - gravity, 0.05 * torques)
+    spare = torques - study.weight(q)
     draft.push = float(min(10.0, (0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min()))
     pose = study.tool_pose(target).to_xyz_rpy()
     return ScriptFigures(

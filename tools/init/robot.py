@@ -12,19 +12,20 @@ import numpy as np
 
 from ...config.errors import ConfigError, nearest
 from ...config.urdf import read_tree
-from ...config.urdf_elements import inertial_fault
-from .capsules import Fit, extreme, fit
-from .shapes import Array, hull_of, link_shape, placement
+from ...config.urdf_elements import FRAME_MASS, NO_INERTIA, inertial_fault
+from .shape.capsules import Fit, Tube, extreme, fit
+from .shape.shapes import Array, hull_of, link_shape, placement
 
 FINGERS: Final = 2
 """A branch of so many movable joints, or fewer, is a finger [1]."""
 DENSITY: Final = 1000.0
-"""Of links whose masses nobody knows, by their hulls [kg/m³]."""
+"""Of links whose masses nobody knows, by their hulls; and of those that have no shape [kg/m³]."""
 ROUGH_MASS: Final = 0.1
 """Of a link that has no shape either [kg]."""
 LIGHT: Final = 1e-9
 """Bodies have more inertia than this [kg·m²]."""
 _OF_A_HAND: Final = re.compile(r"grip|finger|jaw|knuckle|thumb|claw|hand_joint", re.IGNORECASE)
+_OF_AN_ARM: Final = re.compile(r"wrist|forearm|elbow|shoulder|roll|pitch|yaw|flex", re.IGNORECASE)
 _TOOLS: Final = ("tool0", "tcp", "ee_link", "flange", "tool", "hand_tcp", "grasp")
 
 
@@ -132,17 +133,19 @@ def _look_at(
     """Fit capsules where the daemon reads no shape, and estimate what has no inertia."""
     name = link.get("name", "")
     shape = link_shape(link, arm.urdf, packages, meshes_only=True)
+    told = link.find("inertial/mass")
+    mass = 0.0 if told is None else _number(told.get("value"))
     if shape is not None:
         arm.fits.append(fit(shape))
+    elif mass >= FRAME_MASS and link.find("collision") is None:
+        arm.fits.append(_ball(name, mass, placement(link.find("inertial"))[1]))
     why = inertial_fault(link)
-    told = link.find("inertial/mass")
-    if why is None and (told is None or _number(told.get("value")) == 0.0):
-        if not _alone(arm, name, carried):
-            return
+    if why in (None, NO_INERTIA) and mass < FRAME_MASS and not _alone(arm, name, carried):
+        return  # a frame, which something else carries
+    if why is None and mass == 0.0:
         why = "the URDF has none, or one without mass"
     if why is None:
         return
-    mass = 0.0 if told is None else _number(told.get("value"))
     whole = link_shape(link, arm.urdf, packages)
     hull = None if whole is None else hull_of(extreme(whole.triangles.reshape(-1, 3), 1000))
     if hull is None:
@@ -152,6 +155,12 @@ def _look_at(
     mass = mass or max(DENSITY * hull.volume, 1e-3)
     inertia = hull.moments * (mass / hull.volume) + np.eye(3) * 1e-6 * mass
     arm.inertials.append(Inertial(name, mass, hull.centre, inertia, why))
+
+
+def _ball(name: str, mass: float, com: Array) -> Fit:
+    """Return a ball of a link's mass: it has no shape, and something has to keep it clear."""
+    radius = (0.75 * mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
+    return Fit(name, (Tube(com.round(4), com.round(4), radius),), 1.0, "the mass of no shape")
 
 
 def _alone(arm: UrdfArm, name: str, carried: Mapping[str, ET.Element]) -> bool:
@@ -224,7 +233,11 @@ def _deepest(
 
 
 def _hand(joint: ET.Element, below: Mapping[str, list[ET.Element]]) -> bool:
-    """Return whether a branch's first movable joint is a hand's, by its name or its links'."""
+    """Return whether a branch's first movable joint is a hand's, by its name or its link's.
+
+    A link's name counts where nothing moves beyond it: fingers hang on a link that is called
+    gripper, and the joint that turns it is the arm's.
+    """
     while not _movable(joint):
         # Only one branch moves here.
         following = [j for j in below.get(_end(joint, "child"), []) if _moves(j, below)]
@@ -235,10 +248,12 @@ def _hand(joint: ET.Element, below: Mapping[str, list[ET.Element]]) -> bool:
         joint = following[0]
     if joint.find("mimic") is not None:
         return True
-    names = joint.get("name", ""), _end(joint, "child")
-    return any(_OF_A_HAND.search(name) for name in names) and not any(
-        _moves(j, below) and not _hand(j, below) for j in below.get(_end(joint, "child"), [])
-    )
+    name, child = joint.get("name", ""), _end(joint, "child")
+    beyond = [j for j in below.get(child, []) if _moves(j, below)]
+    if beyond and (_OF_AN_ARM.search(name) or not _OF_A_HAND.search(name)):
+        return False
+    named = _OF_A_HAND.search(name) or _OF_A_HAND.search(child)
+    return bool(named) and all(_hand(j, below) for j in beyond)
 
 
 def _moves(joint: ET.Element, below: Mapping[str, list[ET.Element]]) -> bool:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .shapes import Array
+from .shape.shapes import Array
 
 
 class ScriptFigures(NamedTuple):

@@ -13,7 +13,8 @@ from ...server.control.proximity.capsules import Capsules
 from ...server.control.proximity.distance import measured
 from ...server.control.scene import empty
 from ...server.control.spatial import Pose
-from .shapes import Array
+from .drives import HOLDS
+from .shape.shapes import Array
 
 NEIGHBOURS: Final = 2
 """Links so many joints apart, or fewer, may overlap."""
@@ -102,7 +103,7 @@ class Study:
         """Yield free postures, the best first, whose tool looks along `direction` (3,) of the MRF.
 
         Away from singularities and limits; the tool level and outward, the arm above its Base, and
-        gravity below half of `torques` (n,), as far as that can be had.
+        gravity below half of `torques` (n,), as far as that can be had, and always below `HOLDS`.
         """
         postures = self.drawn()
         sigma = np.array([self.sigma(q) for q in postures])
@@ -120,12 +121,18 @@ class Study:
             q = postures[i]
             if self.gap(q) < APART:
                 continue
-            weight = np.abs(self.mechanism.gravity(q)[0]) / torques
+            weight = self.weight(q) / torques
+            if float(weight.max()) > HOLDS:
+                continue
             low = float(self.ends(q)[self._far(), :, 2].min(initial=0.0))
             penalty = 2.0 * max(0.0, float(weight.max()) - 0.5) + 2.0 * max(0.0, -low)
             kept.append((float(score[i]) - penalty, i))
         for _, i in sorted(kept, reverse=True):
             yield GradedPosture(postures[i], float(sigma[i]))
+
+    def weight(self, q: Array) -> Array:
+        """Return the size of the torques (n,) that hold the arm against gravity [N·m]."""
+        return np.abs(self.mechanism.gravity(q)[0])
 
     def walk(self, q: Array, twist: Array, length: float, least: float) -> Array | None:
         """Return where a straight way of the tool ends, `twist` (6,) a metre, or None.

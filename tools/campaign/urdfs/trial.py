@@ -16,8 +16,9 @@ from ....config.errors import ConfigError
 from ....config.load import load_cell
 from ...checks.findings import Severity
 from ...commands.check import judge
-from ...init.make import BALL, Made, make
+from ...init.make import Made, make
 from ...init.robot import read_arm
+from ...init.tool import BALL
 from ...simulation.result import Result
 from ...simulation.simulation import simulate
 

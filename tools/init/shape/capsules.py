@@ -58,7 +58,8 @@ class Fit(NamedTuple):
     tubes: tuple[Tube, ...]
     ratio: float
     """Volume of their union by that of the shape's convex hull [1]; inf for a flat shape."""
-    from_visual: bool
+    source: str
+    """Shape that they hold, in words."""
 
 
 def fit(shape: LinkMesh) -> Fit:
@@ -86,7 +87,8 @@ def fit(shape: LinkMesh) -> Fit:
     found = tuple(Tube(t.start.round(4), t.end.round(4), t.radius) for t in best)
     hull = hull_of(extreme(triangles.reshape(-1, 3), 4 * _CORNERS))
     ratio = math.inf if hull is None else _union(found) / hull.volume
-    return Fit(shape.link, found, ratio, shape.from_visual)
+    source = "its visual shape" if shape.from_visual else "its collision shape"
+    return Fit(shape.link, found, ratio, source)
 
 
 def _places(count: int) -> list[tuple[float, ...]]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
-from ...config.errors import ConfigError
+from ....config.errors import ConfigError
 
 _UP = 6
 """Folders above the URDF's that are looked into [1]."""

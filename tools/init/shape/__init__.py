@@ -1,0 +1,1 @@
+"""Shapes of links: files of meshes, triangles, and the capsules around them."""
