@@ -10,6 +10,7 @@ def source_disagreements(config: CellConfig) -> Iterator[str]:
     has = {
         "force_torque": config.mechanism.force_torque is not None,
         "camera": bool(config.cameras),
+        "contour": config.contour is not None,
         "base": config.frames.base is not None,
         "carrier": config.frames.carrier is not None,
     }

@@ -52,7 +52,11 @@ class OperatorSettings:
         sources = config.sources
         self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
         sensor = config.mechanism.force_torque
-        there = {"camera": bool(config.cameras), "force_torque": sensor is not None}
+        there = {
+            "camera": bool(config.cameras),
+            "force_torque": sensor is not None,
+            "contour": config.contour is not None,
+        }
         self.gains = {name: np.array(section.gain) for name, section in sources.each.items()}
         self.on = {
             name: section.enabled and there.get(section.NEEDS or "", True)

@@ -31,6 +31,9 @@ class Objectives(Section):
     gravity_torque: float = Field(
         0.0, ge=0, le=10, description="to postures in which joints carry less weight [1/s]"
     )
+    reflex: float = Field(
+        1.0, ge=0, le=1, description="share of folding to pass below what is ahead [1]"
+    )
 
 
 OBJECTIVES = tuple(Objectives.model_fields)

@@ -11,7 +11,7 @@ from ..section import Section, Vector6
 class Source(Section):
     """A source's switch and gain, and what they depend on."""
 
-    NEEDS: ClassVar[Literal["force_torque", "camera"] | None] = None
+    NEEDS: ClassVar[Literal["force_torque", "camera", "contour"] | None] = None
     """Sensor without which it stays off."""
     ERROR_GAIN: ClassVar[str | None] = None
     """Symbol of a gain that turns an error of the pose into a rate [1/s], which the loop's delay
@@ -23,6 +23,6 @@ class Source(Section):
     def lacking(self, there: Set[str]) -> Iterator[str]:  # noqa: ARG002 (most lack nothing)
         """Yield the keys whose values need what the cell has not, and what that is.
 
-        `there` are its sensors, "force_torque" and "camera", and its moving frames.
+        `there` are its sensors, "force_torque", "camera" and "contour", and its moving frames.
         """
         yield from ()

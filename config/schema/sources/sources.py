@@ -9,6 +9,7 @@ from .following import Following
 from .force import Force
 from .joystick import Joystick
 from .position import Position
+from .reflex import Reflex
 from .source import Source
 from .spring import Spring
 from .vision import Vision
@@ -23,6 +24,7 @@ class Sources(Section):
     force: Force = Field(default_factory=Force, description="force control")
     following: Following = Field(default_factory=Following, description="a hand at the tool")
     spring: Spring = Field(default_factory=Spring, description="a virtual fixture")
+    reflex: Reflex = Field(default_factory=Reflex, description="folding below what is ahead")
 
     @property
     def each(self) -> dict[str, Source]:

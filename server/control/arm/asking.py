@@ -8,7 +8,6 @@ import numpy as np
 from ..evolve import evolve
 from ..hold.retreat import RetreatState
 from ..mechanism.backbone.insertion import Insertion
-from ..mechanism.joint_motion import NOTHING
 from ..mechanism.joint_rates import Around, Wish
 from ..mechanism.kinematics import Kinematics, Mechanism
 from ..mechanism.null_space.potential_field import FieldReading
@@ -22,7 +21,7 @@ from ..stop.motion import Motion
 from ..stop.way_to_rest import Stop
 from ..task.source import NO_TWIST
 from ..task.task import TaskMemory
-from .beside import with_beside
+from .beside import IDLE, Whole, summed, swept, whole_objectives
 from .context import context_of, quantities, sample_of
 from .stages import Stages
 
@@ -121,14 +120,17 @@ class Asking:
             motion.dq, task.off_path, wrist, near, inputs, k,
             self.stages.wrist, lever, wrench, hand,
         )  # fmt: skip
+        whole = whole_objectives(inputs, motion.q, k, objectives, self.stages)
+        if whole is not IDLE:
+            context = context._replace(folding=whole.folding)
         task, twists = self.stages.task.twists(task, context)
         around = Around(inputs.scene, near, base, placed, wrench)
         asked = self.resolved(
-            motion.q, twists, objectives, task.off_path, inputs, k, lever, around, memory.insertion
-        )
-        if inputs.beside is not NOTHING and inputs.intent is Intent.MOVE:
-            dq, twists = with_beside(asked.dq, asked.twists, inputs, k, motion.q, self.stages)
-            asked = asked._replace(dq=dq, twists=twists)
+            motion.q, twists, objectives, task.off_path, inputs, k, lever, around,
+            memory.insertion, whole,
+        )  # fmt: skip
+        if inputs.beside.sweep is not None:
+            asked = asked._replace(dq=swept(asked.dq, inputs))
         retreat, asked = self._giving_way(memory, inputs, k, asked)
         memory = evolve(
             memory,
@@ -195,15 +197,15 @@ class Asking:
         lever: Array,
         around: Around,
         insertion: Insertion | None = None,
+        whole: Whole = IDLE,
     ) -> Wanted:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
-        At the commanded posture q (n,) [rad], whose kinematics are `k`.
+        At the commanded posture q (n,) [rad], whose kinematics are `k`. `whole` is what
+        objectives have to be taken as it is.
         """
-        twist = np.zeros(6)
-        for part in twists.values():
-            if part is not NO_TWIST:
-                twist += part
+        twist = summed(twists)
+        left = twist if whole is IDLE else whole.left(twists)
         joint_rates = None
         if inputs.intent is Intent.MOVE:
             joint_rates = self.stages.joint_motion.rates(
@@ -224,7 +226,7 @@ class Asking:
             dq, self_motion = s_tool * joint_rates, self.stages.redundancy.none()
             return Wanted(dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True)
         wish = Wish(
-            twist if s_tool == 1.0 else s_tool * twist,
+            left if s_tool == 1.0 else s_tool * left,
             lever,
             objectives,
             inputs.settings.speed_factor,
@@ -248,7 +250,7 @@ class Asking:
         if found.singular:
             limits += ("singularity",)
         return Wanted(
-            found.dq,
+            found.dq if whole is IDLE else whole.added(found.dq, s_tool),
             twists,
             twist,
             s_tool,

@@ -1,9 +1,7 @@
 """Joints that are commanded directly: jogged one by one, led to a posture, or beside the tool.
 
-What is asked of joints beside the twists of a task is z in eq. 7 of Williams 1997,
-dq = J⁺ẋ + (1 − J⁺J) z. The tool part J z of what folds an arm is a source's like any other's:
-ẋ = J z + ẋ_others. That is z + J⁺ẋ_others: so it is computed, since folding leads through a
-stretched elbow or wrist, where J⁺J is not 1.
+The rates z of joints that fold are both a source's, J z, and a redundancy objective's, the rest
+(`reflex` in either table).
 """
 
 from collections.abc import Callable
@@ -53,7 +51,7 @@ def at_posture(q: Array, posture: Array) -> bool:
 
 
 FOLDING: Final = "reflex"
-"""Name of the twist that folding asks for, among the sources'."""
+"""Name of what folds an arm, among the sources and the objectives."""
 
 
 class Fold(NamedTuple):

@@ -8,6 +8,7 @@ from .sources.following import Following
 from .sources.force import Force
 from .sources.joystick import Joystick
 from .sources.position import Position
+from .sources.reflex import Reflex
 from .sources.spring import Spring
 from .sources.vision import Vision
 
@@ -19,5 +20,6 @@ KINDS: Final = MappingProxyType[str, type[Source[Any]]](
         "force": Force,
         "following": Following,
         "spring": Spring,
+        "reflex": Reflex,
     }
 )

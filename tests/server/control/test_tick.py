@@ -51,11 +51,12 @@ def test_the_twist_is_the_sum_of_every_sources(run, stick):
             "frames",
             "following",
             "spring",
+            "reflex",
         }
         total = sum(output.twists.values())
         np.testing.assert_allclose(output.twist, total, rtol=0, atol=1e-16)
     assert not output.twists.pop("frames").any()  # nothing moves, nothing was redefined
-    for off in ("following", "spring"):
+    for off in ("following", "spring", "reflex"):
         assert not output.twists.pop(off).any()
     assert all(np.linalg.norm(twist) > 1e-3 for twist in output.twists.values())
 

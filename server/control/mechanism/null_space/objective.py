@@ -6,7 +6,7 @@ An objective is one file in `objectives/`, one row in `table.py` and one field o
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from ...joints import Joints
 from ...spatial import Array
@@ -32,6 +32,9 @@ class View(NamedTuple):
 
 class Objective(ABC):
     """Asks for joint rates; their part in the null space is what spare joints do."""
+
+    WHOLE: ClassVar[bool] = False
+    """Its rates are taken as they are, and their twist off that of the source of its name."""
 
     def __init__(self, joints: Joints, mechanism: Mechanism) -> None:  # noqa: B027 (most need no more)
         """Build it for one mechanism."""

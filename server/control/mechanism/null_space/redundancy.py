@@ -117,10 +117,29 @@ class Redundancy:
             dq *= scale
         return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
 
+    def whole(
+        self, q: Array, J: Array, objectives: ObjectiveGains, outside: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Return the joint rates (n,) of the objectives that are taken whole, by name.
+
+        `outside` holds what they are asked for (n,) at a gain of 1; the others ask for nothing.
+        """
+        view = View(q, J, self._none.dq, np.zeros((0, len(q))), objectives.posture, outside)
+        gains = {name: objectives.gains.get(name, 0.0) for name in outside if KINDS[name].WHOLE}
+        return {
+            name: gain * self._objectives[name].rate(view)
+            for name, gain in gains.items()
+            if gain > 0.0
+        }
+
     def _act(self, objectives: ObjectiveGains) -> tuple[list[str], Array]:
         """Return the objectives that act (k,), and their gains (k,)."""
         if objectives is not self._acting[0]:
-            names = [name for name, gain in objectives.gains.items() if gain > 0.0]
+            names = [
+                name
+                for name, gain in objectives.gains.items()
+                if gain > 0.0 and not KINDS[name].WHOLE
+            ]
             self._acting = objectives, names, np.array([objectives.gains[name] for name in names])
         return self._acting[1:]
 

@@ -162,7 +162,7 @@ def test_a_cell_says_what_the_null_space_is_for(pa10, start):
     config = pa10.cell.config.model_copy(update={"redundancy": redundancy})
     p = Parameters.from_cell(replace(pa10.cell, config=config))
     found = redundancy_of(p, pa10.mechanism).objectives
-    assert found.gains == OFF | {"posture": 2.0}
+    assert found.gains == OFF | {"posture": 2.0, "reflex": 1.0}
     np.testing.assert_array_equal(found.posture, pa10.posture("park"))
     assert (
         Control([ArmControl(p, pa10.mechanism)]).seed(pa10.posture("ready"))[0].objectives

@@ -2,7 +2,7 @@
 
 import { el, fixed, setText } from "../dom.js";
 
-const KNOWN = ["joystick", "master", "position", "force", "vision", "following", "spring", "frames"];
+const KNOWN = ["joystick", "master", "position", "force", "vision", "following", "spring", "reflex", "frames"];
 const AXES = ["x", "y", "z", "rx", "ry", "rz"];
 export const NAMES = { joystick: "stick", frames: "moving frames" };
 

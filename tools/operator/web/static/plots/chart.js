@@ -4,7 +4,7 @@ import uPlot from "../vendor/uPlot.esm.js";
 
 const INK = {
   red: "#e5484d", green: "#46a758", blue: "#4c82f7", teal: "#22a2b6", orange: "#e08a3c",
-  violet: "#8f7ae5", amber: "#d9a514",
+  violet: "#8f7ae5", amber: "#d9a514", grey: "#8b98a5",
 };
 const DECIMALS = { N: 1, "N·m": 2, "%": 0, mm: 0, "mm/s": 0, ms: 2 };
 const LINKED = "telerobot";

@@ -6,7 +6,7 @@ export const WINDOW_S = 30;
 const STEP_S = 0.045;
 
 const XYZ = [["x", "red"], ["y", "green"], ["z", "blue"]];
-const COLOURS = ["teal", "orange", "violet", "green", "red", "blue", "amber"];
+const COLOURS = ["teal", "orange", "violet", "green", "red", "blue", "amber", "grey"];
 const number = (x, factor = 1) => (Number.isFinite(x) ? x * factor : null);
 const size = (v) => (v && v.every((x) => Number.isFinite(x)) ? Math.hypot(...v) : null);
 const least = (all) => (all.length ? Math.min(...all) : null);
@@ -58,7 +58,7 @@ export function chartsOf(description) {
     row: ({ gaps = [] }) => [true, false].map((outside) => number(least(
       gaps.filter(([, other]) => names.has(other) === outside).map(([, , gap]) => gap)), 1000)),
   });
-  const sources = ["joystick", "position", "vision", "force", "following", "spring", "frames"];
+  const sources = ["joystick", "position", "vision", "force", "following", "spring", "reflex", "frames"];
   charts.push({
     title: "Twist by source", unit: "mm/s", least: 20, low: 0,
     series: sources.map((name, i) => ({ name, colour: COLOURS[i] })),
