@@ -9,7 +9,7 @@ from telerobot.config.load import load_cell
 from telerobot.config.urdf import read_robot
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.commands.check import judge
+from telerobot.tools.checks.judge import judge
 from telerobot.tools.init.make import make
 from telerobot.tools.init.robot import read_arm
 

@@ -9,7 +9,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.bus import Bus
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.commands.check import judge
+from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.judges.observer import Observer
 from telerobot.tools.simulation.simulation import Simulation, simulate

@@ -8,7 +8,7 @@ from telerobot.config.load import Cell
 from telerobot.server.stability.payload_loop import following_source, heaviest
 from telerobot.tools.campaign.payloads import STANDS, laden, pushed, speed_at_the_end
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.commands.check import judge
+from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.step import Step
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -11,8 +11,8 @@ from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.topics import Role
 from telerobot.server.operators.exposure import doubts
 from telerobot.tools.checks.findings import Severity
+from telerobot.tools.checks.judge import judge
 from telerobot.tools.cli import main
-from telerobot.tools.commands.check import judge
 from telerobot.tools.host.address import moved
 
 ARM = """

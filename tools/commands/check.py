@@ -2,73 +2,21 @@
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Final
 
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
-from ..checks.arms import arms
-from ..checks.bus_load import bus_load
-from ..checks.drives import drives
-from ..checks.enabling import enabling
-from ..checks.findings import Finding, failed, summary, table, to_json
+from ...drivers.device import DeviceError
+from ..checks.findings import Finding, Severity, failed, summary, table, to_json
 from ..checks.hardware.on_bus import on_bus
 from ..checks.hardware.profile import profile
-from ..checks.holding import holding
-from ..checks.loops.following import following
-from ..checks.loops.joint_tasks import joint_tasks
-from ..checks.loops.reflection import reflection
-from ..checks.loops.stability import stability
-from ..checks.loops.torque import torque
-from ..checks.model.postures import postures
-from ..checks.model.starting import starting
-from ..checks.network import network
-from ..checks.rover.own_rays import own_rays
-from ..checks.rover.sight import sight
-from ..checks.rover.sweep import sweep
-from ..checks.rover.wheels import wheels
-from ..checks.sensors import sensors
-from ..checks.timing import sampling, timing
-from ..checks.tunnel import tunnel
+from ..checks.judge import judge
+from ..init.shape.packages import packages_of
 
-Check = Callable[[Cell], Iterator[Finding]]
-
-OF_THE_CELL: Final[tuple[Check, ...]] = (
-    timing,
-    network,
-    bus_load,
-    arms,
-    joint_tasks,
-    starting,
-)
-
-OF_AN_ARM: Final[tuple[Check, ...]] = (
-    sampling,
-    drives,
-    enabling,
-    stability,
-    reflection,
-    postures,
-    tunnel,
-    wheels,
-    sweep,
-    sight,
-    own_rays,
-    holding,
-    torque,
-    following,
-    sensors,
-)
-
-
-def judge(cell: Cell) -> list[Finding]:
-    """Return what every check found about a cell, and about each of its arms by its name."""
-    found = [finding for check in OF_THE_CELL for finding in check(cell)]
-    for part in cell.parts:
-        of_arm = [finding for check in OF_AN_ARM for finding in check(part)]
-        found += [replace(finding, check=f"{part.prefix}{finding.check}") for finding in of_arm]
-    return found
+STANDS_OUT: Final = 5e-4
+"""A shape that its capsules do not hold by more than this is worth a word [m]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,6 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--power", action="store_true",
         help="with --profile: also the rules that need the drive switched on, brake open, held",
     )  # fmt: skip
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE.png",
+        help="draw each link's shape and the capsules around it, with their volumes' ratio",
+    )  # fmt: skip
+    parser.add_argument(
+        "--package", metavar="NAME=DIR", action="append", default=[],
+        help="with --picture: folder of a package that the URDF names as package://NAME",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -108,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
         findings = list(profile(cell, args.profile, time.monotonic, power=args.power))
     else:
         findings = judge(cell)
+    if args.picture is not None:
+        findings += _picture(cell, args.picture, args.package)
     bad = failed(findings)
     if args.json:
         print(to_json({"cell": cell.config.name, "path": str(cell.path), "ok": not bad}, findings))
@@ -115,3 +73,27 @@ def run(args: argparse.Namespace) -> int:
         print(table(findings))
         print(f"{cell.config.name}: {summary(findings)}")
     return 1 if bad else 0
+
+
+def _picture(cell: Cell, out: Path, packages: Sequence[str]) -> list[Finding]:
+    """Draw links and capsules into a file; return how tight each link's capsules are."""
+    if out.suffix not in (".png", ".svg") or not out.parent.is_dir():
+        raise ConfigError(f"--picture: value '{out}': must end in .png or .svg, in a folder")
+    try:
+        from ..recording.plot.link_shapes import covers, drawn
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        raise DeviceError("nothing to draw with: pip install 'telerobot[plot]'") from None
+    links = covers(cell, packages_of(packages))
+    drawn(f"{cell.config.name}: shapes of links, and their capsules", links).savefig(out, dpi=110)
+    found = [
+        Finding(
+            f"shape of {link.link}",
+            Severity.WARN if link.outside > STANDS_OUT else Severity.OK,
+            link.text(),
+            {"capsules": len(link.tubes), "ratio": link.ratio, "outside": link.outside},
+        )
+        for link in links
+    ]
+    return [*found, Finding("picture", Severity.OK, str(out))]

@@ -8,7 +8,7 @@ from pathlib import Path
 from ...config.errors import ConfigError
 from ...config.load import load_cell
 from ..checks.findings import Severity
-from ..commands.check import judge
+from ..checks.judge import judge
 from .make import Made, make
 from .robot import UrdfArm, read_arm
 from .shape.packages import packages_of

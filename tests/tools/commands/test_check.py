@@ -11,8 +11,8 @@ from telerobot.server.stability.force_loop import bound, filter_periods, jerk_la
 from telerobot.tools.checks.bus_load import worst_case_bits
 from telerobot.tools.checks.drives import drives
 from telerobot.tools.checks.findings import Severity, failed
+from telerobot.tools.checks.judge import judge
 from telerobot.tools.cli import main
-from telerobot.tools.commands.check import judge
 
 
 def findings(path):

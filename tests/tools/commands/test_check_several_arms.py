@@ -3,8 +3,8 @@
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.tools.checks.findings import Severity
+from telerobot.tools.checks.judge import judge
 from telerobot.tools.cli import main
-from telerobot.tools.commands.check import judge
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 from ....config.load import HERE, ConfigError, load_cell, shipped
 from ....drivers.device import DeviceError
 from ...checks.findings import failed
-from ...commands.check import judge
+from ...checks.judge import judge
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 from .blind import Blind

@@ -15,7 +15,7 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import load_cell
 from ...checks.findings import Severity
-from ...commands.check import judge
+from ...checks.judge import judge
 from ...init.make import Made, make
 from ...init.robot import read_arm
 from ...init.tool import BALL

@@ -42,13 +42,17 @@ class Tube(NamedTuple):
         length = float(np.linalg.norm(self.end - self.start))
         return math.pi * self.radius**2 * (length + 4.0 / 3.0 * self.radius)
 
-    def holds(self, points: Array) -> NDArray[np.bool_]:
-        """Return which of some points (p, 3) are inside (p,)."""
+    def distance(self, points: Array) -> Array:
+        """Return the distances (p,) of points (p, 3) from it, negative inside [m]."""
         along = self.end - self.start
         length2 = max(float(along @ along), 1e-18)
         part = np.clip((points - self.start) @ along / length2, 0.0, 1.0)
         off = points - self.start - part[:, None] * along
-        return np.asarray((off * off).sum(axis=1) <= self.radius**2)
+        return np.asarray(np.sqrt((off * off).sum(axis=1)) - self.radius)
+
+    def holds(self, points: Array) -> NDArray[np.bool_]:
+        """Return which of some points (p, 3) are inside (p,)."""
+        return np.asarray(self.distance(points) <= 0.0)
 
 
 class Fit(NamedTuple):
@@ -86,7 +90,7 @@ def fit(shape: LinkMesh) -> Fit:
         best = exact[0]
     found = tuple(Tube(t.start.round(4), t.end.round(4), t.radius) for t in best)
     hull = hull_of(extreme(triangles.reshape(-1, 3), 4 * _CORNERS))
-    ratio = math.inf if hull is None else _union(found) / hull.volume
+    ratio = math.inf if hull is None else union(found) / hull.volume
     source = "its visual shape" if shape.from_visual else "its collision shape"
     return Fit(shape.link, found, ratio, source)
 
@@ -214,7 +218,7 @@ def _volume(tubes: tuple[Tube, ...]) -> float:
     return sum(tube.volume() for tube in tubes)
 
 
-def _union(tubes: tuple[Tube, ...]) -> float:
+def union(tubes: tuple[Tube, ...]) -> float:
     """Return the volume of capsules, what they share once [m³]."""
     if len(tubes) == 1:
         return tubes[0].volume()

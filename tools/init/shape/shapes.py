@@ -42,11 +42,17 @@ class Hull(NamedTuple):
 
 
 def link_shape(
-    link: ET.Element, urdf: Path, packages: Mapping[str, Path], *, meshes_only: bool = False
+    link: ET.Element,
+    urdf: Path,
+    packages: Mapping[str, Path],
+    *,
+    meshes_only: bool = False,
+    around: bool = True,
 ) -> LinkMesh | None:
     """Return the shape of a link, or None for one that has none.
 
-    With `meshes_only`, of a link with collision shapes those that are meshes. Raises `ConfigError`
+    With `meshes_only`, of a link with collision shapes those that are meshes. Corners of round
+    primitives lie `around` them, so that they hold all of it, or on them. Raises `ConfigError`
     for a mesh that is not found or cannot be read, with file, link and name.
     """
     name = link.get("name", "")
@@ -60,7 +66,8 @@ def link_shape(
         if geometry is None or (meshes_only and collisions and geometry.find("mesh") is None):
             continue
         R, p = placement(element)
-        found.append(_triangles(geometry[0], where, urdf, packages) @ R.T + p)
+        scale = 1.0 / math.cos(math.pi / _ROUND) if around else 1.0
+        found.append(_triangles(geometry[0], where, urdf, packages, scale) @ R.T + p)
     if not found:
         return None
     triangles = np.concatenate(found)
@@ -111,7 +118,10 @@ def placement(element: ET.Element | None) -> tuple[Array, Array]:
     return R, np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
 
 
-def _triangles(shape: ET.Element, where: str, urdf: Path, packages: Mapping[str, Path]) -> Array:
+def _triangles(
+    shape: ET.Element, where: str, urdf: Path, packages: Mapping[str, Path], wider: float
+) -> Array:
+    """Return the triangles of one shape; round primitives are `wider` than they are."""
     if shape.tag == "mesh":
         name = shape.get("filename", "")
         path = find_mesh(name, urdf, packages)
@@ -128,7 +138,7 @@ def _triangles(shape: ET.Element, where: str, urdf: Path, packages: Mapping[str,
     radius = float(shape.get("radius", "0"))
     half_length = 0.5 * float(shape.get("length", "0"))
     turns = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
-    outside = radius / math.cos(math.pi / _ROUND)
+    outside = radius * wider
     circle = np.stack([np.cos(turns), np.sin(turns), np.zeros(_ROUND)], axis=1)
     up = np.array([0.0, 0.0, 1.0])
     if shape.tag == "cylinder":
