@@ -30,10 +30,13 @@ def duration(text: str) -> float:
     return seconds
 
 
-def add_cell_arguments(parser: argparse.ArgumentParser, bus: bool = True) -> None:
-    """Describe CELL and the options that move it; without `bus`, only the endpoint."""
+def add_cell_arguments(parser: argparse.ArgumentParser, bus: bool = True, more: str = "") -> None:
+    """Describe CELL and the options that move it; without `bus`, only the endpoint.
+
+    `more` says what else may stand in the place of CELL.
+    """
     parser.add_argument(
-        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
+        "cell", metavar="CELL", help=f"path of a cell file, or a shipped cell's name{more}"
     )
     parser.add_argument(
         "--endpoint",

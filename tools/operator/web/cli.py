@@ -6,20 +6,21 @@ import gc
 import os
 import signal
 import webbrowser
+from collections.abc import Callable, Coroutine
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from aiohttp import web
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....drivers.network.identity import identity_of
+from ....drivers.network.identity import Identity, identity_of
 from ....protocols.topics import Role
 from ...host.address import add_cell_arguments, cell_from
 from ..client.connection import Connection
 from .access import Access, Listen, tls_context
 from .hub import PageHub
-from .server import Server
+from .server import SceneServer, Server
 from .vendor import missing
 
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
@@ -29,7 +30,7 @@ again: whoever had come in stays in."""
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments."""
-    add_cell_arguments(parser, bus=False)
+    add_cell_arguments(parser, bus=False, more=", or a recorded run: NAME.mcap")
     parser.add_argument(
         "--listen",
         metavar="HOST:PORT",
@@ -45,7 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve a cell's page until told to end. Raises `ConfigError`."""
-    cell = cell_from(args)
+    listen = listen_of(args)
+    return asyncio.run(_live(cell_from(args), listen, args))
+
+
+def listen_of(args: argparse.Namespace) -> Listen:
+    """Return where to listen. Raises `ConfigError`, also where the page's modules are missing."""
     listen = Listen.parse(args.listen)
     lacking = missing()
     if lacking:
@@ -53,17 +59,36 @@ def run(args: argparse.Namespace) -> int:
             f"console: {lacking[0]} is not there: run `make venv`, or "
             "python -m telerobot.tools.operator.web.vendor"
         )
-    return asyncio.run(_serve(cell, listen, args))
+    return listen
 
 
-async def _serve(cell: Cell, listen: Listen, args: argparse.Namespace) -> int:
+async def _live(cell: Cell, listen: Listen, args: argparse.Namespace) -> int:
     identity = identity_of(cell, Role.OPERATOR, "console")
     shown = None if identity is None else identity.folder / identity.certificate.name
+    hub = PageHub(lambda: Connection(cell, name="console", identity=shown))
+
+    def server(access: Access, secure: bool) -> SceneServer:
+        return Server(cell, hub, access, listen, secure)
+
+    try:
+        return await serve_page(cell, listen, args, identity, server, hub.run)
+    finally:
+        hub.close()
+
+
+async def serve_page(
+    cell: Cell,
+    listen: Listen,
+    args: argparse.Namespace,
+    identity: Identity | None,
+    make: Callable[[Access, bool], SceneServer],
+    work: Callable[[], Coroutine[Any, Any, Any]],
+) -> int:
+    """Serve a page, with work beside it, until told to end."""
     secure = listen.beyond or args.certificate is not None
     tls = tls_context(cell.config.name, identity, args.certificate, args.key) if secure else None
     access = _access(cell.config.name)
-    hub = PageHub(lambda: Connection(cell, name="console", identity=shown))
-    server = Server(cell, hub, access, listen, secure)
+    server = make(access, secure)
     runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
     await runner.setup()
     await web.TCPSite(runner, listen.host, listen.port, ssl_context=tls).start()
@@ -78,16 +103,15 @@ async def _serve(cell: Cell, listen: Listen, args: argparse.Namespace) -> int:
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
     gc.collect()
     gc.freeze()  # a collection may take as long as a lease lasts
-    passing = asyncio.create_task(hub.run())
+    working = asyncio.create_task(work())
     waiting = asyncio.create_task(ended.wait())
     try:
-        done, _ = await asyncio.wait({passing, waiting}, return_when=asyncio.FIRST_COMPLETED)
-        if passing in done:
-            passing.result()
+        done, _ = await asyncio.wait({working, waiting}, return_when=asyncio.FIRST_COMPLETED)
+        if working in done:
+            working.result()
     finally:
-        passing.cancel()
+        working.cancel()
         waiting.cancel()
-        hub.close()
         await runner.cleanup()
     return 0
 

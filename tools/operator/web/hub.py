@@ -120,10 +120,9 @@ class PageHub:
         if now_s - self._stated_s < STATE_S - POLL_S or not self.pages:
             return
         self._stated_s = now_s
-        words = {name: limit_words(name) for name in _limits(state)}
         text = (
             f'{{"type":"state","tick":{state.tick},"t":{state.time_s},'
-            f'"state":{state.model_dump_json()},"limits":{json.dumps(words)},'
+            f'"state":{state.model_dump_json()},"limits":{json.dumps(limits_of(state))},'
             f'"why":{json.dumps(why(state, self._cause))},"mine":'
         )
         for page in self.pages:
@@ -169,6 +168,7 @@ class PageHub:
         page.tell({"type": "link", "you": page.client.name, "role": str(page.role), **self._link})
 
 
-def _limits(state: State) -> set[str]:
-    """Return the names of all limits that act in a cell's tasks."""
-    return {name for task in (state, *state.tasks.values()) for name in task.limits}
+def limits_of(state: State) -> dict[str, str]:
+    """Return all limits that act in a cell's tasks, in words, by their names."""
+    names = {name for task in (state, *state.tasks.values()) for name in task.limits}
+    return {name: limit_words(name) for name in names}

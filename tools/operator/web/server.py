@@ -24,17 +24,16 @@ LARGEST: Final = 65536
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class Server:
-    """Serves one cell's page to those who may see it."""
+class SceneServer:
+    """Serves a page with one cell's scene to those who may see it."""
 
-    def __init__(
-        self, cell: Cell, hub: PageHub, access: Access, listen: Listen, secure: bool
-    ) -> None:
-        self._cell, self._hub, self._access, self._listen = cell, hub, access, listen
+    INDEX = "index.html"
+
+    def __init__(self, cell: Cell, access: Access, listen: Listen, secure: bool) -> None:
+        self._cell, self._access, self._listen = cell, access, listen
         self._scheme = "https" if secure else "http"
         self.port = listen.port
         """The port that is listened on, once it is."""
-        self._visitors = 0
 
     def application(self) -> web.Application:
         """Return the application."""
@@ -46,12 +45,14 @@ class Server:
         app = web.Application(middlewares=[guard], client_max_size=LARGEST)
         app.router.add_get("/", self._index)
         app.router.add_post("/login", self._login)
-        app.router.add_get("/ws", self._socket)
         app.router.add_get("/scene.json", self._scene)
-        app.router.add_get("/catalogue.json", self._catalogue)
+        self._add_routes(app.router)
         scene.add_routes(app, self._cell)
         app.router.add_static("/", STATIC)
         return app
+
+    def _add_routes(self, router: web.UrlDispatcher) -> None:
+        """Add what else this page asks for."""
 
     # --- who comes in ------------------------------------------------------------------------
 
@@ -121,7 +122,7 @@ class Server:
     async def _index(self, request: web.Request) -> web.StreamResponse:
         if "key" in request.query:
             return self._admit(request.query["key"])
-        return web.FileResponse(STATIC / "index.html")
+        return web.FileResponse(STATIC / self.INDEX)
 
     async def _login(self, request: web.Request) -> web.StreamResponse:
         if not same_origin(request.headers.get("Origin"), self._scheme, request.host):
@@ -131,6 +132,21 @@ class Server:
 
     async def _scene(self, _request: web.Request) -> web.StreamResponse:
         return web.json_response(scene.describe(self._cell))
+
+
+class Server(SceneServer):
+    """Serves the operator's page of one cell."""
+
+    def __init__(
+        self, cell: Cell, hub: PageHub, access: Access, listen: Listen, secure: bool
+    ) -> None:
+        super().__init__(cell, access, listen, secure)
+        self._hub = hub
+        self._visitors = 0
+
+    def _add_routes(self, router: web.UrlDispatcher) -> None:
+        router.add_get("/ws", self._socket)
+        router.add_get("/catalogue.json", self._catalogue)
 
     async def _catalogue(self, _request: web.Request) -> web.StreamResponse:
         return web.json_response(catalogue(self._cell))

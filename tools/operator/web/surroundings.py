@@ -47,11 +47,11 @@ class WorldNews:
             self._pictures = None
         if now_s - self._truth_s >= TRUTH_S:
             self._truth_s = now_s
-            yield from _read(self._truths, t.RIG_TRUTH, _truth)
-        yield from _read(self._obstacles, t.OBSTACLE, _obstacle)
-        yield from _read(self._contours, t.CONTOUR, _contour)
+            yield from _read(self._truths, t.RIG_TRUTH, told_truth)
+        yield from _read(self._obstacles, t.OBSTACLE, told_obstacle)
+        yield from _read(self._contours, t.CONTOUR, told_contour)
         if self._pictures is not None:
-            yield from _read(self._pictures, t.PICTURE, _picture)
+            yield from _read(self._pictures, t.PICTURE, told_picture)
 
 
 def _read(inbox: Buffer, topic: t.Topic, tell: Callable[[Any], Told]) -> Iterator[Told]:
@@ -63,15 +63,18 @@ def _read(inbox: Buffer, topic: t.Topic, tell: Callable[[Any], Told]) -> Iterato
         yield tell(message)
 
 
-def _truth(truth: RigTruth) -> Told:
+def told_truth(truth: RigTruth) -> Told:
+    """Return the rig's truth as a page is told it."""
     return Told("truth", f'{{"type":"truth","truth":{truth.model_dump_json()}}}')
 
 
-def _obstacle(news: ObstacleNews) -> Told:
+def told_obstacle(news: ObstacleNews) -> Told:
+    """Return news of an obstacle as a page is told it."""
     return Told("", f'{{"type":"obstacle","obstacle":{news.model_dump_json()}}}')
 
 
-def _contour(news: ContourNews) -> Told:
+def told_contour(news: ContourNews) -> Told:
+    """Return a contour as a page is told it, with words for the passage."""
     cells = struct.unpack(f"<{news.rows * news.columns}H", news.nearest_mm)
     contour = {
         **news.model_dump(include={"tick", "rows", "columns", "cell", "phase", "most_speed"}),
@@ -81,7 +84,8 @@ def _contour(news: ContourNews) -> Told:
     return Told("contour", json.dumps({"type": "contour", "contour": contour}))
 
 
-def _picture(picture: CameraPicture) -> Told:
+def told_picture(picture: CameraPicture) -> Told:
+    """Return a picture as a page is told it."""
     told = {"camera": picture.camera, "tick": picture.tick}
     jpeg = base64.b64encode(picture.jpeg).decode()
     text = json.dumps({"type": "picture", "picture": {**told, "jpeg": jpeg}})

@@ -23,7 +23,10 @@ export function sceneIn(element, description) {
     const made = createScene(element, description);
     for (const callback of callbacks) made.onTarget(callback);
     made.setOptions(options);
+    const still = newest.get("jump");
+    newest.delete("jump");
     for (const message of [...newest.values(), ...news.splice(0)]) made.update(message);
+    if (still) made.jump(still);
     newest.clear();
     scene = made;
     return VIEWS;
@@ -36,6 +39,11 @@ export function sceneIn(element, description) {
       if (scene) scene.update(message);
       else if (KEPT.includes(message.type)) news.push(message);
       else newest.set(message.type, message);
+    },
+    /** Show a state at once, without interpolation: of a recorded run. */
+    jump(state) {
+      if (scene) scene.jump(state);
+      else newest.set("jump", state);
     },
     onTarget: (callback) => (scene ? scene.onTarget(callback) : callbacks.push(callback)),
     setOptions: (given) => (scene ? scene.setOptions(given) : Object.assign(options, given)),

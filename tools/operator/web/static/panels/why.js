@@ -4,6 +4,9 @@ import { button, el, setClass, setText } from "../dom.js";
 
 const SEVERITY = { stopping: "warning", hold: "warning", fault: "error", boot: "warning" };
 
+/** How grave a state is, by name: as events' severities are. */
+export const severityOf = (state) => (state.protective_stop ? "error" : (SEVERITY[state.mode] ?? ""));
+
 export function createWhy(element, ask) {
   const sentence = el("p", {}, "Waiting for the daemon.");
   const next = el("p", {}, "");
@@ -40,8 +43,7 @@ export function createWhy(element, ask) {
     say,
     offer,
     update({ state, why }, mine, watching) {
-      const severity = state.protective_stop ? "error" : (SEVERITY[state.mode] ?? "");
-      say(why.sentence, why.next, severity);
+      say(why.sentence, why.next, severityOf(state));
       if (watching) return offer(state.protective_stop ? ["clear"] : [], "");
       const may = [];
       if (!mine) may.push("lease");

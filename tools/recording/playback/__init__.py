@@ -1,0 +1,1 @@
+"""A recorded run on a time line, in the browser."""
