@@ -20,6 +20,7 @@ import numpy as np
 
 from ...config.load import Cell
 from .arm.arm import Arm
+from .arm.asking import ArmReading, Wanted
 from .barriers.barriers import Allow, Allowed, Clear, Surroundings
 from .barriers.collision import Guard, Watch
 from .joint_task.several import JointTasks, On, finish, members_of
@@ -48,6 +49,7 @@ class Control:
         every = [arm.p.joints for arm in self.arms]
         joints = Joints.of_all(every)
         T = p.period_s
+        self._curved = [i for i, arm in enumerate(self.arms) if arm.stages.slither is not None]
         self.allow = Allow(every, T, p.resolve.characteristic_length, guard)
         self.limiter = self._limiter_of(())
         self.joint: JointTasks | None = None
@@ -126,8 +128,7 @@ class Control:
             asked[0][0].placed,
         )
         allowed, clear = self.allow.nearest(asking, around, [each.link for each in on])
-        curves = [a.judge(m, s) for a, m, (s, _) in zip(self.arms, before, asked, strict=True)]
-        limited = self._limit(before, first, allowed, clear, on, curves)
+        limited = self._limit(before, first, allowed, clear, on, self._curves(before, asked))
         refusal = self.gate.refusal(limited.motion.q, self._sent(before))
         limits = (limited,) if len(self.arms) == 1 else tuple(map(limited.of, self.parts))
         self._limited = limited, limits
@@ -149,7 +150,7 @@ class Control:
         allowed: Sequence[Allowed],
         clear: Clear,
         on: Sequence[On],
-        curves: Sequence[Judge | None],
+        curves: Sequence[Judge],
     ) -> Limited:
         """Bound acceleration and jerk, and keep a verified stop at hand.
 
@@ -164,13 +165,24 @@ class Control:
         judges: list[Judge] = []
         if self.allow.guard is not None and clear.watch is not None:
             judges.append(partial(_shortfall, self.allow.guard, clear.watch))
-        for part, curve in zip(self.parts, curves, strict=True):
-            if curve is not None:
-                judges.append(curve if len(self.arms) == 1 else partial(_of_part, curve, part))
+        judges += curves
         judges += [each.shortfall for each in on]
         judge = None if not judges else judges[0] if len(judges) == 1 else partial(_worst, judges)
         dq = joined([granted.dq for granted in allowed])
         return limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
+
+    def _curves(
+        self, memories: Sequence[Memory], asked: Sequence[tuple[ArmReading, Wanted]]
+    ) -> list[Judge]:
+        """Return what judges stops of the arms that follow a curve, on all joints."""
+        found = []
+        for i in self._curved:
+            judge = self.arms[i].judge(memories[i], asked[i][0])
+            if judge is not None and len(self.arms) > 1:
+                judge = partial(_of_part, judge, self.parts[i])
+            if judge is not None:
+                found.append(judge)
+        return found
 
     def _limiter_of(self, groups: tuple[tuple[int, ...], ...]) -> Limiter:
         """Return the limiter of the cell; joints of a group of arms stop in proportion.
@@ -178,8 +190,7 @@ class Control:
         So do those of an arm that follows a curve.
         """
         grouped = {i for group in groups for i in group}
-        curved = {i for i, arm in enumerate(self.arms) if arm.stages.slither is not None}
-        groups += tuple((i,) for i in sorted(curved - grouped))
+        groups += tuple((i,) for i in self._curved if i not in grouped)
         wheels = [
             [self.parts[i].start, self.parts[i].start + 1]
             for i, arm in enumerate(self.arms)
@@ -200,6 +211,8 @@ class Control:
 
     def _whole(self, memories: Sequence[Memory]) -> tuple[Motion, Stop]:
         """Return motion and stop of all joints: those of the last tick, if it was told of them."""
+        if len(memories) == 1:
+            return memories[0].motion, memories[0].stop
         if self._limited is not None:
             limited, each = self._limited
             if all(

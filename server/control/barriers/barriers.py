@@ -150,14 +150,17 @@ class Allow:
         Those of `links` hold one payload.
         """
         factor, guard = around.speed_factor, self.guard
-        bounded = [self._bounded(i, arm, factor) for i, arm in enumerate(arms)]
-        shares = [b.share for b in bounded]
-        limits = [b.limits for b in bounded]
-        dq = joined([b.dq for b in bounded])
+        bounded, each, shares, limits, beyond = [], [], [], [], False
+        for i, arm in enumerate(arms):
+            bounded.append(b := self._bounded(i, arm, factor))
+            each.append(b.dq)
+            shares.append(b.share)
+            limits.append(b.limits)
+            beyond = beyond or b.beyond
+        dq = joined(each)
         if links:
             dq, shares, links = in_step(dq, self._counts, shares, shares, links)
         watch, rows, broken = None, None, None
-        beyond = max(b.beyond for b in bounded)
         if guard is not None and around.keep_clear:
             watch = guard.watch(_situation(arms, around, self.parts), dq, around.levels)
             beside = guard.tool_shares(watch)
@@ -208,15 +211,17 @@ class Allow:
         V = factor * self._velocities[i]
         dq, share, low, high, beyond = room.within(arm.dq, V, q, arm.error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
-        low[: arm.standing] = high[: arm.standing] = 0.0
-        leash = room.leash(arm.error) if beyond else None
-        if leash is not None:
-            limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
-            limits += self._reasons(i, leash.left_by(dq), "leash")
-        if arm.together and beyond:
+        if arm.standing:
+            low[: arm.standing] = high[: arm.standing] = 0.0
+        if not beyond:
+            return _Bounded(dq, share, low, high, False, None, limits)
+        leash = room.leash(arm.error)
+        limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
+        limits += self._reasons(i, leash.left_by(dq), "leash")
+        if arm.together:
             part = _part_within(dq, low, high)
             dq, share, beyond = part * dq, part * share, False
-        elif arm.by_joint and beyond:
+        elif arm.by_joint:
             dq, beyond = np.clip(dq, low, high), False
         return _Bounded(dq, share, low, high, beyond, leash, limits)
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.schema.cell import Resolve
-from ..compiled import COUNT, MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
+from ..compiled import COUNT, MATRIX, NUMBER, ROW, VECTOR, compiled
 from ..spatial import Array
 from .singularity import Directions, Travel, answer
 from .svd import svd
@@ -48,11 +48,10 @@ def resolve(
     of 6 and n by default.
     """
     length = p.characteristic_length
-    weighted, along, dq = np.empty(J.shape), np.zeros(6), np.zeros(J.shape[1])
-    _weigh(J, length, weighted)
-    U, s, Vt = svd(weighted)
+    U, s, Vt = svd(J, length)
     rank = len(s) if rank is None else rank
     sigma_min = float(s[rank - 1])
+    along, dq = np.zeros(6), np.zeros(len(Vt))
     _answer(U, s, Vt, twist, length, rank, along, dq)
     # Rows of V belong to real task directions even where σ is small: motion in the null space
     # must not disturb them.
@@ -63,13 +62,6 @@ def resolve(
     sigma[:rank] = s[:rank]
     found = answer(Directions(J, length, U, sigma, Vt[:rank], null, along), p, travel)
     return Resolved(found.dq, null, sigma_min, found.singular, found.way_home)
-
-
-@compiled(MATRIX, NUMBER, TABLE)
-def _weigh(J: Array, length: float, Jw: Array) -> None:
-    for i in range(6):
-        for j in range(J.shape[1]):
-            Jw[i, j] = J[i, j] if i < 3 else length * J[i, j]
 
 
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR, NUMBER, COUNT, ROW, ROW)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..compiled import COUNT, MATRIX, ROW, TABLE, compiled
+from ..compiled import COUNT, MATRIX, NUMBER, ROW, TABLE, compiled
 from ..spatial import Array
 
 _ORTHOGONAL = 1e-15
@@ -32,15 +32,18 @@ def _size(rows: Array, i: int) -> float:
     return math.sqrt(total)
 
 
-@compiled(MATRIX)
-def _orthogonal_rows(A: Array) -> tuple[Array, Array, Array]:
-    """Return an orthogonal U (m, m), Uᵀ A (m, n), whose rows are orthogonal, and their sizes."""
+@compiled(MATRIX, NUMBER)
+def _orthogonal_rows(A: Array, length: float) -> tuple[Array, Array, Array]:
+    """Return an orthogonal U (m, m), Uᵀ A (m, n), whose rows are orthogonal, and their sizes.
+
+    Of A weighted as in `svd`.
+    """
     m, n = A.shape
     rows, U, size = np.empty((m, n)), np.zeros((m, m)), np.empty(m)
     for i in range(m):
         U[i, i] = 1.0
         for k in range(n):
-            rows[i, k] = A[i, k]
+            rows[i, k] = A[i, k] if i < 3 else length * A[i, k]
     for _ in range(_PASSES):
         whole = 0.0
         for i in range(m):
@@ -96,23 +99,24 @@ def _complete(basis: Array, count: int) -> None:
         basis[count, k] /= size
 
 
-def svd(A: Array) -> tuple[Array, Array, Array]:
+def svd(A: Array, length: float = 1.0) -> tuple[Array, Array, Array]:
     """Return U (m, m), the singular values (r,), largest first, and Vt (n, n) of a matrix (m, n).
 
-    A = U[:, :r] diag(s) Vt[:r], r = min(m, n); U and Vt are orthogonal. As `numpy.linalg.svd`.
+    A = U[:, :r] diag(s) Vt[:r], r = min(m, n); U and Vt are orthogonal. As `numpy.linalg.svd`. Rows
+    from the fourth on, the rotations of a Jacobian, weigh `length` [m/rad].
     """
     m, n = A.shape
     U, s, Vt = np.empty((m, m)), np.zeros(min(m, n)), np.zeros((n, n))
-    _decompose(A, U, s, Vt)
+    _decompose(A, length, U, s, Vt)
     return U, s, Vt
 
 
-@compiled(MATRIX, TABLE, ROW, TABLE)
-def _decompose(A: Array, U: Array, s: Array, Vt: Array) -> None:
+@compiled(MATRIX, NUMBER, TABLE, ROW, TABLE)
+def _decompose(A: Array, length: float, U: Array, s: Array, Vt: Array) -> None:
     """Write what `svd` returns; s and Vt are zeros before."""
     m, n = A.shape
     r = min(m, n)
-    made, rows, size = _orthogonal_rows(A)
+    made, rows, size = _orthogonal_rows(A, length)
     for i in range(m):
         largest = 0
         for k in range(m):

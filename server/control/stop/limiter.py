@@ -106,7 +106,7 @@ class Limiter:
         if factor != self._factor:
             self._planner.set_bounds(factor * self._acceleration, self._jerk)
             self._factor = factor
-        if motion.stands() and not np.count_nonzero(target):
+        if not np.count_nonzero(target) and motion.stands():
             return Limited(motion, held, False)
         least, least_bad = np.inf, None
         for part, way in ATTEMPTS if judge is not None else ATTEMPTS[:3]:
