@@ -155,6 +155,11 @@ def read_robot(
         raise ConfigError(*reversed(wrong))
     if not joints:
         raise ConfigError(f"{asked_by}: value '{tip_link}': no movable joint leads to it in {urdf}")
+    if len(joints) == 1:
+        raise ConfigError(
+            f"{asked_by}: value '{tip_link}': only joint '{joints[0].name}' of {urdf} leads to it: "
+            "must be at least 2 joints"
+        )
     check_bodies(root, urdf, [joint.name for joint in joints], parent_joint)
     return Robot(urdf, tuple(reversed(joints)), inertials)
 

@@ -13,6 +13,8 @@ from .urdf_elements import MOMENTS
 
 _LOOKED_AT: Final = ("gazebo", "material", "transmission", "mujoco", "ros2_control", "sensor")
 """Elements that say nothing about a chain's motion."""
+LEAST_MOMENT: Final = 1e-9
+"""Least principal moment of inertia, by the greatest [1]."""
 _ENTRIES: Final = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """Rows and columns of `MOMENTS`."""
 
@@ -59,17 +61,19 @@ def give_inertials(root: ET.Element, urdf: Path, inertials: Iterable[LinkInertia
 
 
 def balance(root: ET.Element) -> None:
-    """Lower each greatest principal moment that misses the triangle inequality by rounding.
+    """Amend principal moments that miss those of a body by rounding.
 
-    The moments of a body satisfy A + B ≥ C, which MuJoCo holds a model to exactly. What misses it
-    by more than rounding has been refused.
+    These satisfy 0 < A ≤ B ≤ C ≤ A + B, which MuJoCo holds a model to exactly: a rod's A is raised,
+    and C is lowered. What misses it by more than rounding has been refused.
     """
     for inertia in root.findall("link/inertial/inertia"):
         xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "0")) for name in MOMENTS)
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        if moments[0] + moments[1] >= moments[2]:
+        least = LEAST_MOMENT * moments[2]
+        if moments[0] >= least and moments[0] + moments[1] >= moments[2]:
             continue
-        moments[2] = (moments[0] + moments[1]) * (1.0 - 1e-9)
+        moments[:2] = np.maximum(moments[:2], least)
+        moments[2] = min(moments[2], (moments[0] + moments[1]) * (1.0 - 1e-9))
         I = (axes * moments) @ axes.T  # noqa: E741  the field's symbol
         for name, (i, j) in zip(MOMENTS, _ENTRIES, strict=True):
             inertia.set(name, repr(float(I[i, j])))

@@ -41,6 +41,40 @@ def test_the_only_finger_of_a_gripper_is_no_part_of_the_arm(odd):
     assert read_arm(odd.write(), None, {}).tip == "Link_5"
 
 
+def test_an_arm_ends_where_a_hand_of_many_fingers_begins(odd):
+    """Of Tiago's hand, whose fingers have three joints each."""
+    joint = (
+        '<joint name="{f}_{i}" type="revolute"><parent link="{above}"/><child link="{f}_{i}"/>'
+        '</joint><link name="{f}_{i}"/>'
+    )
+    fingers = [
+        joint.format(f=f, i=i, above=f"{f}_{i - 1}" if i else "Flange")
+        for f in ("index", "ring", "little")
+        for i in range(3)
+    ]
+    odd.replace('<link name="Flange"/>', '<link name="Flange"/>' + "".join(fingers))
+    arm = read_arm(odd.write(), None, {})
+    assert arm.tip == "Flange"
+    assert len(arm.chain) == 6
+
+
+def test_a_short_chain_called_a_finger_is_an_arm(odd):
+    odd.joints = [(f"finger_{name}", *rest) for name, *rest in odd.joints[:3]]
+    odd.replace('parent link="Link_6"', 'parent link="Link_3"')
+    odd.replace('type="prismatic"', 'type="fixed"')
+    assert len(read_arm(odd.write(), None, {}).chain) == 3
+
+
+def test_an_arm_of_one_joint_is_refused(odd):
+    urdf = odd.write()
+    with pytest.raises(ConfigError) as caught:
+        read_robot(urdf, "Link_1", "cell.toml: mechanism.tip_link")
+    assert caught.value.messages == (
+        f"cell.toml: mechanism.tip_link: value 'Link_1': only joint 'Shoulder/Pan' of {urdf} leads "
+        "to it: must be at least 2 joints",
+    )
+
+
 def test_a_tool_looks_away_from_the_arm_where_the_last_link_lies_behind_its_frame(odd, tmp_path):
     """Of the xArm: the frame of the last link is its flange, in the last joint's own place."""
     odd.replace('"Flange"/><origin xyz="0 0 0.05"/>', '"Flange"/>')

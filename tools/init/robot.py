@@ -1,9 +1,8 @@
 """Facts of a URDF that a cell needs: which chain is the arm, which links lack what."""
 
 import math
-import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -15,18 +14,14 @@ from ...config.urdf import read_tree
 from ...config.urdf_elements import FRAME_MASS, NO_INERTIA, inertial_fault
 from .shape.capsules import Fit, Tube, extreme, fit
 from .shape.shapes import Array, hull_of, link_shape, placement
+from .tip import end_of, movable, tip_of
 
-FINGERS: Final = 2
-"""A branch of so many movable joints, or fewer, is a finger [1]."""
 DENSITY: Final = 1000.0
 """Of links whose masses nobody knows, by their hulls; and of those that have no shape [kg/m³]."""
 ROUGH_MASS: Final = 0.1
 """Of a link that has no shape either [kg]."""
 LIGHT: Final = 1e-9
 """Bodies have more inertia than this [kg·m²]."""
-_OF_A_HAND: Final = re.compile(r"grip|finger|jaw|knuckle|thumb|claw|hand_joint", re.IGNORECASE)
-_OF_AN_ARM: Final = re.compile(r"wrist|forearm|elbow|shoulder|roll|pitch|yaw|flex", re.IGNORECASE)
-_TOOLS: Final = ("tool0", "tcp", "ee_link", "flange", "tool", "hand_tcp", "grasp")
 
 
 @dataclass(frozen=True)
@@ -61,20 +56,20 @@ def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> UrdfA
     Raises `ConfigError`.
     """
     root = read_tree(urdf)
-    carried = {_end(j, "child"): j for j in root.findall("joint")}
+    carried = {end_of(j, "child"): j for j in root.findall("joint")}
     links = [link.get("name", "") for link in root.findall("link")]
     if not links:
         raise ConfigError(f"{urdf}: holds no links")
     if tip is None:
-        tip = _tip(urdf, root, carried, links)
+        tip = tip_of(urdf, root)
     elif tip not in links:
         raise ConfigError(f"--tip: value '{tip}': no such link in {urdf}{nearest(tip, links)}")
     chain, at, seen = [], tip, {tip}
     while at in carried:
         joint = carried[at]
-        if _movable(joint):
+        if movable(joint):
             chain.append(joint)
-        at = _end(joint, "parent")
+        at = end_of(joint, "parent")
         if at in seen:
             raise ConfigError(f"{urdf}: link '{at}': the chain runs in a circle")
         seen.add(at)
@@ -82,7 +77,7 @@ def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> UrdfA
     if not chain:
         raise ConfigError(f"{urdf}: no movable joint leads to link '{tip}'")
     arm = UrdfArm(urdf, root, tip, chain)
-    arm.held = [j.get("name", "") for j in root.findall("joint") if _movable(j) and j not in chain]
+    arm.held = [j.get("name", "") for j in root.findall("joint") if movable(j) and j not in chain]
     wrong: list[str] = []
     for link in root.findall("link"):
         try:
@@ -173,7 +168,7 @@ def _alone(arm: UrdfArm, name: str, carried: Mapping[str, ET.Element]) -> bool:
     below: dict[str, list[str]] = {}
     for child, joint in carried.items():
         if joint not in arm.chain:
-            below.setdefault(_end(joint, "parent"), []).append(child)
+            below.setdefault(end_of(joint, "parent"), []).append(child)
     masses = {
         link.get("name", ""): _number(m.get("value"))
         for link in arm.root.findall("link")
@@ -185,102 +180,6 @@ def _alone(arm: UrdfArm, name: str, carried: Mapping[str, ET.Element]) -> bool:
         mass += masses.get(link, 0.0)
         waiting += below.get(link, [])
     return mass <= 0.0
-
-
-def _tip(urdf: Path, root: ET.Element, carried: Mapping[str, ET.Element], links: list[str]) -> str:
-    """Return the last link of the only arm in a tree: fingers and jaws are no part of it."""
-    below: dict[str, list[ET.Element]] = {}
-    for joint in root.findall("joint"):
-        below.setdefault(_end(joint, "parent"), []).append(joint)
-
-    def depth(joint: ET.Element) -> int:
-        deeper = [depth(j) for j in below.get(_end(joint, "child"), [])]
-        return int(_movable(joint)) + max(deeper, default=0)
-
-    roots = [link for link in links if link not in carried]
-    if len(roots) != 1:
-        raise ConfigError(f"{urdf}: {len(roots)} links are no joint's child: must be 1, the root")
-    at = roots[0]
-    moved = 0
-    while True:
-        branches = [j for j in below.get(at, []) if depth(j) > 0]
-        arms = [j for j in branches if depth(j) > FINGERS]
-        if len(arms) > 1:
-            tips = ", ".join(sorted(_deepest(j, below, depth) for j in arms))
-            raise ConfigError(
-                f"{urdf}: link '{at}' carries {len(arms)} chains of joints: say which is the arm, "
-                f"with --tip LINK: one of {tips}, or a link before"
-            )
-        if len(arms) == 1:
-            following = arms[0]
-        elif len(branches) == 1 and not _hand(branches[0], below) and moved > 0:
-            following = branches[0]
-        elif branches and moved == 0:
-            following = max(branches, key=depth)
-        else:
-            break
-        moved += int(_movable(following))
-        at = _end(following, "child")
-    return _tool(at, below)
-
-
-def _deepest(
-    joint: ET.Element, below: Mapping[str, list[ET.Element]], depth: Callable[[ET.Element], int]
-) -> str:
-    while deeper := [j for j in below.get(_end(joint, "child"), []) if depth(j) > 0]:
-        joint = max(deeper, key=depth)
-    return _end(joint, "child")
-
-
-def _hand(joint: ET.Element, below: Mapping[str, list[ET.Element]]) -> bool:
-    """Return whether a branch's first movable joint is a hand's, by its name or its link's.
-
-    A link's name counts where nothing moves beyond it: fingers hang on a link that is called
-    gripper, and the joint that turns it is the arm's.
-    """
-    while not _movable(joint):
-        # Only one branch moves here.
-        following = [j for j in below.get(_end(joint, "child"), []) if _moves(j, below)]
-        if not following:
-            return True
-        if len(following) > 1:
-            return True
-        joint = following[0]
-    if joint.find("mimic") is not None:
-        return True
-    name, child = joint.get("name", ""), _end(joint, "child")
-    beyond = [j for j in below.get(child, []) if _moves(j, below)]
-    if beyond and (_OF_AN_ARM.search(name) or not _OF_A_HAND.search(name)):
-        return False
-    named = _OF_A_HAND.search(name) or _OF_A_HAND.search(child)
-    return bool(named) and all(_hand(j, below) for j in beyond)
-
-
-def _moves(joint: ET.Element, below: Mapping[str, list[ET.Element]]) -> bool:
-    return _movable(joint) or any(_moves(j, below) for j in below.get(_end(joint, "child"), []))
-
-
-def _tool(at: str, below: Mapping[str, list[ET.Element]]) -> str:
-    """Return the tool's frame among the links that are fixed to the last one, if there is one."""
-    fixed, waiting = [], [at]
-    while waiting:
-        link = waiting.pop(0)
-        fixed.append(link)
-        waiting += [_end(j, "child") for j in below.get(link, []) if not _movable(j)]
-    for word in _TOOLS:
-        for link in fixed[1:]:
-            if link.lower() == word or link.lower().endswith(f"_{word}"):
-                return link
-    return at
-
-
-def _movable(joint: ET.Element) -> bool:
-    return joint.get("type") in ("revolute", "continuous", "prismatic")
-
-
-def _end(joint: ET.Element, which: str) -> str:
-    element = joint.find(which)
-    return "" if element is None else element.get("link", "")
 
 
 def _number(text: str | None) -> float:

@@ -26,6 +26,8 @@ TOUCHING: Final = 0.012
 """Links that are nearer count as overlapping: clearance and margin [m]."""
 _DRAWN: Final = 4000
 _LOOKED_AT: Final = 400
+_ENOUGH: Final = 40
+"""Free postures are looked for until there are so many [1]."""
 _STEP: Final = 0.005
 """Of a way that is tried [m]."""
 
@@ -115,9 +117,11 @@ class Study:
         score = sigma / max(float(sigma.max()), 1e-12)
         score += 0.3 * (1.0 - np.abs(d[:, 2])) + 0.3 * (d[:, :2] * flat).sum(axis=1)
         score -= 1.0 * (p[:, 2] < 0.15 * reach) + 0.5 * (np.linalg.norm(p, axis=1) > 0.9 * reach)
-        order = np.argsort(-score, kind="stable")[:_LOOKED_AT]
-        kept = []
-        for i in order.tolist():
+        order = np.argsort(-score, kind="stable")
+        kept: list[tuple[float, int]] = []
+        for tried, i in enumerate(order.tolist()):
+            if tried >= _LOOKED_AT and len(kept) >= _ENOUGH:
+                break
             q = postures[i]
             if self.gap(q) < APART:
                 continue

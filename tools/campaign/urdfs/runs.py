@@ -19,6 +19,7 @@ class Trials(Runs[UrdfTrial]):
                     "force_n": run.force_n,
                     "clearance_m": run.clearance_m,
                     "capsules_by_hull": run.ratio,
+                    "init_s": run.init_s,
                 }
                 for run in self.runs
             }
@@ -29,7 +30,7 @@ class Trials(Runs[UrdfTrial]):
         rows = [
             f"{run.name:16} {run.joints} joints, pose {1e3 * run.pose_m:.2f} mm, push "
             f"{run.force_n:.2f} N, clearance {1e3 * run.clearance_m:.1f} mm, capsules "
-            f"{run.ratio:.2f} × hulls"
+            f"{run.ratio:.2f} × hulls, {run.init_s:.0f} s to motion"
             for run in self.runs
         ]
         return [*(rows or [f"no arms are installed: {NEEDED}"]), *super().lines()]

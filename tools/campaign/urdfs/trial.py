@@ -5,6 +5,7 @@ added, which is an obstacle that the stick drives at.
 """
 
 import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -48,12 +49,15 @@ class UrdfTrial:
     ratio: float = float("nan")
     """Volume of capsules by that of hulls, mean over the links that have meshes [1]."""
     reasons: list[str] = field(default_factory=list)
+    init_s: float = float("nan")
+    """Time from the URDF to a cell that has been checked and can move [s]."""
 
 
 def try_arm(
     name: str, urdf: Path, tip: str | None = None, packages: Mapping[str, Path] | None = None
 ) -> UrdfTrial:
     """Make a cell of a URDF, run it, and judge the runs."""
+    began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "arm.toml"
         try:
@@ -66,6 +70,7 @@ def try_arm(
                 for f in judge(load_cell(out))
                 if f.status is Severity.ERROR
             ]
+            init_s = time.monotonic() - began
             pushed = simulate(out)
             reasons += _against("push", pushed)
             force = float(str(pushed.summary["contact_force_n"]))
@@ -85,7 +90,7 @@ def try_arm(
     ratios = [fit.ratio for fit in arm.fits if np.isfinite(fit.ratio)]
     return UrdfTrial(
         name, len(made.draft.drives), _number(pose), force, _number(clearance),
-        float(np.mean(ratios)) if ratios else float("nan"), reasons,
+        float(np.mean(ratios)) if ratios else float("nan"), reasons, init_s,
     )  # fmt: skip
 
 
