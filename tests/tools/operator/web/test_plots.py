@@ -94,7 +94,7 @@ def test_every_shipped_cell_can_be_plotted(in_node, described):
 
 
 def test_names_reach_the_page_as_text_only():
-    modules = [*(STATIC / "scene").glob("*.js"), *(STATIC / "plots").glob("*.js")]
+    modules = [*(STATIC / "scene").rglob("*.js"), *(STATIC / "plots").rglob("*.js")]
     assert len(modules) > 10
     for module in modules:
         for markup in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write"):

@@ -9,7 +9,7 @@ from telerobot.tools.operator.web.scene import describe
 from telerobot.tools.operator.web.vendor import missing
 
 FORWARD = """
-    const { forward } = await load("scene/kinematics.js");
+    const { forward } = await load("scene/geometry/kinematics.js");
     return given.postures.map((q) => forward(given.description, q));
 """
 
@@ -49,7 +49,7 @@ def test_poses_go_through_the_pages_quaternions_unchanged(in_node):
     poses = np.hstack((random.normal(size=(200, 3)), random.uniform(-3.1, 3.1, (200, 3))))
     poses[:20, 4] = np.pi / 2  # where roll and yaw are one
     program = """
-        const { fromRpy, toRpy } = await load("scene/poses.js");
+        const { fromRpy, toRpy } = await load("scene/geometry/poses.js");
         return given.map((pose) => [fromRpy(pose), toRpy(fromRpy(pose))]);
     """
     for pose, (seven, back) in zip(poses, in_node(program, poses.tolist()), strict=True):
@@ -66,7 +66,7 @@ def test_lines_of_gaps_end_at_the_nearest_points(in_node):
     ends[:10, 3] = ends[:10, 2]  # a point
     ends[10:20, 3] = ends[10:20, 2] + 2.0 * (ends[10:20, 1] - ends[10:20, 0])  # parallel
     program = """
-        const { segments, segmentBox } = await load("scene/nearest.js");
+        const { segments, segmentBox } = await load("scene/geometry/nearest.js");
         const half = [0.2, 0.3, 0.1];
         return given.map(([a, b, c, d]) => [segments(a, b, c, d), segmentBox(a, b, half)]);
     """
@@ -94,7 +94,7 @@ def test_what_comes_in_bunches_is_drawn_evenly_and_little_late(in_node, anew_s):
         "come": np.maximum.accumulate(sent + 7.0 + late).tolist(),
     }
     program = """
-        const { createTimeline } = await load("scene/timeline.js");
+        const { createTimeline } = await load("scene/geometry/timeline.js");
         const timeline = createTimeline();
         const drawn = [];
         let i = 0;
@@ -115,8 +115,8 @@ def test_an_obstacle_that_only_moves_is_not_made_anew(in_node):
     if missing():
         pytest.skip("the page's JavaScript is not fetched: make venv")
     program = """
-        const { createSurroundings } = await load("scene/surroundings.js");
-        const { createMaterials } = await load("scene/kit.js");
+        const { createSurroundings } = await load("scene/things/surroundings.js");
+        const { createMaterials } = await load("scene/stage/kit.js");
         const label = { at() {}, setRole() {}, remove() {} };
         const scene = createSurroundings(given, createMaterials(), { add: () => label });
         const box = {
@@ -148,7 +148,7 @@ def test_a_contour_stands_where_its_cells_are(in_node):
     if missing():
         pytest.skip("the page's JavaScript is not fetched: make venv")
     program = """
-        const { platesOf } = await load("scene/contour.js");
+        const { platesOf } = await load("scene/things/contour.js");
         return platesOf(given);
     """
     nearest = [None, 1200, None, 900, None, None]
@@ -162,7 +162,7 @@ def test_a_page_that_draws_slowly_asks_for_one_picture_at_a_time_and_rests_as_lo
     in_node, takes_ms, share
 ):
     program = """
-        const { createPace } = await load("scene/pace.js");
+        const { createPace } = await load("scene/stage/pace.js");
         let now = 0, asked = 0, busy = 0, most = 0, queue = [];
         const pace = createPace(() => {
           const end = now + given;
@@ -187,7 +187,7 @@ def test_a_page_that_draws_slowly_asks_for_one_picture_at_a_time_and_rests_as_lo
 
 def test_a_page_that_draws_quickly_draws_whenever_it_may(in_node):
     program = """
-        const { createPace } = await load("scene/pace.js");
+        const { createPace } = await load("scene/stage/pace.js");
         const pace = createPace(() => () => true);
         let drawn = 0;
         for (let now = 0; now < 1000; now += 10) {

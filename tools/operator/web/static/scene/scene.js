@@ -5,25 +5,25 @@
  * that `update` is given.
  */
 
-import { createArms } from "./arms.js";
-import { createContour } from "./contour.js";
-import { createForces } from "./forces.js";
-import { createFrames } from "./frames.js";
-import { createGaps } from "./gaps.js";
-import { createHandle } from "./handle.js";
-import { forward } from "./kinematics.js";
-import { THREE, createMaterials } from "./kit.js";
-import { createLabels } from "./labels.js";
-import { createPaths } from "./paths.js";
-import { createPictures } from "./pictures.js";
-import { attitude, turned } from "./poses.js";
-import { createStage } from "./stage.js";
-import { createSurroundings } from "./surroundings.js";
-import { THEMES, themeName } from "./theme.js";
-import { createTimeline } from "./timeline.js";
-import { createTunnels } from "./tunnels.js";
-import { VIEWS, createViews } from "./views.js";
-import { atRest, viewOf } from "./view.js";
+import { forward } from "./geometry/kinematics.js";
+import { attitude, turned } from "./geometry/poses.js";
+import { createTimeline } from "./geometry/timeline.js";
+import { atRest, viewOf } from "./geometry/view.js";
+import { THREE, createMaterials } from "./stage/kit.js";
+import { createLabels } from "./stage/labels.js";
+import { createStage } from "./stage/stage.js";
+import { THEMES, themeName } from "./stage/theme.js";
+import { VIEWS, createViews } from "./stage/views.js";
+import { createArms } from "./things/arms.js";
+import { createContour } from "./things/contour.js";
+import { createForces } from "./things/forces.js";
+import { createFrames } from "./things/frames.js";
+import { createGaps } from "./things/gaps.js";
+import { createHandle } from "./things/handle.js";
+import { createPaths } from "./things/paths.js";
+import { createPictures } from "./things/pictures.js";
+import { createSurroundings } from "./things/surroundings.js";
+import { createTunnels } from "./things/tunnels.js";
 
 export { VIEWS };
 

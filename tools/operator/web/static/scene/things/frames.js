@@ -1,7 +1,7 @@
 /** Named frames as triads: MRF, CRF, Base, Carrier and the Lens of each camera, with its view. */
 
-import { THREE, lay, place } from "./kit.js";
-import { composed, fromRpy } from "./poses.js";
+import { THREE, lay, place } from "../stage/kit.js";
+import { composed, fromRpy } from "../geometry/poses.js";
 
 const AXES = [["x", [1, 0, 0]], ["y", [0, 1, 0]], ["z", [0, 0, 1]]];
 

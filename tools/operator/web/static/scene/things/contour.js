@@ -1,8 +1,8 @@
 /** The contour ahead: a plate in each cell in which a scanner has seen something. */
 
-import { THREE, place } from "./kit.js";
-import { rootOf } from "./kinematics.js";
-import { composed } from "./poses.js";
+import { THREE, place } from "../stage/kit.js";
+import { rootOf } from "../geometry/kinematics.js";
+import { composed } from "../geometry/poses.js";
 
 const THICK = 0.006;
 /** A plate fills so much of its cell. */

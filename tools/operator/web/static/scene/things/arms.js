@@ -1,6 +1,6 @@
 /** Arms as they are measured, and their commanded pose as a ghost where that is elsewhere. */
 
-import { THREE, box, cylinder, place, solid } from "./kit.js";
+import { THREE, box, cylinder, place, solid } from "../stage/kit.js";
 import { loadMesh } from "./meshes.js";
 
 /** The ghost appears where a link is off by this, and is full at thrice as much [m]. */

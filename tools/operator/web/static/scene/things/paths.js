@@ -1,6 +1,6 @@
 /** Where the tool was and is led to: its trail, the path's reference, and the target. */
 
-import { THREE, place } from "./kit.js";
+import { THREE, place } from "../stage/kit.js";
 import { triad } from "./frames.js";
 
 const POINTS = 500;

@@ -1,8 +1,8 @@
 /** The stage: renderer, camera, light, shadows and ground; draws only when something has changed. */
 
-import * as THREE from "../vendor/three.module.js";
-import { OrbitControls } from "../vendor/OrbitControls.js";
-import { RoomEnvironment } from "../vendor/RoomEnvironment.js";
+import * as THREE from "../../vendor/three.module.js";
+import { OrbitControls } from "../../vendor/OrbitControls.js";
+import { RoomEnvironment } from "../../vendor/RoomEnvironment.js";
 import { createGround } from "./ground.js";
 import { createPace, fenceOf } from "./pace.js";
 

@@ -1,6 +1,6 @@
 /** The ground: a grid of metres and decimetres that fades into the distance, and shadows on it. */
 
-import * as THREE from "../vendor/three.module.js";
+import * as THREE from "../../vendor/three.module.js";
 
 const RADIUS = 14;
 

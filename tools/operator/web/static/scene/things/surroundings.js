@@ -1,7 +1,7 @@
 /** Surroundings: obstacles, sight lines, workspace, and the bodies of the virtual world. */
 
-import { THREE, box, cylinder, lay, place, solid } from "./kit.js";
-import { composed, fromRpy, placed } from "./poses.js";
+import { THREE, box, cylinder, lay, place, solid } from "../stage/kit.js";
+import { composed, fromRpy, placed } from "../geometry/poses.js";
 
 export function createSurroundings(description, materials, labels) {
   const object = new THREE.Group();

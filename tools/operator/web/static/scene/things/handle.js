@@ -1,9 +1,9 @@
 /** The handle at the MRF: dragged, it is a target; let go of, it goes back to the tool. */
 
-import { TransformControls } from "../vendor/TransformControls.js";
+import { TransformControls } from "../../vendor/TransformControls.js";
 import { triad } from "./frames.js";
-import { THREE, place } from "./kit.js";
-import { toRpy } from "./poses.js";
+import { THREE, place } from "../stage/kit.js";
+import { toRpy } from "../geometry/poses.js";
 
 export function createHandle(description, materials, stage, scale) {
   const object = new THREE.Group();

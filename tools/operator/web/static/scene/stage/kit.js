@@ -1,6 +1,6 @@
 /** The kit that all parts are built from: materials that follow the theme, and shapes. */
 
-import * as THREE from "../vendor/three.module.js";
+import * as THREE from "../../vendor/three.module.js";
 
 export { THREE };
 

@@ -1,7 +1,7 @@
 /** Forces on what arms touch, as arrows at the MRF, moments as an arc around their axis. */
 
-import { THREE, lay } from "./kit.js";
-import { attitude, turned } from "./poses.js";
+import { THREE, lay } from "../stage/kit.js";
+import { attitude, turned } from "../geometry/poses.js";
 
 /** A newton is drawn so long [m], at most so long, and from so much on. */
 const PER_NEWTON = 0.006;

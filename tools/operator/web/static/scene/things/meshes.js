@@ -11,13 +11,13 @@ export function loadMesh(url) {
 async function load(url) {
   const suffix = url.split(".").at(-1);
   if (suffix === "stl") {
-    const { STLLoader } = await import("../vendor/STLLoader.js");
+    const { STLLoader } = await import("../../vendor/STLLoader.js");
     const geometry = await new STLLoader().loadAsync(url);
     geometry.computeVertexNormals();
     return [geometry];
   }
   if (suffix === "obj") {
-    const { OBJLoader } = await import("../vendor/OBJLoader.js");
+    const { OBJLoader } = await import("../../vendor/OBJLoader.js");
     const group = await new OBJLoader().loadAsync(url);
     const found = [];
     group.traverse((part) => part.geometry && found.push(part.geometry));

@@ -1,6 +1,6 @@
 /** Tunnels: glass walls on either side of a planar arm, and a ribbed tube around one in space. */
 
-import { THREE } from "./kit.js";
+import { THREE } from "../stage/kit.js";
 
 export function createTunnels(description, materials) {
   const object = new THREE.Group();

@@ -1,9 +1,9 @@
 /** Nearest gaps: a line between the nearest points, from grey to red as it gets to what it keeps. */
 
-import { THREE, lay } from "./kit.js";
-import { capsulesAt } from "./kinematics.js";
-import { between, segmentBox, segments } from "./nearest.js";
-import { placed, turned } from "./poses.js";
+import { THREE, lay } from "../stage/kit.js";
+import { capsulesAt } from "../geometry/kinematics.js";
+import { between, segmentBox, segments } from "../geometry/nearest.js";
+import { placed, turned } from "../geometry/poses.js";
 
 const MOST = 6;
 /** Gaps of more than this times what they keep, and of the distance that counts as near, are grey. */
