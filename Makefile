@@ -13,7 +13,7 @@ PEERS_STAMP := $(PEERS)/.installed
 JOBS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help venv demo test check bench bench-peers campaign format clean
+.PHONY: help venv demo test vcan check bench bench-peers campaign format clean
 
 help: ## Show these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,10 @@ test: venv ## All tests: in parallel, then those that start processes, then the 
 	@$(BIN)/pytest -q -m "not hil and not browser" -n $(JOBS)
 	@$(BIN)/pytest -q -m hil || { code=$$?; test $$code -eq 5 && echo "no hil tests"; }
 	@$(BIN)/pytest -q -m browser || { code=$$?; test $$code -eq 5 && echo "no browser tests"; }
+
+vcan: venv ## Tests on a kernel's CAN bus: here, or in user-mode Linux; ARGS=tests/vcan for the arm, too
+	@$(BIN)/python tests/vcan/run.py $(BIN)/python -m pytest -q -p no:cacheprovider \
+	  $(or $(ARGS),tests/vcan/test_bus.py) || { code=$$?; test $$code -eq 77; }
 
 check: venv ## Format, lint, types and import rules
 	@$(BIN)/ruff format --check --quiet . || { echo "run: make format" >&2; exit 1; }

@@ -9,11 +9,12 @@ import socket
 import struct
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, Final
 
 import can
 import msgpack
+from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 
@@ -24,6 +25,8 @@ CanMessage = can.Message
 """A CAN frame as it comes from a bus."""
 CanBus = can.BusABC
 """A CAN bus that is open."""
+BusErrors = (can.CanError, OSError)
+"""What a bus raises that is not there now, as an interface that is down."""
 
 _LOOPBACK: Final = "127.0.0.1"
 _IP_MULTICAST_ALL: Final = 49  # linux/in.h; Python has no name for it
@@ -31,6 +34,7 @@ _SO_TIMESTAMPNS: Final = 35  # asm-generic/socket.h
 _TIMESPEC: Final = struct.Struct("@ll")
 _LARGEST_DATAGRAM: Final = 1024
 _RECEIVE_BUFFER: Final = 1 << 20
+_STANDARD: Final = 0x7FF
 _MALFORMED: Final = (
     ValueError, TypeError, AttributeError, OverflowError, msgpack.UnpackException,
 )  # fmt: skip
@@ -247,9 +251,26 @@ def open_bus(config: Bus, hub: Hub | None = None) -> can.BusABC:
                 raise DeviceError(f"{where}: exists only inside one process, as in simulation")
             return InProcessBus(hub)
         options: dict[str, Any] = dict(config.options)
-        return can.Bus(
+        if options.get("receive_own_messages"):
+            raise DeviceError(f"{where}: options.receive_own_messages: would be a second master's")
+        bus = can.Bus(
             channel=config.channel, interface=config.interface, bitrate=config.bitrate, **options
         )
+        if isinstance(bus, SocketcanBus):
+            # The kernel drops what does not fit without a word; it may grant less.
+            bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+        return bus
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         words = " ".join(str(error).split()) or type(error).__name__
         raise DeviceError(f"{where}: {words}") from error
+
+
+def hear_only(bus: can.BusABC, identifiers: Collection[int]) -> None:
+    """Let the kernel drop data frames of all but some identifiers, where a kernel has the bus.
+
+    So a flood of others cannot push these out of the queue. Error frames come in any case.
+    """
+    if isinstance(bus, SocketcanBus):
+        bus.set_filters(
+            [{"can_id": each, "can_mask": _STANDARD, "extended": False} for each in identifiers]
+        )

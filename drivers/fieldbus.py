@@ -20,6 +20,7 @@ import canopen
 
 from ..protocols.canopen import can301
 from ..protocols.canopen.can301 import FrameError
+from .bus import hear_only
 from .device import Cause, Trouble
 
 Handler = Callable[[bytes, float], None]
@@ -85,6 +86,17 @@ class Fieldbus:
             can301.heartbeat_id(can301.MASTER_NODE),
         }
         self._waiting: deque[can.Message] = deque()
+        self._replies: set[int] = set()
+        """Identifiers of the SDO replies of all nodes that are known."""
+        self._only_known = False
+
+    def hear_only_known(self) -> None:
+        """Drop all that is for nobody here before it waits, now and as nodes are added.
+
+        Where the kernel has the bus, a flood of foreign frames is then none of the daemon's.
+        """
+        self._only_known = True
+        self._set_filter()
 
     def add_node(self, node_id: int, dictionary: canopen.ObjectDictionary) -> canopen.RemoteNode:
         """Make a node known, in place of one with the same id; only we may command it."""
@@ -94,11 +106,14 @@ class Fieldbus:
         node.emcy.add_callback(lambda _emcy: _forget(node))
         self._for_canopen |= {can301.heartbeat_id(node_id), can301.emcy_id(node_id)}
         self._masters |= {can301.rpdo1_id(node_id), can301.sdo_request_id(node_id)}
+        self._replies.add(can301.sdo_reply_id(node_id))
+        self._set_filter()
         return node
 
     def listen(self, can_id: int, handler: Handler) -> None:
         """Hand frames of an identifier to `handler`, instead of to canopen."""
         self._handlers[can_id] = handler
+        self._set_filter()
 
     def send(self, can_id: int, data: bytes) -> bool:
         """Send a frame without blocking; return whether it went out, else `trouble` says why."""
@@ -206,6 +221,11 @@ class Fieldbus:
             self.bus.shutdown()
         except (can.CanError, OSError) as error:
             self._fail(Cause.BUS_ERROR, f"cannot close: {error}")
+
+    def _set_filter(self) -> None:
+        if self._only_known:
+            known = self._masters | self._for_canopen | self._replies | self._handlers.keys()
+            hear_only(self.bus, known)
 
     def _put(self, can_id: int, data: bytes) -> None:
         self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))

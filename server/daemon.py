@@ -52,6 +52,8 @@ def build(
 ) -> Cycle:
     """Return the cycle of a cell over its buses and an operators' link; no device is open yet."""
     plant = Plant(buses, make_drivers(cell, buses))
+    for bus in buses:
+        bus.hear_only_known()
     return Cycle(cell, Control.of(cell), plant, link, clock, new_key, box)
 
 

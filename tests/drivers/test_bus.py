@@ -196,6 +196,7 @@ def test_a_cell_names_its_bus(address: tuple[str, int]) -> None:
         (Bus(interface="no_such_thing"), "no_such_thing"),
         (Bus(channel="10.0.0.1"), "loopback 10.0.0.1"),
         (Bus(interface="socketcan", channel="can_that_is_not"), "socketcan can_that_is_not"),
+        (Bus(interface="virtual", options={"receive_own_messages": True}), "second master"),
     ],
 )
 def test_a_bus_that_cannot_be_opened_says_so_in_one_line(config: Bus, words: str) -> None:

@@ -8,6 +8,8 @@ that leases live. What the processes wrote is shown when a test fails.
 import gc
 import json
 import math
+import os
+import re
 import signal
 import socket
 import time
@@ -19,6 +21,7 @@ from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.messages.rig import RigFault, RigTruth
+from telerobot.tools.host.address import moved
 from telerobot.tools.host.local_plant import LocalPlant, end, free_port
 from telerobot.tools.operator.client.operator import Operator
 
@@ -27,6 +30,24 @@ START_S = 60.0
 
 STUCK_S = 60.0
 """Wall time after which physics that stand still are a failure [s]."""
+
+
+KERNEL_BUS = os.environ.get("TELEROBOT_CAN", "")
+"""Kernel's CAN buses to take in place of loopback: `vcan` for vcan0, vcan1, …; empty for none."""
+
+
+def over_kernel(cell, folder):
+    """Return a cell whose buses are the kernel's, as python-can's `socketcan` sees them."""
+    text = re.sub(r"^interface = .*\n", "", cell.path.read_text(encoding="utf-8"), flags=re.M)
+    kernel = re.sub(r"^(\[bus\]|\[\[buses\]\])$", r'\1\ninterface = "socketcan"', text, flags=re.M)
+    path = folder / cell.path.name
+    path.write_text(kernel, encoding="utf-8")
+    names = [bus.name for bus in cell.config.fieldbuses]
+    return moved(
+        load_cell(path),
+        endpoint=cell.config.zenoh.endpoint,
+        channels=[f"{name}={KERNEL_BUS}{i}" for i, name in enumerate(names)],
+    )
 
 
 def pytest_collection_finish():
@@ -65,6 +86,8 @@ class Plant(LocalPlant):
 
     def __init__(self, cell, statistics=None):
         super().__init__(cell, statistics)
+        if KERNEL_BUS:
+            self.cell = over_kernel(self.cell, Path(self._folder.name))
         self.operators = []
         self.rig_endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
         daemon = self.cell.config.zenoh.listen

@@ -5,6 +5,7 @@ from collections import deque
 import can
 
 from ....protocols.canopen import can301
+from ...bus import BusErrors
 from .can_node import CanNode
 from .link import NodeLink
 from .node import Node
@@ -22,6 +23,8 @@ class Wire:
         self.plugged = True
         """False: nothing passes in either direction, a fault."""
         self.sync_count = 0
+        self.lost = 0
+        """Frames that could not be sent: the interface was down, or its queue full [1]."""
         self._bus = bus
         self._waiting: deque[can.Message] = deque()
         self._everyone: tuple[NodeLink, ...] = ()
@@ -43,14 +46,21 @@ class Wire:
 
     def send(self, message: can.Message) -> None:
         """Send a node's frame."""
-        if self.plugged:
+        if not self.plugged:
+            return
+        try:
             self._bus.send(message)
+        except BusErrors:
+            self.lost += 1  # hardware speaks to nobody, and goes on
 
     @property
     def stamp(self) -> float | None:
         """Stamp of the next data frame that waits on the bus [s], None when there is none."""
         while not self._waiting:
-            message = self._bus.recv(0)
+            try:
+                message = self._bus.recv(0)
+            except BusErrors:
+                return None
             if message is None:
                 return None
             odd = message.is_error_frame or message.is_remote_frame or message.is_extended_id

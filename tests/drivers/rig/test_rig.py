@@ -180,3 +180,32 @@ def test_frames_of_several_buses_are_handled_in_the_order_they_were_sent(cell: C
     assert rig.sync_count == len(rig.sync_stamps) == 3
     for hub in hubs:
         hub.close()
+
+
+class DownBus(InProcessBus):
+    """A bus whose interface is down, and comes up again."""
+
+    down = True
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.down:
+            raise can.CanOperationError("Network is down")
+        super().send(msg, timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.down:
+            raise can.CanOperationError("Network is down")
+        return super().recv(timeout)
+
+
+def test_a_rig_lives_through_an_interface_that_is_down(cell: Cell) -> None:
+    hub = Hub()
+    bus, listener = DownBus(hub), InProcessBus(hub)
+    rig = Rig(cell, bus)
+    for _ in range(50):
+        rig.step()
+    assert rig.receive() is None
+    bus.down = False
+    listener.send(can.Message(arbitration_id=0x000, data=b"\x81\x00", is_extended_id=False))
+    rig.poll()
+    assert listener.recv(0) is not None, "no node boots"

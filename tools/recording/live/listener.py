@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from ....config.load import Cell
-from ....drivers.bus import CanBus, open_bus
+from ....drivers.bus import BusErrors, CanBus, open_bus
 from ....drivers.device import DeviceError
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode
@@ -105,7 +105,10 @@ class CellRecorder:
 
     def _frames(self, i: int, bus: CanBus) -> None:
         for _ in range(MOST_FRAMES):
-            message = bus.recv(0)
+            try:
+                message = bus.recv(0)
+            except BusErrors:
+                return  # it is down: the daemon tells of it, and it may come back
             if message is None:
                 return
             self.heard += 1
