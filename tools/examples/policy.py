@@ -32,7 +32,7 @@ def observation(state: State) -> Array:
     return np.array([*state.pose_mrf_measured, *(state.wrench_mrf or np.zeros(6))])
 
 
-class Reach:
+class ReachPolicy:
     """One layer of a network that leads the tool to a place; learned weights may take its place."""
 
     GAIN: Final = 1.5
@@ -80,7 +80,7 @@ def main() -> None:
         operator.enable()
         start = observation(operator.wait_state())[:3]
         place = start + np.array([0.0, 0.04, 0.06])
-        run(operator, Reach(place), seconds=5.0)
+        run(operator, ReachPolicy(place), seconds=5.0)
         left = place - observation(operator.wait_state())[:3]
         print(f"{1e3 * np.linalg.norm(left):.1f} mm from the place")
 

@@ -63,7 +63,7 @@ class Reaction(NamedTuple):
     """Why there is no way; empty while there may be one."""
 
 
-class Reflex:
+class PassageReflex:
     """Remembers one passage. Give it every contour; it answers at once, or after a search."""
 
     def __init__(

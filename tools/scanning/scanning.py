@@ -26,7 +26,7 @@ from .interference import Obstacles
 from .memory import PointMemory
 from .placing import bridged, own_rays, place
 from .postures import CriticalPoints
-from .reflex import Reaction, Reflex
+from .reflex import PassageReflex, Reaction
 from .search import Reach, Search
 
 CONTOUR_EVERY: Final = 2
@@ -80,7 +80,7 @@ class Scanning:
         search = Search(points, self.plane, reach_of(contour), contour.base_width)
         sweep = cell.config.mechanism.sweep
         decide_s = 0.0 if sweep is None else 2.0 * sweep.period_s
-        self.reflex = Reflex(
+        self.reflex = PassageReflex(
             search,
             decide_s,
             in_sequence=contour.rule == "sequence",

@@ -47,7 +47,7 @@ def truth(operator):
 
 def test_a_policy_leads_the_tool_to_its_place_and_the_arm_then_stands(operator):
     start, seen = np.array(truth(operator).pose_mrf[:3]), []
-    reach = policy.Reach(policy.observation(operator.wait_state())[:3] + WAY)
+    reach = policy.ReachPolicy(policy.observation(operator.wait_state())[:3] + WAY)
     policy.run(operator, lambda x: seen.append(x) or reach(x), seconds=4.0)
     assert np.abs(np.array(truth(operator).pose_mrf[:3]) - start - WAY).max() < 2e-3
     assert max(map(abs, truth(operator).dq)) < 0.005

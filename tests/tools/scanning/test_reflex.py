@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.tools.scanning.contour import Contour
 from telerobot.tools.scanning.interference import Obstacles, clearance
-from telerobot.tools.scanning.reflex import PassagePhase, Reflex
+from telerobot.tools.scanning.reflex import PassagePhase, PassageReflex
 from telerobot.tools.scanning.search import Search
 
 from .lwa3 import PLANE, START, search
@@ -109,7 +109,7 @@ class Drive:
         *,
         in_sequence: bool = False,
     ) -> None:
-        self.reflex = Reflex(found, 4.0, in_sequence=in_sequence)
+        self.reflex = PassageReflex(found, 4.0, in_sequence=in_sequence)
         self.height, self.speed, self.ahead, self.width = height, speed, ahead, width
         self.q, self.time_s, self.points = START, 0.0, found.points
         self.phases: list[PassagePhase] = []
@@ -228,7 +228,7 @@ def test_an_arm_that_swings_back_as_it_unfolds_waits_until_it_is_clear_of_the_br
     assert rear < -0.6  # farther back than folded or at home
     nothing = Obstacles.of(Contour(np.full((20, 40), np.nan), np.full((20, 40), np.nan)), PLANE)
     for behind, phase in ((0.5, PassagePhase.FOLDED), (0.8, PassagePhase.RETURNING)):
-        reflex = Reflex(found, 0.0)
+        reflex = PassageReflex(found, 0.0)
         seen = bridge(0.6, 1.5)
         reflex.step(0.0, START, seen)
         assert reflex.step(0.1, START, seen).posture is not None

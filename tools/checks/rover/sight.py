@@ -27,7 +27,7 @@ WAIT: Final = UNDECIDED_FRONT + STAND_OFF
 """A base that waits stops so far before an obstacle, from the arm's foot [m]."""
 
 
-class View(NamedTuple):
+class SeenCells(NamedTuple):
     """Cells (d, c) at some depths that any ray meets, and where its scanner is then."""
 
     depths: Array
@@ -73,7 +73,7 @@ def _knots(cell: Cell, geometry: ScannerGeometry) -> Knots:
     )
 
 
-def _view(scanner: Scanner, contour: ContourReflex, knots: Knots) -> View:
+def _view(scanner: Scanner, contour: ContourReflex, knots: Knots) -> SeenCells:
     """Return which cells the scan plane sweeps over, within the angles of its rays."""
     plane, foot = contour.plane, np.array(contour.foot)
     rows, columns = round(plane.height / plane.cell), round(plane.width / plane.cell)
@@ -93,10 +93,10 @@ def _view(scanner: Scanner, contour: ContourReflex, knots: Knots) -> View:
         x, y = local[met, 0], local[met, 1]
         met[met] = np.mod(np.arctan2(x, -y) - scanner.first, 2.0 * np.pi) <= span
         seen[d], tilt[d] = met.any(axis=0), met.argmax(axis=0)
-    return View(depths, cells, seen, tilt)
+    return SeenCells(depths, cells, seen, tilt)
 
 
-def _near(contour: ContourReflex, view: View) -> Finding:
+def _near(contour: ContourReflex, view: SeenCells) -> Finding:
     """Judge how near each cell is still seen: all of them where the base stops and waits."""
     seen = view.seen
     # From where on is a cell seen, up to where it is acted upon?
@@ -157,7 +157,7 @@ def _far(cell: Cell, scanner: Scanner, contour: ContourReflex) -> Finding:
     )
 
 
-def _hidden(contour: ContourReflex, view: View, knots: Knots, radii: Array) -> Finding:
+def _hidden(contour: ContourReflex, view: SeenCells, knots: Knots, radii: Array) -> Finding:
     """Judge how many cells are behind the arm at `ready`, seen where a base waits."""
     d = int(np.flatnonzero(view.depths <= WAIT + 1e-9)[-1])
     points = np.column_stack([np.full(len(view.cells), view.depths[d]), view.cells])

@@ -15,7 +15,7 @@ from ....protocols.messages.telemetry import Description, Event, State
 from ....protocols.topics import Role
 from ....server.runtime.clock import Clock, MonotonicClock
 from ...host.address import moved
-from .line import Line
+from .line import MessageCarrier
 from .protocol_client import ProtocolClient
 from .round_trip import RoundTrip
 from .session import NotCertified, Session
@@ -56,7 +56,7 @@ class Connection:
             raise OperatorError("no_daemon", str(error)) from None
         self._begin(loaded, name, session, MonotonicClock())
 
-    def _begin(self, cell: Cell, name: str, session: Line, clock: Clock) -> None:
+    def _begin(self, cell: Cell, name: str, session: MessageCarrier, clock: Clock) -> None:
         """Listen to a cell's daemon over a line that is open."""
         self.cell = cell.config.name
         self.session, self.clock = session, clock

@@ -18,7 +18,7 @@ class Buffer(Protocol):
         ...
 
 
-class Line(Protocol):
+class MessageCarrier(Protocol):
     """Carrier of an operator's messages, polled."""
 
     @property

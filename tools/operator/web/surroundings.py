@@ -12,7 +12,7 @@ from ....protocols.messages.camera_picture import CameraPicture
 from ....protocols.messages.contour import NOTHING, ContourNews
 from ....protocols.messages.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigTruth
-from ..client.line import Buffer, Line
+from ..client.line import Buffer, MessageCarrier
 from ..words.passage import passage_words
 
 TRUTH_S: Final = 1 / 20
@@ -30,7 +30,7 @@ class Told(NamedTuple):
 class WorldNews:
     """Reads what sensors and the rig tell. Pictures are asked for only while somebody looks."""
 
-    def __init__(self, session: Line) -> None:
+    def __init__(self, session: MessageCarrier) -> None:
         self._session = session
         self._truths = session.subscribe(t.RIG_TRUTH, 1)
         self._obstacles = session.subscribe(t.OBSTACLE, 128)

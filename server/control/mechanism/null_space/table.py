@@ -10,7 +10,7 @@ from .objectives.manipulability import Manipulability
 from .objectives.mid_range import MidRange
 from .objectives.outside import FieldDescent, Spheres
 from .objectives.posture import Posture
-from .objectives.reflex import Reflex
+from .objectives.reflex import Folding
 
 KINDS: Final = MappingProxyType[str, type[Objective]](
     {
@@ -21,6 +21,6 @@ KINDS: Final = MappingProxyType[str, type[Objective]](
         "field": FieldDescent,
         "spheres": Spheres,
         "gravity_torque": GravityTorque,
-        "reflex": Reflex,
+        "reflex": Folding,
     }
 )

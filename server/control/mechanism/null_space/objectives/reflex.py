@@ -8,7 +8,7 @@ from ....spatial import Array
 from ..objective import Objective, View
 
 
-class Reflex(Objective):
+class Folding(Objective):
     """The rates z of joints that fold to a posture.
 
     Williams 1997, eq. 7, has J⁺ẋ + (1 − J⁺J) z. The source of the same name asks for J z. So that
