@@ -55,7 +55,8 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from rover_disagreements(config, robot)
     if config.rig is not None:
         n = len(robot.joints)
-        for key in ("stiffness", "damping", "integral", "armature", "friction"):
+        given = ("stiffness", "damping", "integral", "armature", "friction", "brake_torque")
+        for key in given:
             count = len(getattr(config.rig.drive, key))
             if count not in (0, 1, n):
                 yield f"rig.drive.{key}: {count} values: must be 1, or {n}: one per joint"

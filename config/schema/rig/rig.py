@@ -42,7 +42,7 @@ class RigDrive(Section):
     brake_closes_s: float = Field(
         0.0, ge=0, le=0.5, description="brake closes this long after its coil is switched off [s]"
     )
-    brake_torque: tuple[Positive, ...] = Field(
+    brake_torque: Annotated[tuple[Positive, ...], EachJoint] = Field(
         (), description="torque with which a closing brake slips [N·m]; none: it locks at once"
     )
     torque_delay_s: float = Field(
