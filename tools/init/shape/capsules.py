@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from .shapes import Array, LinkMesh, hull_of
 
-WORTH: Final = 0.8
-"""One capsule more is taken where it leaves less than this part of the volume [1]."""
+WORTH: Final = 0.85
+"""Each capsule more has to leave less than this part of the volume that all hold [1]."""
 MOST: Final = 3
 """Capsules of a link [1]."""
 _CUTS: Final = (0.2, 0.35, 0.5, 0.65, 0.8)
@@ -81,13 +81,12 @@ def fit(shape: LinkMesh) -> Fit:
             if (tubes := _in_pieces(coarse, axis, cuts, quick=True))
         ]
         if not trials:
-            break
+            continue
         quick = min(range(len(trials)), key=lambda i: _volume(trials[i][0]))
         _, along, at = trials[quick]
         exact = _in_pieces(triangles, along, at, quick=False)
-        if exact is None or _volume(exact[0]) > WORTH * _volume(best):
-            break
-        best = exact[0]
+        if exact is not None and union(exact[0]) < WORTH ** (count - len(best)) * union(best):
+            best = exact[0]
     found = tuple(Tube(t.start.round(4), t.end.round(4), t.radius) for t in best)
     hull = hull_of(extreme(triangles.reshape(-1, 3), 4 * _CORNERS))
     ratio = math.inf if hull is None else union(found) / hull.volume

@@ -1,5 +1,6 @@
 """Shapes of links: the triangles of their meshes and primitives, in the links' frames."""
 
+import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -131,27 +132,26 @@ def _triangles(
             raise ConfigError(f"{where}: <mesh filename>: value '{name}': no such file{hint}")
         scale = np.array([float(x) for x in shape.get("scale", "1 1 1").split()])
         return np.asarray(_mesh(path, where) * scale)
+    up = np.array([0.0, 0.0, 1.0])
     if shape.tag == "box":
         half = 0.5 * np.array([float(x) for x in shape.get("size", "").split()])
-        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-        return _fan(corners)
+        square = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+        return _between([(square - up) * half, (square + up) * half])
     radius = float(shape.get("radius", "0"))
     half_length = 0.5 * float(shape.get("length", "0"))
     turns = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
     outside = radius * wider
     circle = np.stack([np.cos(turns), np.sin(turns), np.zeros(_ROUND)], axis=1)
-    up = np.array([0.0, 0.0, 1.0])
     if shape.tag == "cylinder":
-        rings = [outside * circle + s * half_length * up for s in (-1.0, 1.0)]
-    else:
-        tilts = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _ROUND // 2 + 1)
-        ends = (-half_length, half_length) if shape.tag == "capsule" else (0.0,)
-        rings = [
-            outside * (math.cos(a) * circle + math.sin(a) * up) + e * up
-            for e in ends
+        return _between([outside * circle + s * half_length * up for s in (-1.0, 1.0)])
+    tilts = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _ROUND // 2 + 1)
+    middle = half_length if shape.tag == "capsule" else 0.0
+    return _between(
+        [
+            outside * (math.cos(a) * circle + math.sin(a) * up) + math.copysign(middle, a) * up
             for a in tilts
         ]
-    return _fan(np.concatenate(rings))
+    )
 
 
 def _mesh(path: Path, where: str) -> Array:
@@ -180,7 +180,14 @@ def _unit(path: Path) -> float:
     return 1.0
 
 
-def _fan(points: Array) -> Array:
-    """Return triangles (t, 3, 3) with all of some points among their corners."""
-    index = np.arange(len(points))
-    return points[np.stack([index, np.roll(index, -1), np.roll(index, -2)], axis=1)]
+def _between(rings: list[Array]) -> Array:
+    """Return the closed surface (t, 3, 3) through rings of k corners (k, 3), and two lids."""
+    sides = []
+    for low, high in itertools.pairwise(rings):
+        after_low, after_high = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+        sides += [np.stack([low, after_low, high], axis=1)]
+        sides += [np.stack([after_low, after_high, high], axis=1)]
+    for lid in (rings[0], rings[-1]):
+        first = np.broadcast_to(lid[0], lid[1:-1].shape)
+        sides += [np.stack([first, lid[1:-1], lid[2:]], axis=1)]
+    return np.concatenate(sides)
