@@ -11,7 +11,8 @@ from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.figures import machine, percentiles
 from telerobot.tools.bench.growth_plot import drawn
 from telerobot.tools.bench.page import page
-from telerobot.tools.bench.plant import without_self_motion
+from telerobot.tools.bench.plant import with_own_scanner, without_self_motion
+from telerobot.tools.bench.rover import rover
 from telerobot.tools.cli import main
 
 
@@ -122,6 +123,21 @@ def test_growth_is_drawn_with_lines_for_each_percentile_and_panel():
         }
         assert expected.items() <= lines.items()
         assert panel.get_ylim()[0] == 0.0
+
+
+def test_a_rovers_ticks_are_among_sixteen_boxes_and_its_scans_end_in_contours():
+    figures = rover.looking(load_cell("rover_bridge"), 1.6)
+    assert figures["boxes"] >= rover.BOXES
+    for name in ("tick_us", "scan_us"):
+        assert 0.0 < figures[name]["p50"] <= figures[name]["p99"] <= figures[name]["max"]
+
+
+def test_a_benchs_own_scanner_is_on_another_port_and_else_the_same(tmp_path):
+    cell = load_cell("rover_bridge")
+    own = with_own_scanner(cell, tmp_path)
+    assert own.config.scanner.address != cell.config.scanner.address
+    scanner = own.config.scanner.model_copy(update={"address": cell.config.scanner.address})
+    assert own.config.model_copy(update={"scanner": scanner}) == cell.config
 
 
 def test_an_unknown_benchmark_is_bad_usage():

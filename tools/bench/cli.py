@@ -16,6 +16,7 @@ from .figures import Figures, machine
 from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth
 from .load import OBSTACLES, among
 from .page import page
+from .rover import rover
 
 Bench = Callable[[Cell, bool], Figures]
 
@@ -48,6 +49,7 @@ BENCHES: Final[dict[str, tuple[Bench, tuple[str, ...]]]] = {
         ("pa10",),
     ),
     "page": (page.bench, ("pa10",)),
+    "rover": (rover.bench, ("rover_bridge",)),
 }
 """Every benchmark by name, and the cells that it runs with."""
 

@@ -9,7 +9,8 @@ meanwhile, since both move targets by themselves.
 import struct
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,22 +41,33 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
         with driven(still) as plant:
             plant.operator.request(t.SWITCH, source="force", on=False)
             targets = Targets(plant.cell, plant.listener)
-            draw = np.random.default_rng(1)
-            seconds: list[float] = []
-            missed = 0
-            for i in range(steps):
-                targets.until_still(STILL_S, plant.operator.turn)
-                time.sleep(float(draw.uniform(0.0, period_s)))
-                plant.operator.turn()
-                targets.forget()
-                put_s = time.time()
-                _stick(plant, SPEED if i % 2 else -SPEED)
-                changed_s = targets.changed_at(GIVE_UP_S)
-                if changed_s is None:
-                    missed += 1
-                else:
-                    seconds.append(changed_s - put_s)
-                _stick(plant, 0.0)
+            return from_rest(plant, targets, steps, period_s, partial(_stick, plant))
+
+
+def from_rest(
+    plant: EnabledPlant,
+    targets: "Targets",
+    steps: int,
+    period_s: float,
+    put: Callable[[float], None],
+) -> Figures:
+    """Measure a number of steps from rest; `put` asks for a speed [m/s], to and fro, and for 0."""
+    draw = np.random.default_rng(1)
+    seconds: list[float] = []
+    missed = 0
+    for i in range(steps):
+        targets.until_still(STILL_S, plant.operator.turn)
+        time.sleep(float(draw.uniform(0.0, period_s)))
+        plant.operator.turn()
+        targets.forget()
+        put_s = time.time()
+        put(SPEED if i % 2 else -SPEED)
+        changed_s = targets.changed_at(GIVE_UP_S)
+        if changed_s is None:
+            missed += 1
+        else:
+            seconds.append(changed_s - put_s)
+        put(0.0)
     figures = percentiles(1e6 * np.array(seconds))
     target_us = round(1e6 * (2.0 * period_s + ALLOWANCE_S), 1)
     return {
@@ -68,11 +80,14 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
 
 
 class Targets:
-    """Knows the newest target of each drive on the bus."""
+    """Knows the newest target of each drive on the bus, or of those of some joints."""
 
-    def __init__(self, cell: Cell, listener: FrameListener) -> None:
+    def __init__(
+        self, cell: Cell, listener: FrameListener, joints: Collection[str] | None = None
+    ) -> None:
         self._listener = listener
-        self._ids = {rpdo1_id(drive.node) for drive in cell.config.mechanism.drives}
+        drives = cell.config.mechanism.drives
+        self._ids = {rpdo1_id(d.node) for d in drives if joints is None or d.joint in joints}
         self._targets: dict[int, int] = {}
 
     def until_still(self, still_s: float, meanwhile: Callable[[], None]) -> None:

@@ -1,14 +1,15 @@
 """Driven plant for the benchmarks: rig, daemon, an operator, and a listener on the bus."""
 
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...config.load import Cell, load_cell
+from ...config.load import Cell, ConfigError, load_cell
 from ...drivers.bus import CanMessage, open_bus
-from ..host.local_plant import LocalPlant
+from ..host.local_plant import LocalPlant, free_port
 from ..operator.client.connection import OperatorError
 from ..operator.client.operator import Operator
 
@@ -56,6 +57,20 @@ def without_self_motion(cell: Cell, folder: Path) -> Cell:
     else:
         text += STILL
     path.write_text(text.replace(f'"{cell.robot.urdf.name}"', f'"{cell.robot.urdf}"'))
+    return load_cell(path)
+
+
+def with_own_scanner(cell: Cell, folder: Path) -> Cell:
+    """Return the cell with its laser scanner on a port that nobody uses, as a file in a folder.
+
+    Raises `ConfigError` for a cell without one.
+    """
+    scanner = cell.config.scanner
+    if scanner is None:
+        raise ConfigError(f"{cell.path}: scanner: missing")
+    path = folder / f"own_{cell.config.name}.toml"
+    address = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    path.write_text(f'extends = "{cell.path}"\n[scanner]\naddress = "{address}"\n')
     return load_cell(path)
 
 
