@@ -136,6 +136,40 @@ def test_an_operator_on_a_second_machine_drives_and_a_stranger_gets_nowhere(tmp_
             ann.inject(RigFault(kind="silence", target="e1"))
 
 
+def test_a_rovers_scanner_is_heard_by_its_certificate_and_does_not_start_without(
+    tmp_path, monkeypatch
+):
+    page = Page("Who may speak")
+    monkeypatch.chdir(tmp_path)
+    scanner = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    Path("arm.toml").write_text(
+        page.cell("rover_bridge") + f'[scanner]\naddress = "{scanner}"\n[rig]\nbridge = {{}}\n'
+    )
+    run([*page.command("telerobot certify"), "--sensor", "scan"])
+    with There(load_cell("arm.toml")) as plant:
+        plant.wait(plant.answers, START_S, "the daemon does not listen")
+        with Operator(plant.cell, identity="keys/observer-bob") as bob:
+
+            def heard(event):
+                return mode(bob) and event in [each.name for each in bob.events]
+
+            plant.wait(lambda: mode(bob) is not None, START_S, "the daemon tells nothing")
+            end(plant.scan)  # it may have been heard before bob was there
+            plant.start_scan()
+            plant.wait(lambda: heard("scanner_heard"), START_S, "no contour comes through")
+            end(plant.scan)
+            plant.wait(lambda: heard("scanner_silent"), START_S, "it looks on without its process")
+            for kept in ("sensor-scan.crt", "sensor-scan.key"):
+                Path("keys", kept).unlink()
+            done = subprocess.run(
+                [sys.executable, "-m", "telerobot.tools.cli", "scan", "arm.toml"],
+                capture_output=True, text=True, timeout=60, check=False,
+            )  # fmt: skip
+            assert done.returncode == 2
+            assert "sensor" in done.stderr
+            assert len(done.stderr.splitlines()) == 1
+
+
 class Router:
     """The router's process, started as the page says, in its folder."""
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.rig.bridge import RigBridge, RigPerson
 from telerobot.protocols.messages.rig import RigFault
@@ -36,6 +37,10 @@ def once(run: Simulation, so: Callable[[], bool], act: Callable[[], None]) -> No
     run.on_tick = on_tick
 
 
+TURNS_S = 9.0
+"""When the base that is driven ahead is half under the bridge [s]."""
+
+
 def x(run: Simulation) -> float:
     return run.truths[-1].frames["base"][0]
 
@@ -67,6 +72,47 @@ def test_a_bridge_that_is_too_low_is_refused_by_name_and_backed_away_from_at_onc
     assert result.truths[-1].frames["base"][0] < stood[-1] - 0.1
     assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
     assert result.summary["min_clearance_m"] > 0.3
+
+
+def test_a_beam_that_sinks_ahead_is_stood_still_before_and_backed_away_from_at_once() -> None:
+    """High enough to pass at first, it comes down where the scanner sees it."""
+    high = RigBridge(height=1.6, distance=1.8)
+    run = rover((0.3, 0.3), (4.6, -0.3), seconds=5.2, bridge=high)
+    at = [high.height + 0.05]
+
+    def sink(_run: Simulation) -> None:
+        if run.clock.time_s > 1.5:
+            at[0] = max(0.9, at[0] - 0.01)
+            place = (high.distance + 0.05, 0.0, at[0])
+            run.rig.inject(RigFault(kind="place", target="bridge_beam", vector=place))
+
+    run.on_tick = sink
+    result = run.run()
+    before = [event.name for event in run.events if event.time_s < 1.5]
+    (seen,) = [event for event in run.events if event.name == "passage_undecided"]
+    assert "passage_undecided" not in before
+    assert seen.time_s < 1.5 + 1.5
+    stood = [t.frames["base"][0] for t in result.truths if 4.0 < t.time_s < 4.5]
+    assert 0.3 < stood[0] < high.distance - 0.9
+    assert max(stood) - min(stood) < 0.02
+    assert x(run) < stood[-1] - 0.05
+    assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
+    assert result.summary["min_clearance_m"] > 0.3
+
+
+@pytest.mark.slow
+def test_the_operator_backs_out_from_under_a_bridge_at_once() -> None:
+    """Half of it is passed, and neither what is ahead nor what is behind is waited for."""
+    made = RigBridge(height=1.0, distance=1.3)
+    run = rover((0.3, 0.3), (TURNS_S, -0.3), seconds=TURNS_S + 3.5, bridge=made)
+    result = run.run()
+    at = {round(t.time_s - TURNS_S, 2): t.frames["base"][0] for t in result.truths}
+    foot = at[0.5] + 0.2
+    assert abs(foot - (made.distance + 0.05)) < 0.1  # the arm is under the beam
+    assert at[1.5] < max(at.values()) - 0.05
+    assert at[3.5] < at[0.5] - 0.5
+    assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
+    assert result.summary["min_clearance_m"] > 0.02
 
 
 def test_a_beam_that_sinks_onto_the_arm_from_where_nobody_looks_ends_in_a_fault() -> None:
