@@ -13,7 +13,7 @@ from .bounds import bounds_of
 from .messages import messages as m
 from .messages import motion, moving, requests
 from .messages.camera_picture import CameraPicture
-from .messages.contour import ContourNews
+from .messages.contour import ContourNews, ScanPoints
 from .messages.drive import Drive, Insert
 from .messages.obstacles import AvoidanceRequest, ObstacleNews
 from .messages.reflection import Reflection, ReflectionRequest
@@ -151,6 +151,8 @@ OBSTACLE = Topic(
 CONTOUR = Topic("sensor/contour", ContourNews, Flow.SENSOR, Life.STREAM, 25)
 PICTURE = Topic("view/picture", CameraPicture, Flow.PICTURE, Life.STREAM, 5, told_with=SIGHTING.key)
 """Only while somebody looks."""
+SCAN = Topic("view/scan", ScanPoints, Flow.PICTURE, Life.STREAM, 25, told_with=CONTOUR.key)
+"""Only while somebody listens, as a recorder does."""
 FRAME_NEWS = Topic("sensor/frame", moving.FrameNews, Flow.SENSOR, Life.STREAM, 50)
 
 LEASE = _request("lease", requests.LeaseRequest)
@@ -192,7 +194,7 @@ RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, l
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, DRIVE, INSERT, CANCEL,
-    SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS, PICTURE,
+    SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS, PICTURE, SCAN,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,

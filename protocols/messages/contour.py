@@ -2,7 +2,7 @@
 
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from .messages import Angle, Count, Message
 
@@ -43,4 +43,27 @@ class ContourNews(Message):
         return self
 
 
-__all__ = ["NOTHING", "ContourNews"]
+MOST_RAYS: Final = 1082
+"""Rays of a scan at most [1]."""
+
+
+class ScanPoints(Message):
+    """Points of one laser scan, for people's eyes and for records: the daemon does not read it.
+
+    `points_mm` has x, y, z of each ray with an echo, the arm's own bridged, by the odometry in
+    World [mm], each four bytes, signed, the lowest first. `tick` is the telemetry tick in which
+    the scan ended, or the newest before.
+    """
+
+    tick: Count
+    points_mm: bytes = Field(max_length=12 * MOST_RAYS)
+
+    @field_validator("points_mm")
+    @classmethod
+    def _are_points(cls, value: bytes) -> bytes:
+        if len(value) % 12:
+            raise ValueError(f"points_mm has {len(value)} bytes: must be 12 for each point")
+        return value
+
+
+__all__ = ["MOST_RAYS", "NOTHING", "ContourNews", "ScanPoints"]

@@ -9,6 +9,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.bounds import bounds_of
 from telerobot.protocols.codec import decode, encode
 from telerobot.protocols.messages.camera_picture import LARGEST_JPEG
+from telerobot.protocols.messages.contour import MOST_RAYS
 from telerobot.protocols.messages.messages import VERSION, Message
 from telerobot.protocols.messages.motion import MOST
 from telerobot.protocols.messages.requests import Reply
@@ -55,6 +56,7 @@ LARGEST = [
     (t.FRAME_NEWS, {"name": "carrier", "tick": 2**62, "xyz": (0.1,) * 3, "rpy": (0.1,) * 3,
                     "twist": (0.1,) * 6, "seen_from": "world", "quality": 0.1}),
     (t.PICTURE, {"camera": "🤖" * 32, "tick": 2**62, "jpeg": b"j" * LARGEST_JPEG}),
+    (t.SCAN, {"tick": 2**62, "points_mm": b"p" * 12 * MOST_RAYS}),
     (t.LEASE, {"operator": "🤖" * 64, "key": b"k" * 32}),
     (t.PROTECTIVE_STOP, {"operator": "🤖" * 64, "seal": b"k" * 32}),
 ]  # fmt: skip

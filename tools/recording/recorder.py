@@ -8,13 +8,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import numpy as np
 from mcap.writer import Writer
 
 from ...config.bundle import to_text
 from ...config.load import Cell
 from ...protocols.messages.messages import Message
-from ...server.control.spatial import Array
 from ...server.flight.container import ABOUT, CELL, MEMORY, TICK
 from ...server.flight.log import KeptTick, pack_memories
 
@@ -72,10 +70,9 @@ class Recorder:
         row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent, "bus": bus}
         self._write("can", lambda: _FRAME_SCHEMA, time_s, row)
 
-    def scan(self, time_s: float, points: Array) -> None:
-        """Write the points (n, 3) [m] of a laser scan; NaN is none."""
-        found = np.rint(1e3 * points[~np.isnan(points[:, 0])]).astype("<i4").tobytes()
-        row = {"points_mm": base64.b64encode(found).decode()}
+    def scan(self, time_s: float, points_mm: bytes) -> None:
+        """Write the points of a laser scan, as `ScanPoints` has them."""
+        row = {"points_mm": base64.b64encode(points_mm).decode()}
         self._write("scan", lambda: _SCAN_SCHEMA, time_s, row)
 
     def message(self, topic: str, time_s: float, message: Message) -> None:

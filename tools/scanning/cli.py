@@ -15,7 +15,7 @@ from ...drivers.scanner.client import ScannerClient
 from ...drivers.scanner.clock import Clocks
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode_as, encode
-from ...protocols.messages.contour import ContourNews
+from ...protocols.messages.contour import ContourNews, ScanPoints
 from ...protocols.messages.telemetry import State
 from ...protocols.sick.cola import TelegramError
 from ...protocols.sick.scan_data import Scan
@@ -112,6 +112,9 @@ class _ScanWork:
             self._clocks.hear_daemon(time.monotonic(), state.time_s)
             for looked in self._scanning.hear(instant_of(state)):
                 self._tell(looked)
+                if self._session.heard(t.SCAN):
+                    points = ScanPoints(tick=state.tick, points_mm=looked.points_mm)
+                    self._session.put(t.SCAN, encode(points))
 
     def _tell(self, looked: Looked) -> None:
         for news in looked.messages:

@@ -61,6 +61,12 @@ class Looked(NamedTuple):
     answer: Reaction | None = None
     messages: tuple[ContourNews | ObstacleNews, ...] = ()
 
+    @property
+    def points_mm(self) -> bytes:
+        """Points that were hit, as `ScanPoints` has them."""
+        hit = self.points[~np.isnan(self.points[:, 0])]
+        return np.rint(1e3 * hit).astype("<i4").tobytes()
+
 
 class Scanning:
     """Perception of one cell. Tell it telemetry and scans; it returns messages for the daemon."""

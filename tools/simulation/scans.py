@@ -68,7 +68,7 @@ class SimulatedScans:
     def _record(self, looked: Looked) -> None:
         if self._recorder is None:
             return
-        self._recorder.scan(self._rig.time_s, looked.points)
+        self._recorder.scan(self._rig.time_s, looked.points_mm)
         for news in looked.messages:
             if isinstance(news, ContourNews):
                 self._recorder.message("contour", self._rig.time_s, news)

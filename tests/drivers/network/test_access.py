@@ -17,8 +17,8 @@ TELEMETRY = {"tlm/state", "tlm/event", "tlm/description", "tlm/reflection", "tlm
 FAULTS = {"rig/fault", "rig/motion"}
 TRUTH = {"rig/truth"}
 SENSORS = {"sensor/vision", "sensor/obstacle", "sensor/contour", "sensor/frame"}
-PICTURE = {"view/picture"}
-SHOWN = TELEMETRY | TRUTH | SENSORS | PICTURE
+PICTURE, SCAN = {"view/picture"}, {"view/scan"}
+SHOWN = TELEMETRY | TRUTH | SENSORS | PICTURE | SCAN
 
 MAY = {
     "operator-ann": {"put": COMMANDS, "ask": REQUESTS, "hear": SHOWN},
@@ -27,7 +27,7 @@ MAY = {
     "sensor-lidar": {"put": {"sensor/obstacle", "sensor/frame"}, "hear": TELEMETRY | TRUTH},
     "rig-pa10": {"put": TRUTH | {"sensor/frame"}, "hear": TELEMETRY | FAULTS | TRUTH},
     "judge-pa10": {
-        "put": COMMANDS | FAULTS | SENSORS | PICTURE,
+        "put": COMMANDS | FAULTS | SENSORS | PICTURE | SCAN,
         "ask": REQUESTS,
         "hear": SHOWN,
     },
@@ -128,7 +128,7 @@ def test_an_operator_of_two_cells_may_command_both(zone, endpoint, monkeypatch):
 
 
 def test_the_table_has_every_key_that_there_is():
-    assert COMMANDS | REQUESTS | TELEMETRY | FAULTS | TRUTH | SENSORS | PICTURE == EVERY_KEY
+    assert COMMANDS | REQUESTS | TELEMETRY | FAULTS | TRUTH | SENSORS | PICTURE | SCAN == EVERY_KEY
 
 
 def test_these_observations_see_everything_where_nothing_is_refused(zone, endpoint):

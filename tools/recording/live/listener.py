@@ -11,6 +11,7 @@ from ....drivers.bus import BusErrors, CanBus, open_bus
 from ....drivers.device import DeviceError
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode
+from ....protocols.messages.contour import ScanPoints
 from ....protocols.messages.messages import Message
 from ....protocols.messages.telemetry import Event, RecordedTick, State
 from ...operator.client.session import Session, TopicBuffer
@@ -91,6 +92,10 @@ class CellRecorder:
         if isinstance(message, RecordedTick):
             file.ticks(message.stamp_ns, message.data, message.memory)
             return
+        if isinstance(message, ScanPoints):
+            file.scan(stamp_ns / 1e9, message.points_mm)
+            file.proto(*_at(stamp_ns, self._viewer.of_scan(message, stamp_ns)))
+            return
         file.message(NAMES.get(topic.key, topic.key), stamp_ns / 1e9, message)
         for name, shown in self._shown(message, stamp_ns):
             file.proto(name, stamp_ns, shown)
@@ -131,11 +136,14 @@ class CellRecorder:
 
 
 NAMES: Final = {"tlm/state": "state", "tlm/event": "event", "rig/truth": "truth",
-                "tlm/reflection": "reflection"}  # fmt: skip
+                "tlm/reflection": "reflection", "sensor/contour": "contour"}  # fmt: skip
 """Topics under the names that the recording of a simulation gives them, for `telerobot plot`."""
+
+
+def _at(stamp_ns: int, shown: tuple[str, object]) -> tuple[str, int, object]:
+    return shown[0], stamp_ns, shown[1]
 
 
 def _stamped(viewer: Viewer, camera: str, data: bytes) -> tuple[str, int, object]:
     stamp_ns = time.time_ns()
-    topic, image = viewer.of_picture(camera, data, stamp_ns)
-    return topic, stamp_ns, image
+    return _at(stamp_ns, viewer.of_picture(camera, data, stamp_ns))

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from ....config.load import Cell, ConfigError
+from ....protocols.messages.contour import ScanPoints
 from ....protocols.messages.telemetry import Event, State
 from ....server.control.spatial import Array, Pose
 from ...oracle.arm import OracleArm
@@ -60,6 +61,25 @@ class Viewer:
         image = CompressedImage(frame_id=camera, data=data, format="png")
         image.timestamp.FromNanoseconds(stamp_ns)
         return f"pictures/{camera}", image
+
+    def of_scan(self, scan: ScanPoints, stamp_ns: int) -> tuple[str, Any]:
+        """Return topic and message of a laser scan's points: a cloud in World."""
+        from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+        from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+
+        points = np.frombuffer(scan.points_mm, "<i4").reshape(-1, 3)
+        cloud = PointCloud(
+            frame_id=WORLD,
+            point_stride=12,
+            fields=[
+                PackedElementField(name=axis, offset=4 * i, type=PackedElementField.FLOAT32)
+                for i, axis in enumerate("xyz")
+            ],
+            data=(1e-3 * points).astype("<f4").tobytes(),
+        )
+        cloud.pose.orientation.w = 1.0
+        cloud.timestamp.FromNanoseconds(stamp_ns)
+        return "points", cloud
 
     def _joints(self, state: State, stamp_ns: int) -> Any:
         from foxglove_schemas_protobuf.JointState_pb2 import JointState
