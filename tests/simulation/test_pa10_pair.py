@@ -104,15 +104,25 @@ def test_a_stale_sensor_stops_both_while_they_hold_the_beam(play, cell):
     assert run.summary["mode"] == "hold"
 
 
-def test_a_fault_of_one_arm_stops_both(play, cell):
+FAULTS = {
+    "a drive faults": {"kind": "fault", "target": "left.e1"},
+    "a drive falls silent": {"kind": "silence", "target": "right.w1"},
+    "a bus is unplugged": {"kind": "unplug", "target": "right"},
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
+def test_a_fault_of_one_arm_stops_both(play, cell, fault):
     run = play(
         {"at_s": 0.1, "for_s": 2.0, "cmd/joystick": BACK},
-        {"at_s": 0.8, "rig/fault": {"kind": "fault", "target": "left.e1"}},
+        {"at_s": 0.8, "rig/fault": fault},
         seconds=1.4,
         cell=cell,
     )
+    assert run.events("fault")[0].values["device"] in (fault["target"], f"bus {fault['target']}")
     assert run.summary["mode"] == "fault"
     assert "operation_enabled" not in run.truths[-1].drives
+    assert np.abs(run.speeds(1.2, 1.4)).max() < 1e-3
     assert run.summary["internal_force_n"]["max"] < 100.0
 
 
