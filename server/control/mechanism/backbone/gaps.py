@@ -6,8 +6,9 @@ the exterior at the base alone. Bend and climb are polynomials along the gap,
 
     κ ℓ = Σ c_k P_k(2t − 1), k = 0 … 4 (Legendre),   least Σ c_k² / (2k + 1)
 
-subject to end and end tangent, by Newton's method on the Lagrangian from several starts. A curve is
-made of short arcs, by which the ends are met exactly.
+subject to end and end tangent, by Newton's method on the Lagrangian from several starts. Where that
+curve is too sharp somewhere, its greatest curvature is brought down along the curves that meet both
+ends. A curve is made of short arcs, by which the ends are met exactly.
 """
 
 import math
@@ -30,6 +31,14 @@ MET = 1e-11
 """Ends are met within this, in lengths of the gap [1]."""
 SETTLED = 1e-4
 """A curve is the one of least bending when its coefficients change by less [rad]."""
+MOST_BLUNTINGS = 30
+"""A curve that is too sharp is made blunter in so many steps [1]."""
+POWER = 8
+"""An arc's weight there is this power of its curvature [1]."""
+SAME = 1e-3
+"""Curves whose costs differ by a smaller part are one and the same [1]."""
+PARTS = (0.3, 0.1, 0.03, 0.01)
+"""Parts of such a step that are tried [1]."""
 SLIGHT = 1e-6
 CROSSING = 0.25
 """Points of a gap that are so far apart along it shall not come near to each other [1]."""
@@ -55,7 +64,7 @@ def solve_gap(T: Pose, T_to: Pose, length: float, planar: bool, sharpest: float)
     curvature = _sharpest(found, planar) / length
     if curvature > sharpest:
         raise ValueError(
-            f"the curve of least bending has a curvature of {curvature:.2f} 1/m, at most "
+            f"the bluntest curve that is found has a curvature of {curvature:.2f} 1/m, at most "
             f"{sharpest:.2f} can be followed"
         )
     points = _ends(found[None], planar)[2][0] * length
@@ -70,25 +79,59 @@ def solve_gap(T: Pose, T_to: Pose, length: float, planar: bool, sharpest: float)
 def _solved(way: Array, tangent: Array, planar: bool, sharpest: float) -> Array | None:
     """Return the coefficients of least cost that meet the end; lengths are in that of the gap.
 
-    Where none of the first starts leads to a curve that is not sharper, the first that does.
+    Where none of the first starts leads to a curve that is not sharper, the first that is blunt
+    enough, or can be made so; failing that the bluntest.
     """
     curves = 1 if planar else 2
     weight = np.tile(1.0 / (2.0 * np.arange(DEGREE + 1) + 1.0), curves)
     draw, best, least = np.random.default_rng(0), None, math.inf
+    bluntest, seen = None, list[float]()
     for start in range(MOST_STARTS):
         x = draw.normal(0.0, 0.0 if start == 0 else 2.0, curves * (DEGREE + 1))
         if start == 0:
             x[1] = 0.1
         found = _least(x, way, tangent, planar, weight)
         cost = math.inf if found is None else float(weight @ found**2)
-        # Beyond the first starts a curve is taken for being blunt.
-        if found is not None and start >= STARTS and _sharpest(found, planar) <= sharpest:
-            return _met(found, way, tangent, planar)
         if cost < least:
             best, least = found, cost
-        if start == STARTS - 1 and best is not None and _sharpest(best, planar) <= sharpest:
+        if start < STARTS - 1:
+            continue
+        # Beyond the first starts a curve is taken for being blunt.
+        found, cost = (best, least) if start == STARTS - 1 else (found, cost)
+        if found is None or any(abs(cost - other) < SAME * cost for other in seen):
+            continue
+        seen.append(cost)
+        found = _blunter(found, way, tangent, planar, sharpest)
+        if bluntest is None or _sharpest(found, planar) < _sharpest(bluntest, planar):
+            bluntest = found
+        if _sharpest(bluntest, planar) <= sharpest:
             break
-    return None if best is None else _met(best, way, tangent, planar)
+    return None if bluntest is None else _met(bluntest, way, tangent, planar)
+
+
+def _blunter(x: Array, way: Array, tangent: Array, planar: bool, sharpest: float) -> Array:
+    """Return coefficients near x (c,) that meet the end with less of the greatest curvature.
+
+    The first whose curvature is nowhere above `sharpest` (of unit length), or the bluntest found.
+    """
+    blocks = np.eye(1 if planar else 2)
+    for _ in range(MOST_BLUNTINGS):
+        most = _sharpest(x, planar)
+        if most <= sharpest:
+            break
+        shares = (np.hypot(*_bends(x[None], planar)[0].T) * ARCS / most) ** POWER
+        weight = np.kron(blocks, _legendre().T @ (shares[:, None] * _legendre()))
+        _, J = _linearised(x, way, tangent, planar)
+        free = np.linalg.svd(J)[2][len(J) :].T
+        step = free @ np.linalg.lstsq(free.T @ weight @ free, free.T @ weight @ x, rcond=None)[0]
+        for part in PARTS:
+            tried = _met(x - part * step, way, tangent, planar)
+            if tried is not None and _sharpest(tried, planar) < most:
+                break
+        else:
+            break
+        x = tried
+    return x
 
 
 def _least(x: Array, way: Array, tangent: Array, planar: bool, weight: Array) -> Array | None:
@@ -143,12 +186,18 @@ def _linearised(x: Array, way: Array, tangent: Array, planar: bool) -> tuple[Arr
 
 def _bends(x: Array, planar: bool) -> Array:
     """Return bend and climb of each arc (s, a, 2) [rad] of coefficients (s, c)."""
-    t = 2.0 * (np.arange(ARCS) + 0.5) / ARCS - 1.0
-    V = legendre.legvander(t, DEGREE)
-    V[:, 1:] -= V[:, 1:].mean(axis=0)  # what turns in all is c_0 alone, for arcs, too
+    V = _legendre()
     bend = x[:, : DEGREE + 1] @ V.T / ARCS
     climb = np.zeros_like(bend) if planar else x[:, DEGREE + 1 :] @ V.T / ARCS
     return np.stack((bend, climb), axis=2)
+
+
+def _legendre() -> Array:
+    """Return the polynomials at the middle of each arc (a, c): curvature of unit coefficients."""
+    t = 2.0 * (np.arange(ARCS) + 0.5) / ARCS - 1.0
+    V = np.asarray(legendre.legvander(t, DEGREE))
+    V[:, 1:] -= V[:, 1:].mean(axis=0)  # what turns in all is c_0 alone, for arcs, too
+    return V
 
 
 def _ends(x: Array, planar: bool) -> tuple[Array, Array, Array]:

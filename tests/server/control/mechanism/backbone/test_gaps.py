@@ -65,3 +65,13 @@ def test_a_gap_that_is_hard_to_solve_is_tried_from_more_starts():
     end = Arcs.from_entrance(HERE, turns).end
     assert end.p == pytest.approx(to.p, abs=1e-9)
     assert max(math.hypot(t.bend, t.climb) / t.length for t in turns) < 10.4
+
+
+def test_a_curve_of_least_bending_that_is_too_sharp_is_made_blunter():
+    # With 3 % of slack its curvature is 21.5 1/m at the end, and little elsewhere.
+    to, length = there(0.27519347, -0.05956401, 0, 0, 0, 0.68590562), 0.28993098
+    turns = solve_gap(HERE, to, length, True, 20.0)
+    end = Arcs.from_entrance(HERE, turns).end
+    assert end.p == pytest.approx(to.p, abs=1e-9)
+    assert end.R[:, 0] == pytest.approx(to.R[:, 0], abs=1e-8)
+    assert max(abs(t.bend) / t.length for t in turns) <= 20.0
