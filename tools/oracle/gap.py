@@ -33,12 +33,9 @@ def crossing(begin: Array, end: Array, length: float, step: float) -> Array | No
     return np.column_stack([np.interp(at, way, fine[:, i]) for i in range(3)])
 
 
-def sharpest_of(points: Array, step: float) -> float:
-    """Return the greatest curvature [1/m] of a row of points (k, 3), chord by chord of a step."""
-    wide = points[:: max(1, round(step / np.linalg.norm(points[1] - points[0])))]
-    if len(wide) < 3:
-        return 0.0
-    ways = np.diff(wide, axis=0)
+def sharpest_of(points: Array) -> float:
+    """Return the greatest curvature [1/m] of a row of points (k, 3), chord by chord."""
+    ways = np.diff(points, axis=0)
     lengths = np.linalg.norm(ways, axis=1)
     tangents = ways / lengths[:, None]
     turns = np.linalg.norm(np.diff(tangents, axis=0), axis=1)

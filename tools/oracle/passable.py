@@ -21,8 +21,6 @@ SPARE = 0.012
 """Room that is asked for beyond all radii [m]."""
 BEND = 0.9
 """Part of the joints' range that the curve may take [1]."""
-WINDOW = 0.02
-"""A gap's curve is as sharp as it turns along so much of it [m]."""
 APART = 0.12
 """Points that are so far apart along the arm are not to meet [m]."""
 
@@ -71,7 +69,7 @@ def _whole(section: Backbone, sharpest: float) -> Array | None:
         T = matrix(piece.to)
         ends = np.stack((p, R[:, 0])), np.stack((T[:3, 3], T[:3, 0]))
         gap = crossing(*ends, piece.length, STEP)
-        if gap is None or sharpest_of(gap, WINDOW) > sharpest:
+        if gap is None or sharpest_of(gap) > sharpest:
             return None
         rows.append(gap[1:-1])
     walls = Tunnel(section).rows

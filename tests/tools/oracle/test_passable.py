@@ -6,6 +6,7 @@ from telerobot.config.load import load_cell
 from telerobot.config.schema.backbone import Segment
 from telerobot.config.schema.section import Pose
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.tools.oracle.gap import crossing, sharpest_of
 from telerobot.tools.oracle.passable import passable
 from telerobot.tools.oracle.tunnel import Tunnel
 
@@ -22,10 +23,16 @@ def test_shipped_tunnels_are_passable(name):
 def test_a_gap_is_passable_that_a_curve_of_its_length_crosses_bluntly():
     section = load_cell("snake").config.mechanism.backbone
     bend, way_out = Segment(length=0.25, bend=1.5707963), Segment(length=0.5)
-    for length, passes in [(0.303, True), (0.304, True), (0.301, False), (0.33, False)]:
+    for length, passes in [(0.302, True), (0.300, False), (0.306, False)]:
         gap = Segment(length=length, to=Pose(xyz=(-0.459, 0.789, 0), rpy=(0, 0, 3.14159)))
         made = section.model_copy(update={"tunnel": (bend, gap, way_out)})
         assert judged(made) is passes
+
+
+def test_a_gap_s_curve_is_as_sharp_as_it_is_at_its_very_end():
+    begin = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    end = np.array([[0.23432936, 0.05980341, 0.0], [0.76147772, -0.64819108, 0.0]])
+    assert sharpest_of(crossing(begin, end, 0.24926, 0.004)) == pytest.approx(27.8, rel=0.03)
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,8 @@ STARTS = 8
 MOST_STARTS = 64
 """Where none of these is a curve that can be followed, from so many in all [1]."""
 MOST_STEPS = 40
+LONGEST_STEP = 1.5
+"""Coefficients change by no more in one step [rad]."""
 MET = 1e-11
 """Ends are met within this, in lengths of the gap [1]."""
 SETTLED = 1e-4
@@ -80,7 +82,8 @@ def _solved(way: Array, tangent: Array, planar: bool, sharpest: float) -> Array 
     """Return the coefficients of least cost that meet the end; lengths are in that of the gap.
 
     Where none of the first starts leads to a curve that is not sharper, the first that is blunt
-    enough, or can be made so; failing that the bluntest.
+    enough, or can be made so; failing that the bluntest. A start that leads to none of least cost
+    may still lead to one that meets the end.
     """
     curves = 1 if planar else 2
     weight = np.tile(1.0 / (2.0 * np.arange(DEGREE + 1) + 1.0), curves)
@@ -98,6 +101,8 @@ def _solved(way: Array, tangent: Array, planar: bool, sharpest: float) -> Array 
             continue
         # Beyond the first starts a curve is taken for being blunt.
         found, cost = (best, least) if start == STARTS - 1 else (found, cost)
+        if found is None:
+            found, cost = _met(x, way, tangent, planar, MOST_STEPS), -1.0
         if found is None or any(abs(cost - other) < SAME * cost for other in seen):
             continue
         seen.append(cost)
@@ -144,7 +149,7 @@ def _least(x: Array, way: Array, tangent: Array, planar: bool, weight: Array) ->
         except np.linalg.LinAlgError:
             return None
         step = JW.T @ multiplier - x
-        x = x + step * min(1.0, 1.5 / max(float(np.abs(step).max()), 1e-12))
+        x = x + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
         if float(np.abs(step).max()) < SETTLED:
             return x
     return None
@@ -155,13 +160,14 @@ def _sharpest(x: Array, planar: bool) -> float:
     return float(np.hypot(*_bends(x[None], planar)[0].T).max()) * ARCS
 
 
-def _met(x: Array, way: Array, tangent: Array, planar: bool) -> Array | None:
+def _met(x: Array, way: Array, tangent: Array, planar: bool, steps: int = 6) -> Array | None:
     """Return coefficients near x (c,) that meet the end exactly; None where there are none."""
-    for _ in range(6):
+    for _ in range(steps):
         off, J = _linearised(x, way, tangent, planar)
         if float(np.abs(off).max()) < MET:
             return x
-        x = x - np.linalg.lstsq(J, off, rcond=None)[0]
+        step: Array = np.linalg.lstsq(J, off, rcond=None)[0]
+        x = x - step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
     return None
 
 
