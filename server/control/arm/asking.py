@@ -103,8 +103,8 @@ class Asking:
         wrist = self.measured(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
             memory = self.seeded(memory, inputs)
-        motion, base = memory.motion, None if moved is None else moved.base.T
-        mrf = inputs.settings.T_wrist_mrf
+        motion, mrf = memory.motion, inputs.settings.T_wrist_mrf
+        base = None if moved is None else moved.base.T
         k = self.mechanism.kinematics(motion.q, mrf, base)
         task, objectives, since_s = self.tuned(memory, inputs, k, wrist)
         placed, near = None, memory.near
@@ -132,6 +132,13 @@ class Asking:
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
         retreat, asked = self._giving_way(memory, inputs, k, asked)
+        error = memory.sent[1] - inputs.q_measured
+        if asked.insertion is not None and asked.together and self.stages.slither is not None:
+            share = self.stages.slither.backbone.kept_off(
+                asked.insertion, motion.q, error, asked.dq
+            )
+            if share < 1.0:
+                asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
         memory = evolve(
             memory,
             wrist=wrist,
@@ -142,7 +149,6 @@ class Asking:
             retreat=retreat,
             insertion=asked.insertion,
         )
-        error = memory.sent[1] - inputs.q_measured
         return memory, ArmReading(k, placed, T_world_wrist_measured, error, wrench, hand), asked
 
     def measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
@@ -270,24 +276,20 @@ class Asking:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.stages.retreat is None or memory.retreat is None:
             return memory.retreat, asked
-        held = inputs.intent is Intent.HOLD
+        q, held = memory.motion.q, inputs.intent is Intent.HOLD
         state, dq = self.stages.retreat.step(
-            memory.retreat, memory.motion.q, asked.dq, k.J, inputs.pushed, inputs.time_s, held
+            memory.retreat, q, asked.dq, k.J, inputs.pushed, inputs.time_s, held
         )
         return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.
 
-        News of obstacles needs no lease: an arm that nobody tells to move shall not be led away by
-        it.
+        News of obstacles needs no lease: it shall lead no arm away that nobody tells to move.
         """
-        asked = inputs.jog is not None or inputs.posture is not None
-        return (
-            asked
-            or bool(np.count_nonzero(inputs.wrench_desired))
-            or self.stages.task.orders(twists)
-        )
+        told = inputs.jog is not None or inputs.posture is not None
+        told = told or bool(np.count_nonzero(inputs.wrench_desired))
+        return told or self.stages.task.orders(twists)
 
     def tool_share(self, twist: Array, factor: float) -> float:
         """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""

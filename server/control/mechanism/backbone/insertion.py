@@ -40,6 +40,8 @@ ARRIVED = 5e-4
 """A depth is reached within this [m]."""
 ASIDE = 0.2
 """The head may push aside with this part of `most_push` before an insertion gives way [1]."""
+LAGGING = (0.65, 0.9)
+"""Measured links that take so much of their room slow what leads them on, and hold it up [1]."""
 WINDOW = 1.5
 """A point is looked for in the tunnel this many half widths from where it should be [1]."""
 
@@ -92,6 +94,7 @@ class Backbone:
         self._upto = np.array([int(np.abs(curve.arcs.starts - self.exit).argmin())])
         self._stations = np.concatenate(([0.0], chain.stations))
         self._origins = self._stations[:-1]
+        self._levers = (chain.length - self._origins) ** 2
         self.most = min(chain.length, curve.exterior.chord.h + curve.arcs.length + chain.length)
         count = max(2, round((self.most - section.least) / GRID))
         self.lengths = np.linspace(section.least, self.most, count + 1)
@@ -207,6 +210,18 @@ class Backbone:
             aside = math.sqrt(max(0.0, float(push @ push) - along * along))
             share = min(share, (1.0 - aside / most) / (1.0 - ASIDE))
         return min(1.0, max(0.0, share))
+
+    def kept_off(self, insertion: Insertion, q: Array, error: Array, dq: Array) -> float:
+        """Return what share (0 to 1) of joint rates dq (n,) keeps links off the walls.
+
+        At joints q (n,) that are `error` (n,) ahead of the measured ones [rad]. A joint that does
+        not follow takes what is outboard off the curve; what leads back to it is free.
+        """
+        if float((self._levers * error) @ dq) <= 0.0:
+            return 1.0
+        off = self.off_centre(self.chain.points((q - error)[None]), insertion.s1)
+        low, high = LAGGING
+        return min(1.0, max(0.0, (high - off / self.room) / (high - low)))
 
     def depth(self, insertion: Insertion) -> float:
         """Return the tip's way from the entrance [m]."""
