@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ..compiled import ARRAY3, NUMBER, VECTOR, compiled
+from ..compiled import ARRAY3, NUMBER, STACK, VECTOR, compiled
 from ..spatial import Array
 
 _INSTANT = 1e-12
@@ -60,7 +60,6 @@ def _keeps(
     return True
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3)
 def stopping_in_proportion(
     dq: Array, ddq: Array, acceleration: Array, jerk: Array, own: Array
 ) -> Array:
@@ -72,16 +71,31 @@ def stopping_in_proportion(
     one that lasts least is taken. Raises `ValueError` where a state is not finite, or nothing keeps
     the bounds.
     """
-    n = len(dq)
-    phases = np.zeros((2, 4, n))
-    if not (dq.any() or ddq.any()):
-        return phases
+    phases = np.zeros((2, 4, len(dq)))
+    _stop(dq, ddq, acceleration, jerk, own, phases)
+    return phases
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3, STACK)
+def _stop(
+    dq: Array, ddq: Array, acceleration: Array, jerk: Array, own: Array, phases: Array
+) -> None:
+    """Write the phases (2, 4, n) of a stop on which all freedoms share their times."""
+    n, stands = len(dq), True
     lasts = np.empty(n)
     for i in range(n):
-        lasts[i] = own[0, :, i].sum()
-    best_s, best = math.inf, np.zeros(3)
+        stands = stands and dq[i] == 0.0 and ddq[i] == 0.0
+        lasts[i] = 0.0
+        for phase in range(own.shape[1]):
+            lasts[i] += own[0, phase, i]
+    if stands:
+        return
+    best_s, best_up_s, best_hold_s, best_down_s = math.inf, 0.0, 0.0, 0.0
     for _ in range(min(n, _SHAPES)):
-        k = lasts.argmax()
+        k = 0
+        for i in range(1, n):
+            if lasts[i] > lasts[k]:
+                k = i
         total_s = lasts[k]
         if total_s < _INSTANT:
             break
@@ -104,12 +118,11 @@ def stopping_in_proportion(
                 short = x
         if long * (up_s + hold_s + down_s) < best_s:
             best_s = long * (up_s + hold_s + down_s)
-            best[0], best[1], best[2] = long * up_s, long * hold_s, long * down_s
+            best_up_s, best_hold_s, best_down_s = long * up_s, long * hold_s, long * down_s
     if not math.isfinite(best_s):
         raise ValueError("no stop in proportion")
     for i in range(n):
-        held = _held(dq[i], ddq[i], best[0], best[1], best[2])
-        phases[0, 1:, i] = best
-        phases[1, 1, i] = (held - ddq[i]) / best[0]
-        phases[1, 3, i] = -held / best[2]
-    return phases
+        held = _held(dq[i], ddq[i], best_up_s, best_hold_s, best_down_s)
+        phases[0, 1, i], phases[0, 2, i], phases[0, 3, i] = best_up_s, best_hold_s, best_down_s
+        phases[1, 1, i] = (held - ddq[i]) / best_up_s
+        phases[1, 3, i] = -held / best_down_s

@@ -277,12 +277,18 @@ def stop_at(q: Array, dq: Array, ddq: Array, phases: Array, t: float) -> Array:
     return out
 
 
-@compiled(VECTOR, VECTOR, VECTOR, ARRAY3, VECTOR)
 def stop_postures(q: Array, dq: Array, ddq: Array, phases: Array, times: Array) -> Array:
     """Return the positions (s, n) at times (s,) after a stop began."""
-    out, rest, at = np.empty((len(times), len(q))), np.zeros(len(q)), np.empty((3, len(q)))
+    out = np.empty((len(times), len(q)))
+    _postures(q, dq, ddq, phases, times, out)
+    return out
+
+
+@compiled(VECTOR, VECTOR, VECTOR, ARRAY3, VECTOR, TABLE)
+def _postures(q: Array, dq: Array, ddq: Array, phases: Array, times: Array, out: Array) -> None:
+    """Write the positions (s, n) at times (s,) after a stop began."""
+    rest, at = np.zeros(len(q)), np.empty((3, len(q)))
     for k in range(len(times)):
         _go_along(q, dq, ddq, rest, phases, times[k], at)
         for i in range(len(q)):
             out[k, i] = at[0, i]
-    return out

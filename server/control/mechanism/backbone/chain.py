@@ -53,14 +53,18 @@ class Chain:
 
     def points(self, q: Array) -> Array:
         """Return the first joint and all points (s, n + 1, 3) in World at q (s, n) [rad]."""
-        return points_at(self.links[:], q)
+        found = np.empty((len(q), self.n + 1, 3))
+        points_at(self.links[:], q, found)
+        return found
 
     def fitted(self, q: Array, curve: Array, rates: Array, iterations: int) -> Fitted:
         """Return joints near q (n,) that follow points (n, 3) of a curve, and their rates.
 
         `rates` (n, 3) are the curve's along any parameter; the joints' are along the same.
         """
-        return Fitted(*fitted_at(self.links[:], q, curve, rates, iterations))
+        found, slopes = np.empty(self.n), np.empty(self.n)
+        fitted_at(self.links[:], q, curve, rates, iterations, found, slopes)
+        return Fitted(found, slopes)
 
     def guess(self, curve: Array) -> Array:
         """Return joints (n,) that lead roughly along points (n, 3) of a curve, base to tip.

@@ -30,7 +30,7 @@ class Curve(NamedTuple):
 
         Raises `ValueError` where the exterior cannot be that short.
         """
-        free = int(np.searchsorted(stations, s1, side="right"))
+        free = int(stations.searchsorted(s1, side="right"))
         points, rates = np.empty((2, len(stations), 3))
         points[:free], rates[:free] = self.exterior.at(s1, stations[:free])
         points[free:], tangents = self.arcs.at(stations[free:] - s1)

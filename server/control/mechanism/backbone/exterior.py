@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ...compiled import NUMBER, VECTOR, compiled
+from ...compiled import NUMBER, STACK, VECTOR, compiled
 from ...spatial import Array
 
 FIRST_ZERO = 2.404825557695773
@@ -79,7 +79,8 @@ class Bow(NamedTuple):
 
     def along(self, mu: float, stations: Array) -> tuple[Array, Array, float]:
         """Return points (m, 3) [m], their ∂/∂μ (m, 3) [m], and ds1/dμ [m]: smooth from μ = 0 up."""
-        found, ds1 = bow_at(mu, self.chord.h, stations)
+        found = np.empty((2, len(stations), 2))
+        ds1 = bow_at(mu, self.chord.h, stations, found)
         return *self.chord.placed(found), ds1
 
 
@@ -119,17 +120,18 @@ def bow_parameter(ratio: float) -> float:
     return mu
 
 
-@compiled(NUMBER, NUMBER, VECTOR)
-def bow_at(mu: float, h: float, stations: Array) -> tuple[Array, float]:
-    """Return points, aside and ahead, and their ∂/∂μ (2, m, 2) [m] at arc lengths (m,), and ds1/dμ.
+@compiled(NUMBER, NUMBER, VECTOR, STACK)
+def bow_at(mu: float, h: float, stations: Array, found: Array) -> float:
+    """Write points, aside and ahead, and their ∂/∂μ (2, m, 2) [m] at arc lengths (m,).
+
+    Return ds1/dμ [m].
 
     F = ∫ (sin θ, cos θ) dφ has sums over J_n, its ∂/∂μ over J_n' = (J_n−1 − J_n+1) / 2.
     """
     J = bessel(mu)
     s1 = h / J[0]
-    ds1 = s1 * J[1] / J[0]
+    ds1: float = s1 * J[1] / J[0]
     per = s1 / (2.0 * math.pi)
-    found = np.empty((2, len(stations), 2))
     for m in range(len(stations)):
         share = stations[m] / s1
         phi = 2.0 * math.pi * share
@@ -151,4 +153,4 @@ def bow_at(mu: float, h: float, stations: Array) -> tuple[Array, float]:
         # A longer curve is larger, and its points at a given arc length fall back along it.
         found[1, m, 0] = per * aside_mu + ds1 * (per * aside / s1 - share * math.sin(theta))
         found[1, m, 1] = per * ahead_mu + ds1 * (per * ahead / s1 - share * math.cos(theta))
-    return found, ds1
+    return ds1

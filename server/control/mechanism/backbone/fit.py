@@ -24,6 +24,9 @@ from ...compiled import (
     COUNT,
     FLAGS,
     MATRIX,
+    ROW,
+    STACK,
+    TABLE,
     VECTOR,
     compiled,
     record,
@@ -63,14 +66,17 @@ class Fitted(NamedTuple):
     """Their derivative along the curve's parameter (n,)."""
 
 
-@compiled(LINKS, VECTOR)
-def _placed(
-    links: tuple[Array, Array, Array, Array, Flags], q: Array
-) -> tuple[Array, Array, Array]:
-    """Return where joints are, their axes, and the points that follow (n, 3), in World."""
+@compiled(LINKS, VECTOR, TABLE, TABLE, TABLE)
+def _place(
+    links: tuple[Array, Array, Array, Array, Flags],
+    q: Array,
+    origins: Array,
+    axes: Array,
+    points: Array,
+) -> None:
+    """Write where joints are, their axes, and the points that follow (n, 3), in World."""
     root, parts, axis, tip, _ = links
     n = len(q)
-    origins, axes, points = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     R, step = np.empty((3, 4)), np.empty((3, 4))
     for row in range(3):
         for k in range(4):
@@ -94,20 +100,19 @@ def _placed(
         points[n - 1, row] = R[row, 3]
         for k in range(3):
             points[n - 1, row] += R[row, k] * tip[k]
-    return origins, axes, points
 
 
-@compiled(LINKS, MATRIX)
-def points_at(links: tuple[Array, Array, Array, Array, Flags], q: Array) -> Array:
-    """Return the base and all points (s, n + 1, 3) in World [m] at postures q (s, n) [rad]."""
-    found = np.empty((len(q), q.shape[1] + 1, 3))
+@compiled(LINKS, MATRIX, STACK)
+def points_at(links: tuple[Array, Array, Array, Array, Flags], q: Array, found: Array) -> None:
+    """Write the base and all points (s, n + 1, 3) in World [m] at postures q (s, n) [rad]."""
+    n = q.shape[1]
+    origins, axes, points = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     for s in range(len(q)):
-        origins, _, points = _placed(links, q[s])
+        _place(links, q[s], origins, axes, points)
         for row in range(3):
             found[s, 0, row] = origins[0, row]
-            for i in range(len(points)):
+            for i in range(n):
                 found[s, i + 1, row] = points[i, row]
-    return found
 
 
 @compiled(MATRIX, MATRIX, COUNT)
@@ -122,30 +127,35 @@ def farthest_apart(one: Array, other: Array, first: int) -> float:
     return float(np.sqrt(most))
 
 
-@compiled(LINKS, VECTOR, MATRIX, MATRIX, COUNT)
+@compiled(LINKS, VECTOR, MATRIX, MATRIX, COUNT, ROW, ROW)
 def fitted_at(
     links: tuple[Array, Array, Array, Array, Flags],
     q: Array,
     curve: Array,
     rates: Array,
     iterations: int,
-) -> tuple[Array, Array]:
-    """Return joints near q (n,) that follow points (n, 3) of a curve, and their rates (n,).
+    found: Array,
+    slopes: Array,
+) -> None:
+    """Write joints (n,) near q (n,) that follow points (n, 3) of a curve, and their rates (n,).
 
     `rates` (n, 3) are the curve's along any parameter; the joints' are along the same.
     """
     n = len(q)
-    found, slopes = np.empty(n), np.zeros(n)
     for i in range(n):
-        found[i] = q[i]
+        found[i], slopes[i] = q[i], 0.0
     counts = links[4]
+    origins, axes, points = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     s, b = np.empty((n, 6)), np.empty(6)
     K, k = np.zeros((n, 6)), np.zeros((n, 2))
     S, g = np.empty((6, 6)), np.empty((6, 2))
-    r = np.empty((3, 2))
+    r, moved = np.empty((3, 2)), np.empty((6, 2))
     for _ in range(iterations):
-        origins, axes, points = _placed(links, found)
-        S[:], g[:] = 0.0, 0.0
+        _place(links, found, origins, axes, points)
+        for u in range(6):
+            g[u, 0], g[u, 1] = 0.0, 0.0
+            for v in range(6):
+                S[u, v] = 0.0
         for i in range(n - 1, -1, -1):
             if counts[i]:
                 x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -183,7 +193,9 @@ def fitted_at(
                     b[u] += (S[u, v] if u >= v else S[v, u]) * s[i, v]
                 stiff += s[i, u] * b[u]
             if stiff < FLAT:
-                K[i], k[i] = 0.0, 0.0
+                k[i, 0], k[i, 1] = 0.0, 0.0
+                for u in range(6):
+                    K[i, u] = 0.0
                 continue
             for c in range(2):
                 along = 0.0
@@ -196,7 +208,8 @@ def fitted_at(
                 K[i, u] = b[u] / stiff
                 for v in range(u + 1):
                     S[u, v] -= b[u] * b[v] / stiff
-        moved = np.zeros((6, 2))
+        for v in range(6):
+            moved[v, 0], moved[v, 1] = 0.0, 0.0
         for i in range(n):
             for c in range(2):
                 u = -k[i, c]
@@ -208,4 +221,3 @@ def fitted_at(
                     found[i] += u
                 else:
                     slopes[i] = u
-    return found, slopes

@@ -166,7 +166,7 @@ def _met(x: Array, way: Array, tangent: Array, planar: bool, steps: int = 6) -> 
         off, J = _linearised(x, way, tangent, planar)
         if float(np.abs(off).max()) < MET:
             return x
-        step: Array = np.linalg.lstsq(J, off, rcond=None)[0]
+        step = np.asarray(np.linalg.lstsq(J, off, rcond=None)[0], dtype=np.float64)
         x = x - step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
     return None
 
@@ -201,7 +201,7 @@ def _bends(x: Array, planar: bool) -> Array:
 def _legendre() -> Array:
     """Return the polynomials at the middle of each arc (a, c): curvature of unit coefficients."""
     t = 2.0 * (np.arange(ARCS) + 0.5) / ARCS - 1.0
-    V = np.asarray(legendre.legvander(t, DEGREE))
+    V = np.asarray(legendre.legvander(t, DEGREE), dtype=np.float64)
     V[:, 1:] -= V[:, 1:].mean(axis=0)  # what turns in all is c_0 alone, for arcs, too
     return V
 

@@ -95,6 +95,9 @@ class Backbone:
         self._stations = np.concatenate(([0.0], chain.stations))
         self._origins = self._stations[:-1]
         self._levers = (chain.length - self._origins) ** 2
+        self._last = int(np.flatnonzero(chain.links.counts)[-1])
+        # Scratch: the joints that were looked at last, and their points.
+        self._placed: tuple[Array, Array] | None = None
         self.most = min(chain.length, curve.exterior.chord.h + curve.arcs.length + chain.length)
         count = max(2, round((self.most - section.least) / GRID))
         self.lengths = np.linspace(section.least, self.most, count + 1)
@@ -146,7 +149,7 @@ class Backbone:
     def beyond(self, s1: float) -> int:
         """Return the first joint that is beyond the exit at a free length [m]; n for none."""
         clear = s1 + self.exit + self.section.link_radius
-        return int(np.searchsorted(self._origins, clear, side="right"))
+        return int(self._origins.searchsorted(clear, side="right"))
 
     def located(self, q: Array) -> Insertion | None:
         """Return where joints q (n,) are along the curve; None where they do not follow it."""
@@ -182,8 +185,14 @@ class Backbone:
 
     def _off(self, insertion: Insertion, q: Array) -> float:
         """Return how far the farthest point that is not free is from where the fit has it [m]."""
-        one, other = self.chain.points(np.array((q, insertion.q)))
-        return farthest_apart(one, other, insertion.beyond + 1)
+        (fit,) = self.chain.points(insertion.q[None])
+        return farthest_apart(self._points(q), fit, insertion.beyond + 1)
+
+    def _points(self, q: Array) -> Array:
+        """Return all points (n + 1, 3) in World at joints q (n,), those of the last ones again."""
+        if self._placed is None or self._placed[0] is not q:
+            self._placed = q, self.chain.points(q[None])[0]
+        return self._placed[1]
 
     # --- where it is to go ---------------------------------------------------------------------
 
@@ -248,12 +257,9 @@ class Backbone:
 
     def head(self, q: Array) -> Array:
         """Return the direction of the last link (3,) in World at q (n,)."""
-        points = self.chain.points(q[None])[0]
-        i = len(points) - 2
-        while np.array_equal(points[i], points[-1]):
-            i -= 1
-        way = points[-1] - points[i]
-        return np.asarray(way / np.linalg.norm(way))
+        points = self._points(q)
+        way = points[-1] - points[self._last]
+        return np.asarray(way / math.sqrt(float(way.dot(way))))
 
     # --- walls ---------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ...compiled import ARRAY3, INDEX, MATRIX, NUMBER, VECTOR, compiled, record
+from ...compiled import ARRAY3, INDEX, MATRIX, NUMBER, TABLE, VECTOR, compiled, record
 from ...scene import Index
 from ...spatial import Array, Pose, rotation_exp
 
@@ -87,7 +87,9 @@ class Arcs(NamedTuple):
 
         Before it and after the last arc the curve is straight.
         """
-        return arcs_at(self[:], depths)
+        points, tangents = np.empty((len(depths), 3)), np.empty((len(depths), 3))
+        _at(self[:], depths, points, tangents)
+        return points, tangents
 
 
 def _point(length: float, curvature: float) -> tuple[float, float]:
@@ -98,11 +100,10 @@ def _point(length: float, curvature: float) -> tuple[float, float]:
     return math.sin(angle) / curvature, (1.0 - math.cos(angle)) / curvature
 
 
-@compiled(ARCS, VECTOR)
-def arcs_at(arcs: tuple[Array, Array, Array], depths: Array) -> tuple[Array, Array]:
-    """Return points and tangents (m, 3) at arc lengths (m,) from the entrance [m]."""
+@compiled(ARCS, VECTOR, TABLE, TABLE)
+def _at(arcs: tuple[Array, Array, Array], depths: Array, points: Array, tangents: Array) -> None:
+    """Write points and tangents (m, 3) at arc lengths (m,) from the entrance [m]."""
     starts, frames, curvature = arcs
-    points, tangents = np.empty((len(depths), 3)), np.empty((len(depths), 3))
     last = len(curvature) - 1
     for m in range(len(depths)):
         k = 0
@@ -119,7 +120,6 @@ def arcs_at(arcs: tuple[Array, Array, Array], depths: Array) -> tuple[Array, Arr
             t, n = frames[k, 1, i], frames[k, 2, i]
             points[m, i] = frames[k, 0, i] + along * t + aside * n
             tangents[m, i] = cosine * t + sine * n
-    return points, tangents
 
 
 @compiled(ARCS, NUMBER, NUMBER, VECTOR)
