@@ -133,10 +133,8 @@ class Asking:
             asked = asked._replace(dq=swept(asked.dq, inputs))
         retreat, asked = self._giving_way(memory, inputs, k, asked)
         error = memory.sent[1] - inputs.q_measured
-        if asked.insertion is not None and asked.together and self.stages.slither is not None:
-            share = self.stages.slither.backbone.kept_off(
-                asked.insertion, motion.q, error, asked.dq
-            )
+        if self.stages.slither is not None and asked.together:
+            share = self.stages.slither.off_walls(asked.insertion, motion.q, error, asked.dq)
             if share < 1.0:
                 asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
         memory = evolve(
@@ -276,10 +274,9 @@ class Asking:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.stages.retreat is None or memory.retreat is None:
             return memory.retreat, asked
-        q, held = memory.motion.q, inputs.intent is Intent.HOLD
-        state, dq = self.stages.retreat.step(
-            memory.retreat, q, asked.dq, k.J, inputs.pushed, inputs.time_s, held
-        )
+        q, now_s, held = memory.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
+        step = self.stages.retreat.step
+        state, dq = step(memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held)
         return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:

@@ -94,6 +94,13 @@ class Slither:
         slowed = abs(speed) < SLOWED * abs(forward) and abs(forward) > STANDS
         return Slid(self._none(dq), insertion, True, ("insertion_speed",) if slowed else ())
 
+    def off_walls(self, insertion: Insertion | None, q: Array, error: Array, dq: Array) -> float:
+        """Return what share (0 to 1) of joint rates dq (n,) keeps the measured links off walls.
+
+        At joints q (n,) that are `error` (n,) ahead of the measured ones [rad].
+        """
+        return 1.0 if insertion is None else self.backbone.kept_off(insertion, q, error, dq)
+
     def at_rest(self, q: Array) -> Slid:
         """Return what an arm does whose drives are off, at joints q (n,)."""
         return Slid(self._none(np.zeros(len(q))), None, True, ())

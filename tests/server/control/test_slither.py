@@ -1,14 +1,16 @@
 """An arm that follows a curve keeps off the walls along every stop, wherever it is stopped."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.mechanism.backbone.insertion import STILL, DriveRequest
-from telerobot.server.control.spatial import Pose
+from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.server.control.state import Inputs, Intent, Settings
 from telerobot.server.control.stop.trajectory import Stop
+from telerobot.server.control.task.asked import StickCommand, ViewGoal
+from telerobot.server.control.task.paths.goals import PathGoal
 from telerobot.server.control.tick import Control
 
 SETTINGS = Settings(
@@ -41,7 +43,7 @@ class Snake:
             time_s=0.01 * self.tick,
             intent=intent,
             q_measured=measured,
-            settings=SETTINGS,
+            settings=more.pop("settings", SETTINGS),
             drive=drive,
             **more,
         )
@@ -139,3 +141,30 @@ def test_where_it_is_is_found_again_at_any_depth():
         tail = backbone.beyond(s1)
         q[tail:] += draw.normal(0.0, 0.3, 30 - tail)  # free joints may be anywhere
         assert backbone.located(q).s1 == pytest.approx(s1, abs=1e-5)
+
+
+def test_a_tail_in_space_answers_all_sources_at_once_while_the_rest_stands():
+    snake = Snake("snake_tail_space", 0.48)
+    here = snake.step().T_world_mrf
+    before, gain = snake.q, np.full(6, 0.5)
+    gains = {"joystick": np.ones(6), "position": gain, "vision": gain, "force": 1e-3 * np.ones(6)}
+    seen = Pose(here.R, here.p + np.array([0.02, 0.01, -0.02]))
+    given = {
+        "settings": replace(SETTINGS, gains=gains),
+        "stick": StickCommand(np.array([0.004, -0.006, 0.008, 0.02, -0.03, 0.02]), np.eye(3)),
+        "goal": PathGoal(Pose(here.R, here.p + np.array([-0.01, 0.01, 0.01])), 1),
+        "view": ViewGoal(Pose.identity(), seen),
+        "wrench_sensor": np.array([2.0, -3.0, 2.0, 0.01, 0.02, -0.01]),
+    }
+    outputs = [snake.step(**given) for _ in range(80)]
+    sources = outputs[-1].twists
+    assert min(float(np.linalg.norm(sources[name])) for name in gains) > 1e-3
+    assert sum(sources.values()) == pytest.approx(outputs[-1].twist, abs=1e-15)
+    # The head does on all six axes what they ask for together.
+    asked = np.mean([output.twist for output in outputs[40:-1]], axis=0)
+    moved = pose_error(outputs[-1].T_world_mrf, outputs[40].T_world_mrf) / 0.39
+    assert np.abs(asked).min() > 1e-3
+    assert moved == pytest.approx(asked, abs=5e-4)
+    assert snake.memory.insertion.beyond == 21
+    assert np.abs(snake.q - before)[:21].max() < 1e-4
+    assert np.abs(snake.q - before)[21:].max() > 0.02

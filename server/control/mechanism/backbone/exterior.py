@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ...compiled import NUMBER, STACK, VECTOR, compiled
+from ...compiled import MATRIX, NUMBER, ROW, STACK, TABLE, VECTOR, compiled
 from ...spatial import Array
 
 FIRST_ZERO = 2.404825557695773
@@ -74,8 +74,10 @@ class Bow(NamedTuple):
 
         Raises `ValueError` where s1 is not above h.
         """
-        points, rates, ds1 = self.along(bow_parameter(self.chord.share_of(s1)), stations)
-        return points, rates / ds1
+        points, rates = np.empty((2, len(stations), 3))
+        share, chord = self.chord.share_of(s1), self.chord
+        _place(share, chord.h, stations, chord.base, chord.axes, points, rates)
+        return points, rates
 
     def along(self, mu: float, stations: Array) -> tuple[Array, Array, float]:
         """Return points (m, 3) [m], their ∂/∂μ (m, 3) [m], and ds1/dμ [m]: smooth from μ = 0 up."""
@@ -84,28 +86,27 @@ class Bow(NamedTuple):
         return *self.chord.placed(found), ds1
 
 
-@compiled(NUMBER)
-def bessel(x: float) -> Array:
-    """Return J_n(x) (25,) of the orders n = 0 to 24, by their power series; |x| below about 5."""
-    J = np.zeros(ORDERS + 1)
+@compiled(NUMBER, ROW)
+def bessel(x: float, J: Array) -> None:
+    """Write J_n(x) of the orders n = 0, 1, … (k,), by their power series; |x| below about 5."""
     half, first = 0.5 * x, 1.0
-    for n in range(ORDERS + 1):
+    for n in range(len(J)):
+        J[n] = 0.0
         term, k = first, 0
         while abs(term) > 1e-25 and k < 60:
             J[n] += term
             k += 1
             term *= -half * half / (k * (n + k))
         first *= half / (n + 1)
-    return J
 
 
 @compiled(NUMBER)
 def bow_parameter(ratio: float) -> float:
     """Return μ in (0, 2.405) of J0(μ) = ratio in (0, 1): Newton's method inside a bracket."""
-    low, high = 0.0, FIRST_ZERO
+    low, high, J = 0.0, FIRST_ZERO, np.empty(2)
     mu = 2.0 * math.sqrt(1.0 - ratio)
     for _ in range(60):
-        J = bessel(mu)
+        bessel(mu, J)
         off = J[0] - ratio
         if off > 0.0:
             low = mu
@@ -128,7 +129,8 @@ def bow_at(mu: float, h: float, stations: Array, found: Array) -> float:
 
     F = ∫ (sin θ, cos θ) dφ has sums over J_n, its ∂/∂μ over J_n' = (J_n−1 − J_n+1) / 2.
     """
-    J = bessel(mu)
+    J = np.empty(ORDERS + 1)
+    bessel(mu, J)
     s1 = h / J[0]
     ds1: float = s1 * J[1] / J[0]
     per = s1 / (2.0 * math.pi)
@@ -154,3 +156,22 @@ def bow_at(mu: float, h: float, stations: Array, found: Array) -> float:
         found[1, m, 0] = per * aside_mu + ds1 * (per * aside / s1 - share * math.sin(theta))
         found[1, m, 1] = per * ahead_mu + ds1 * (per * ahead / s1 - share * math.cos(theta))
     return ds1
+
+
+@compiled(NUMBER, NUMBER, VECTOR, VECTOR, MATRIX, TABLE, TABLE)
+def _place(
+    share: float,
+    h: float,
+    stations: Array,
+    base: Array,
+    axes: Array,
+    points: Array,
+    rates: Array,
+) -> None:
+    """Write points and their ∂/∂s1 (m, 3) in World of a bow whose chord is a `share` of it."""
+    found = np.empty((2, len(stations), 2))
+    ds1 = bow_at(bow_parameter(share), h, stations, found)
+    for m in range(len(stations)):
+        for k in range(3):
+            points[m, k] = base[k] + (found[0, m, 0] * axes[0, k] + found[0, m, 1] * axes[1, k])
+            rates[m, k] = (found[1, m, 0] * axes[0, k] + found[1, m, 1] * axes[1, k]) / ds1

@@ -205,7 +205,8 @@ class Backbone:
         most = 0.0 if drive.back_only else self.section.speed
         speed = factor * max(-self.section.speed, min(most, speed))
         step = min(bound, max(-bound, speed - insertion.speed))
-        return insertion._replace(speed=insertion.speed + step)
+        speed = insertion.speed + step
+        return Insertion(insertion.s1, insertion.q, insertion.rates, speed, insertion.beyond)
 
     def gives_way(self, speed: float, push: Array, head: Array) -> float:
         """Return what share (0 to 1) of an insertion's speed is left, with the head pushing [N].

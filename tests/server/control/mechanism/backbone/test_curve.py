@@ -23,19 +23,25 @@ def integral(values, width):
     )
 
 
+def bessel_functions(x):
+    J = np.empty(25)
+    bessel(x, J)
+    return J
+
+
 @pytest.mark.parametrize("order", range(6))
 def test_bessel_functions_are_those_of_their_integral(order):
     t = np.linspace(0.0, np.pi, 2001)
     for x in (0.0, 0.3, 1.2, 2.404, 4.0):
         expected = integral(np.cos(order * t - x * np.sin(t)), t[1]) / np.pi
-        assert bessel(x)[order] == pytest.approx(expected, abs=1e-12)
+        assert bessel_functions(x)[order] == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_bow_s_parameter_solves_equation_20_on_its_branch():
     for ratio in (0.9999999, 0.9, 0.5, 0.4, 1e-3):
         mu = bow_parameter(ratio)
         assert 0.0 < mu < 2.404826
-        assert bessel(mu)[0] == pytest.approx(ratio, abs=1e-14)
+        assert bessel_functions(mu)[0] == pytest.approx(ratio, abs=1e-14)
 
 
 @pytest.mark.parametrize("s1", S1)
