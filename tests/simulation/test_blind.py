@@ -4,6 +4,7 @@ import sys
 
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.tools.cli import main
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -35,3 +36,12 @@ def test_a_cell_with_cameras_runs_without_pictures_and_says_why_in_one_line(no_o
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("telerobot: no pictures: pictures need OpenCV")
     assert "pip install" in simulation.blind
+
+
+def test_the_command_then_says_why_and_ends_with_1(no_opencv, capsys, tmp_path):
+    script = tmp_path / "short.toml"
+    script.write_text("duration_s = 0.1\n", encoding="utf-8")
+    assert main(["simulate", "pa10_vision", str(script)]) == 1
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("telerobot: simulated without its cameras: pictures need OpenCV")
+    assert "pip install" in last

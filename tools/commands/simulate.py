@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Final
 
@@ -29,14 +30,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulate; return 0, or 1 if the script failed or a limit was violated."""
+    """Simulate; return 1 if the script failed, a limit was violated or pictures are missing."""
+    blind = None
     with tqdm(
         desc="simulated", unit="s", delay=SHOWN_AFTER_S, disable=None, leave=False,
         bar_format="{desc}: {n:.1f} of {total:.1f} s [{elapsed}<{remaining}]",
     ) as bar:  # fmt: skip
 
         def show(simulation: Simulation) -> None:
-            player = simulation.player
+            nonlocal blind
+            blind, player = simulation.blind, simulation.player
             bar.total = player.start_s + player.script.duration_s
             bar.update(simulation.clock.time_s - bar.n)
 
@@ -45,6 +48,9 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(result.summary))
     else:
         print(_table(result.summary))
+    if blind is not None:
+        print(f"telerobot: simulated without its cameras: {blind}", file=sys.stderr)
+        return 1
     return 0 if result.ok else 1
 
 
