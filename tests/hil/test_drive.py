@@ -4,6 +4,7 @@ import fcntl
 import os
 import pty
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from functools import partial
 import numpy as np
 import pytest
 from telerobot.tools.host.address import options
+from telerobot.tools.host.local_plant import free_port
 
 pytestmark = pytest.mark.hil
 
@@ -163,6 +165,45 @@ def test_held_keys_insert_and_withdraw_a_snake_of_thirty_drives_on_two_buses(
     plant.until(lambda: speed() == 0.0, 3.0, "letting go does not stop it")
     assert watcher.state.mode == "enabled"
     assert plant.truth.clearance_m > 0.008
+    assert plant.truth.contact_force == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.slow
+def test_held_keys_drive_a_rover_to_a_bridge_where_its_arm_folds_by_itself(
+    make_plant, open_terminal, tmp_path
+):
+    near = tmp_path / "near.toml"
+    scanner = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    near.write_text(
+        f'extends = "rover_bridge"\n[scanner]\naddress = "{scanner}"\n'
+        "[rig.bridge]\ndistance = 2.3\n"
+    )
+    plant = make_plant(near)
+    watcher = plant.operator("watcher")
+    x = lambda: plant.truth.frames["base"][0]  # noqa: E731
+    arm = lambda: np.array(plant.truth.q[2:9])  # noqa: E731
+    told = lambda: [event.name for event in watcher.events]  # noqa: E731
+
+    def hold_until(key, reached, within_s):
+        start_s = plant.truth.time_s
+        while not reached():
+            assert plant.truth.time_s < start_s + within_s, f"{key!r} does not get there: {told()}"
+            screen.type(key)
+            plant.run_for(0.03)
+
+    screen = open_terminal(plant)
+    wait_text(plant, screen, "lease granted to ann", 60.0)  # three processes start beside it
+    plant.until(lambda: "scanner_heard" in told(), 30.0, "nobody looks ahead")
+    screen.type("m")
+    wait_text(plant, screen, "enable: done")
+    home = arm()
+    hold_until("v", lambda: np.abs(arm() - home).max() > 0.2, 20.0)
+    assert 0.1 < x() < 2.3 - 0.8
+    assert told().index("passage_undecided") < told().index("passage_folding")
+    rest = x()
+    hold_until("b", lambda: x() < rest - 0.05, 5.0)
+    assert watcher.state.mode == "enabled"
+    assert plant.truth.clearance_m > 0.05
     assert plant.truth.contact_force == (0.0, 0.0, 0.0)
 
 
