@@ -4,14 +4,11 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Final
 
 from tqdm import tqdm
 
+from ..host.progress import SHOWN_AFTER_S
 from ..simulation.simulation import Simulation, simulate
-
-SHOWN_AFTER_S: Final = 2.0
-"""A run that takes longer shows its progress on a terminal [s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

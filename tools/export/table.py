@@ -14,6 +14,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...server.control.spatial import Array
+from ..host.progress import counted
 from ..recording.live.viewer import picture_in
 from ..recording.run_file import RecordError, read_run
 from ..replay.replay import Replay, Replayed
@@ -44,7 +45,7 @@ def table_of(path: Path, cell: Cell) -> TickTable:
     rows: list[dict[str, Array]] = []
     stamps: list[int] = []
     row_of: dict[int, int] = {}
-    for tick in Replay(path, cell).run():
+    for tick in counted(Replay(path, cell).run(), "computed", "ticks"):
         if tick.outputs:
             row_of[tick.record.tick] = len(rows)
             stamps.append(tick.stamp_ns)

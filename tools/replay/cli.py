@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ...server.flight.container import TICK
 from ...server.flight.log import read_row
+from ..host.progress import counted
 from ..recording.run_file import RecordError, read_about, read_cell, read_run
 from .explain import explain
 from .replay import Replay
@@ -46,7 +47,7 @@ def _replay(path: Path, until: float | None, explained: bool) -> int:
     replay = Replay(path, cell)
     judgement, last = replay.judgement, None
     end_s = None if until is None else until + _origin_s(path, until)
-    for tick in replay.run():
+    for tick in counted(replay.run(), "replayed", "ticks"):
         if end_s is not None and last is not None and tick.record.time_s > end_s:
             break
         last = tick

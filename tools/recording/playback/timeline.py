@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
-from tqdm import tqdm
 
 from ....protocols.messages.camera_picture import CameraPicture
 from ....protocols.messages.contour import ContourNews
 from ....protocols.messages.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event, State
+from ...host.progress import counted
 from ...operator.web.hub import limits_of
 from ...operator.web.surroundings import told_contour, told_obstacle, told_picture, told_truth
 from ...operator.words.events import event_words
@@ -30,9 +30,6 @@ PIECE_S: Final = 4.0
 
 STATE_S: Final = 1 / 25
 """Messages of one kind are at least so far apart [s]: the eye sees no more."""
-
-PROGRESS_S: Final = 2.0
-"""Reading that takes longer shows how far it got [s]."""
 
 Words = Mapping[str, Any]
 
@@ -80,7 +77,7 @@ class Timeline:
     def _read(self) -> None:
         tellers = self._tellers()
         messages = read_run(self._path, tuple(tellers))
-        for message in tqdm(messages, unit=" messages", delay=PROGRESS_S, leave=False):
+        for message in counted(messages, "read", "messages"):
             if self._start_ns is None:
                 self._start_ns = message.stamp_ns
             t = max(0.0, (message.stamp_ns - self._start_ns) / 1e9)
