@@ -112,7 +112,7 @@ def around(kept: Kept, rng: np.random.Generator) -> tuple[Obstacle, ...]:
 
 def test_among_things_on_both_sides_of_its_links_no_tick_raises(pa10):
     limits = set()
-    for seed in range(24):
+    for seed in range(40, 64):
         rng = np.random.default_rng(seed)
         kept = Kept(pa10, around(Kept(pa10, ()), rng))
         for _ in range(4):
