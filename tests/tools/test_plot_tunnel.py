@@ -1,5 +1,7 @@
 """The figure of an arm in its tunnels shows the true links of a recorded run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
@@ -52,6 +54,23 @@ def test_in_space_links_are_drawn_where_they_truly_were(recorded):
     every = [np.column_stack(line.get_data_3d()) for line in links.lines]
     drawn = [points for points in every if len(points) == 31 and np.ptp(points[:, 2]) > 0.01]
     assert np.abs(truths - drawn[0]).max(axis=(1, 2)).min() == 0.0
+
+
+@pytest.mark.parametrize("cell", ["snake", "snake_space"])
+def test_a_run_that_came_by_all_six_free_lengths_of_the_paper_shows_these(recorded, cell):
+    pytest.importorskip("matplotlib")
+    from telerobot.tools.recording.plot.tunnels import slithering
+
+    run = load_recording(recorded(cell, {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}}))
+    # As if it had gone in from the entrance to the end.
+    depths = np.linspace(0.0, 0.87, len(run.states))
+    states = [
+        {**state, "insertion": {"depth": depth, "speed": 0.08, "free": 0.0}}
+        for state, depth in zip(run.states, depths.tolist(), strict=True)
+    ]
+    titles = [ax.get_title() for ax in slithering(replace(run, states=states)).axes]
+    shares = [float(title.split("=")[1].split()[0]) for title in titles if title]
+    assert shares == [1.0, 0.94, 0.83, 0.68, 0.54, 0.44]
 
 
 def test_an_arm_without_tunnels_is_refused_by_name(recorded, capsys):
