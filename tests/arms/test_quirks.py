@@ -12,6 +12,7 @@ from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.init.make import make
 from telerobot.tools.init.robot import read_arm
+from telerobot.tools.init.study import GRANTED, Study
 
 
 def made(odd, tmp_path, tip=None):
@@ -73,6 +74,31 @@ def test_an_arm_of_one_joint_is_refused(odd):
         f"cell.toml: mechanism.tip_link: value 'Link_1': only joint 'Shoulder/Pan' of {urdf} leads "
         "to it: must be at least 2 joints",
     )
+
+
+def test_an_arm_of_five_joints_pushes_as_straight_as_it_can(odd, tmp_path):
+    """Of the SO-100: where the tool cannot keep its angles, it comes to the wall more slowly."""
+    odd.joints = odd.joints[:5]
+    odd.replace('parent link="Link_6"', 'parent link="Link_5"')
+    draft, cell = made(odd, tmp_path)
+    study = Study(cell, draft.length)
+    assert study.mechanism.rank == 5
+    ready = np.array(draft.postures["ready"])
+    forward = study.tool_pose(ready).R @ (draft.mrf / np.linalg.norm(draft.mrf))
+    toward = np.concatenate([forward, np.zeros(3)])
+    granted = study.granted(ready, toward)
+    assert GRANTED < granted <= 1.0 + 1e-9
+    assert study.walk(ready, toward, 0.06, 0.0) is not None
+    script = (tmp_path / "odd_script.toml").read_text()
+    lasts = float(script.rpartition("at_s = ")[2].split()[0]) - float(
+        script.rpartition("at_s = ")[0].rpartition("at_s = ")[2].split()[0]
+    )
+    assert lasts == pytest.approx(0.06 / 0.03 / granted + 1.0, abs=0.02)
+    # Independent: the twist nearest to `toward` that joint rates give, in the study's weights.
+    weight = np.array([1.0] * 3 + [draft.length] * 3)
+    J = study.mechanism.kinematics(ready, study.tool).J * weight[:, None]
+    rates = np.linalg.lstsq(J, toward, rcond=None)[0]
+    assert granted == pytest.approx(1.0 - np.linalg.norm(J @ rates - toward) ** 2, abs=1e-3)
 
 
 def test_a_tool_looks_away_from_the_arm_where_the_last_link_lies_behind_its_frame(odd, tmp_path):

@@ -19,14 +19,16 @@ from .robot import UrdfArm, beyond
 from .script import ScriptFigures
 from .script import text_of as script_of
 from .shape.shapes import Array
-from .study import GradedPosture, Study
+from .study import GRANTED, GradedPosture, Study
 from .toml_text import path_from
 from .tool import BALL, ToolSide
 
 TO_WALL: Final = 0.06
 """From the ball to the wall at `ready` [m]."""
 INTO_WALL: Final = 0.03
-_TRIES: Final = 25
+PRESS_S: Final = 4.0
+"""A push lasts so long, where the arm goes straight [s]."""
+_TRIES: Final = 40
 """So many free postures are tried for the way to a wall [1]."""
 
 
@@ -85,17 +87,21 @@ class _Bench:
 
 
 def _planned(draft: Draft, bench: _Bench) -> ScriptFigures:
-    """Put the tool where it looks outward, and find postures; where there are none, elsewhere."""
+    """Put the tool where it looks outward, and find postures; where there are none, elsewhere.
+
+    An arm of fewer than six axes need not go straight at the wall where it can nowhere.
+    """
     draft.payload, draft.com = beyond(draft.arm)
     side = ToolSide(draft, bench.study(draft))
     wrong: ConfigError | None = None
-    for outward in side.directions():
+    tries = [(straight, outward) for straight in (True, False) for outward in side.directions()]
+    for straight, outward in tries:
         side.put(outward)
         draft.contacts = []
         draft.contacts = bench.study(draft).overlapping()
         _strength(draft, bench)
         try:
-            return _postures(draft, bench)
+            return _postures(draft, bench, straight=straight)
         except ConfigError as error:
             wrong = wrong or error
     if wrong is None:
@@ -117,7 +123,7 @@ def _strength(draft: Draft, bench: _Bench) -> None:
         set_strength(draft.drives[k], joint, gravity[:, k], float(moved[k]))
 
 
-def _postures(draft: Draft, bench: _Bench) -> ScriptFigures:
+def _postures(draft: Draft, bench: _Bench, *, straight: bool) -> ScriptFigures:
     """Find `start` and `ready`, the wall in front of it, and the script's ways."""
     study = bench.study(draft)
     forward = draft.mrf / np.linalg.norm(draft.mrf)
@@ -128,7 +134,7 @@ def _postures(draft: Draft, bench: _Bench) -> ScriptFigures:
             best = found
         if tried >= _TRIES:
             break
-        plan = _plan(draft, study, found, forward)
+        plan = _plan(draft, study, found, forward, straight=straight)
         if plan is not None:
             return plan
     if best is None:
@@ -142,7 +148,9 @@ def _postures(draft: Draft, bench: _Bench) -> ScriptFigures:
     )
 
 
-def _plan(draft: Draft, study: Study, found: GradedPosture, forward: Array) -> ScriptFigures | None:
+def _plan(
+    draft: Draft, study: Study, found: GradedPosture, forward: Array, *, straight: bool
+) -> ScriptFigures | None:
     """Return the script from a posture, or None where a way is not free; set what it needs."""
     least = 0.5 * found.sigma
     torques = np.array([drive.torque for drive in draft.drives])
@@ -151,7 +159,7 @@ def _plan(draft: Draft, study: Study, found: GradedPosture, forward: Array) -> S
     scale = float(np.clip(draft.reach, 0.3, 1.0))
     toward = np.concatenate([d, np.zeros(3)])
     full = study.mechanism.rank == 6
-    if full and study.walk(q, toward, TO_WALL + INTO_WALL, 0.6 * least) is None:
+    if (full or straight) and study.walk(q, toward, TO_WALL + INTO_WALL, 0.6 * least) is None:
         return None
     if not _wall(draft, study, q, T.p, d):
         return None
@@ -186,9 +194,11 @@ def _plan(draft: Draft, study: Study, found: GradedPosture, forward: Array) -> S
     spare = torques - study.weight(q)
     draft.push = float(min(10.0, (0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min()))
     pose = study.tool_pose(target).to_xyz_rpy()
+    granted = max(GRANTED, min(1.0, study.granted(q, toward)))
+    press_s = PRESS_S if granted > 0.99 else PRESS_S / granted
     return ScriptFigures(
         moved_s, stick, (np.array(pose[:3]), np.array(pose[3:])), target_s, d,
-        (0.03, TO_WALL / 0.03 + 1.0), 0.0, draft.push,
+        (0.03, TO_WALL / 0.03 / granted + 1.0), 0.0, draft.push, press_s,
     )  # fmt: skip
 
 

@@ -25,6 +25,8 @@ class ScriptFigures(NamedTuple):
     """Speed of the stick that pushes [m/s]."""
     force: float
     """Force that follows from it [N]."""
+    press_s: float
+    """Time of the push [s]."""
 
 
 def text_of(plan: ScriptFigures, name: str) -> str:
@@ -54,7 +56,7 @@ def text_of(plan: ScriptFigures, name: str) -> str:
     at += lasts
     stick = f'"cmd/joystick" = {{ twist = {_six(plan.press * toward)}, expressed_in = "world" }}'
     steps += [_step(at, stick)]
-    at += 4.0
+    at += plan.press_s
     words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
     head = [f'description = "{words}"', f"duration_s = {at:.1f}", ""]
     return "\n".join([*head, *steps])

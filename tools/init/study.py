@@ -28,6 +28,8 @@ _DRAWN: Final = 4000
 _LOOKED_AT: Final = 400
 _ENOUGH: Final = 40
 """Free postures are looked for until there are so many [1]."""
+GRANTED: Final = 0.25
+"""Part of a straight way that the tool goes at least, where the arm cannot keep its angles [1]."""
 _STEP: Final = 0.005
 """Of a way that is tried [m]."""
 
@@ -130,6 +132,8 @@ class Study:
                 continue
             low = float(self.ends(q)[self._far(), :, 2].min(initial=0.0))
             penalty = 2.0 * max(0.0, float(weight.max()) - 0.5) + 2.0 * max(0.0, -low)
+            if self.mechanism.rank < 6:  # a push is as straight as the arm can go
+                penalty += 1.0 - self.granted(q, np.concatenate([d[i], np.zeros(3)]))
             kept.append((float(score[i]) - penalty, i))
         for _, i in sorted(kept, reverse=True):
             yield GradedPosture(postures[i], float(sigma[i]))
@@ -141,16 +145,27 @@ class Study:
     def walk(self, q: Array, twist: Array, length: float, least: float) -> Array | None:
         """Return where a straight way of the tool ends, `twist` (6,) a metre, or None.
 
-        None where it would meet a limit, the arm itself, or a singular value below `least` [m].
+        None where it would meet a limit, the arm itself, or a singular value below `least` [m], or
+        where an arm of fewer than six axes would go less than `GRANTED` of the way.
         """
         steps = max(1, round(length / _STEP))
         for _ in range(steps):
             J = self.mechanism.kinematics(q, self.tool).J * self._weight[:, None]
             wanted = twist * self._weight * (length / steps)
-            q = q + J.T @ np.linalg.solve(J @ J.T + 1e-8 * np.eye(6), wanted)
+            moved = J.T @ np.linalg.solve(J @ J.T + 1e-8 * np.eye(6), wanted)
+            if float(wanted @ (J @ moved)) < GRANTED * float(wanted @ wanted):
+                return None
+            q = q + moved
             if self.outside(q) or self.sigma(q) < least or self.gap(q) < APART / 2:
                 return None
         return q
+
+    def granted(self, q: Array, twist: Array) -> float:
+        """Return the part of a twist (6,) that the arm goes at a posture [1]: 1 with six axes."""
+        J = self.mechanism.kinematics(q, self.tool).J * self._weight[:, None]
+        wanted = twist * self._weight
+        went = J @ (J.T @ np.linalg.solve(J @ J.T + 1e-8 * np.eye(6), wanted))
+        return float(wanted @ went) / float(wanted @ wanted)
 
     def free(self, a: Array, b: Array) -> bool:
         """Return whether the straight way between two postures is free of the arm itself."""

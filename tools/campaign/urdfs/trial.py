@@ -1,9 +1,10 @@
 """One arm from its URDF to motion: `init`, `check`, a wall push, a clearance, a pose, judged.
 
-Nobody edits anything: the cell is as `init` writes it. Of the second run's cell only a sphere is
-added, which is an obstacle that the stick drives at.
+Nobody edits anything: the cell is as `init` writes it. The second run's cell begins at
+`ready`, and has a sphere as an obstacle, which the stick drives at.
 """
 
+import re
 import tempfile
 import time
 from collections.abc import Mapping
@@ -17,7 +18,7 @@ from ....config.errors import ConfigError
 from ....config.load import load_cell
 from ...checks.findings import Severity
 from ...checks.judge import judge
-from ...init.make import Made, make
+from ...init.make import TO_WALL, Made, make
 from ...init.robot import read_arm
 from ...init.tool import BALL
 from ...simulation.result import Result
@@ -100,14 +101,18 @@ def _keep_clear(made: Made, out: Path) -> Result:
     wall = made.draft.wall
     if wall is None:
         raise ConfigError(f"{out}: rig.wall: missing")
-    ball = wall[0] - plan.forward * (plan.approach[0] * (plan.approach[1] - 1.0) + BALL)
+    ball = wall[0] - plan.forward * (TO_WALL + BALL)
     centre = ball + plan.forward * (BALL + AHEAD + SPHERE)
     sphere = (
         '\n[[obstacles]]\nname = "sphere"\nshape = "sphere"\n'
         f"xyz = {centre.round(5).tolist()}\nradius = {SPHERE}\n"
     )
     cell = out.with_name("clear.toml")
-    cell.write_text(made.cell + sphere, encoding="utf-8")
+    # The arm begins at `ready`: at `start` a link may be where the sphere is.
+    text = re.sub(
+        "^start = .*", f"start = {made.draft.postures['ready']}", made.cell, count=1, flags=re.M
+    )
+    cell.write_text(text + sphere, encoding="utf-8")
     twist = [*(0.03 * plan.forward).round(6).tolist(), 0.0, 0.0, 0.0]
     xyz, rpy = (values.round(6).tolist() for values in plan.target)
     at = 0.2 + plan.ready_s
