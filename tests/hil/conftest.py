@@ -25,7 +25,7 @@ from telerobot.tools.host.address import moved
 from telerobot.tools.host.local_plant import LocalPlant, end, free_port
 from telerobot.tools.operator.client.operator import Operator
 
-START_S = 60.0
+START_S = 150.0 if os.environ.get("TELEROBOT_CAN") else 60.0
 """Wall time after which a process that does not show up is a failure [s]."""
 
 STUCK_S = 60.0

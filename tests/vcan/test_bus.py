@@ -12,6 +12,8 @@ from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.rig.nodes.wire import Wire
 
+pytestmark = pytest.mark.hil  # one after the other: the interface goes down in one of them
+
 KERNEL = Bus(interface="socketcan", channel="vcan0")
 FLOOD = 5000
 FOREIGN, ANSWER = 0x555, 0x190

@@ -1,12 +1,11 @@
 /*
  * Preloaded into linux.uml (LD_PRELOAD), for processors whose extended state is larger than that
  * kernel knows, as with AMX: the host takes the registers of a process only as a whole
- * (EFAULT otherwise). What the kernel does not know of stays what it was.
+ * (EFAULT otherwise). What the kernel does not know of no process in it can use.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <elf.h>
-#include <errno.h>
 #include <stdarg.h>
 #include <string.h>
 #include <sys/ptrace.h>
@@ -15,6 +14,7 @@
 typedef long (*tracer)(enum __ptrace_request, pid_t, void *, void *);
 
 static char whole[1 << 16] __attribute__((aligned(64)));
+static size_t size;
 
 long ptrace(enum __ptrace_request request, ...)
 {
@@ -28,17 +28,19 @@ long ptrace(enum __ptrace_request request, ...)
 
 	if (!libc_ptrace)
 		libc_ptrace = (tracer)dlsym(RTLD_NEXT, "ptrace");
-	long done = libc_ptrace(request, pid, what, data);
-	if (done == 0 || request != PTRACE_SETREGSET || (unsigned long)what != NT_X86_XSTATE)
-		return done;
+	if (request != PTRACE_SETREGSET || (unsigned long)what != NT_X86_XSTATE)
+		return libc_ptrace(request, pid, what, data);
 
 	struct iovec *known = data, all = {whole, sizeof whole};
-	if (libc_ptrace(PTRACE_GETREGSET, pid, what, &all) < 0)
-		return -1;
-	if (known->iov_len >= all.iov_len) {
-		errno = EFAULT;
-		return -1;
+	if (!size) { /* what lies beyond is from now on as this process never used it */
+		if (libc_ptrace(PTRACE_GETREGSET, pid, what, &all) < 0)
+			return -1;
+		size = all.iov_len;
+		memset(whole, 0, sizeof whole);
 	}
+	if (known->iov_len >= size)
+		return libc_ptrace(request, pid, what, data);
 	memcpy(whole, known->iov_base, known->iov_len);
+	all.iov_len = size;
 	return libc_ptrace(PTRACE_SETREGSET, pid, what, &all);
 }
