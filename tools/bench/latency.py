@@ -28,7 +28,8 @@ SPEED = 0.03
 """The stick's twist, along the base's y, to and fro [m/s]."""
 STILL_S = 0.08
 """Targets that have not changed for this long stand [s]."""
-GIVE_UP_S = 1.0
+GIVE_UP_S = 0.3
+"""Shorter than a lease, which nobody renews meanwhile [s]."""
 ALLOWANCE_S = 0.001
 """Target: p99 below two periods and this [s]."""
 

@@ -131,7 +131,8 @@ def wheels(cell: Cell, steps: int) -> Figures:
 
 
 def _drive(plant: EnabledPlant, speed: float) -> None:
-    plant.operator.command(t.DRIVE, rates=(speed, 0.0))
+    """Drive back: ahead a base waits for a scanner that was silent for a moment."""
+    plant.operator.command(t.DRIVE, rates=(-abs(speed), 0.0))
 
 
 def _script(seconds: float) -> Script:
