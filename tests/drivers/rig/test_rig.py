@@ -209,3 +209,4 @@ def test_a_rig_lives_through_an_interface_that_is_down(cell: Cell) -> None:
     listener.send(can.Message(arbitration_id=0x000, data=b"\x81\x00", is_extended_id=False))
     rig.poll()
     assert listener.recv(0) is not None, "no node boots"
+    hub.close()
