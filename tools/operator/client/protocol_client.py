@@ -233,7 +233,7 @@ class ProtocolClient:
             self.secret = pair.agree_with_daemon(key, t.LEASE.full_key(self.cell), epoch)
         except ValueError:
             return requests.Reply(ok=False, reason="wrong_key", detail="key is of no use")
-        self.epoch, self._keepalive_due_s = epoch, 0.0
+        self.epoch, self._lease_seen, self._keepalive_due_s = epoch, False, 0.0
         return reply
 
 

@@ -81,7 +81,8 @@ def arm_lines(
 
 def link_words(state: State, link: LinkStatus) -> list[str]:
     """Return lease, round trip and speed, each as a few words."""
-    words = [f"lease {state.lease_holder or 'free'}{' (you)' if link.mine else ''}"]
+    holder = state.lease_holder
+    words = [f"lease {holder or 'free'}{' (you)' if holder and link.mine else ''}"]
     if link.round_trip_s is not None:
         fresh = link.echo_age_s < ECHO_SHOWN_S
         words.append(f"round trip {1e3 * link.round_trip_s:3.0f} ms" if fresh else "no echo")

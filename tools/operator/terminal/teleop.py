@@ -233,7 +233,10 @@ class KeyboardTeleop:
             self.acquire(then=lambda: self._mode("enable"))
 
     def _toggle_lease(self) -> None:
-        if self._operator.holds_lease:
+        # A daemon that was started anew never gave the lease that is still held here.
+        state = self._operator.state
+        told = state is None or state.lease_holder is not None
+        if told and self._operator.holds_lease:
             self._client.release(self._answered("release"))
         else:
             self.acquire()

@@ -49,6 +49,12 @@ class Client:
     def request(self, topic, on_reply, **fields):
         self.said.append((topic.key, fields))
 
+    def acquire(self, on_reply):
+        self.said.append("acquire")
+
+    def release(self, on_reply):
+        self.said.append("release")
+
 
 def described(*names):
     tasks = [
@@ -64,13 +70,16 @@ def described(*names):
     return Description.model_construct(**tasks[0].__dict__, tasks=tuple(tasks[1:]))
 
 
-def keys(*names, holding=None):
+def keys(*names, holding=None, holder="ann"):
     """Return a keyboard's teleop over a cell with those tasks, its client, and what it says."""
     client, lines = Client(), []
     operator = SimpleNamespace(
         client=client,
         state=SimpleNamespace(
-            mode="enabled", q=(0.0,) * 4, of=lambda _task: SimpleNamespace(held_by=holding)
+            mode="enabled",
+            q=(0.0,) * 4,
+            of=lambda _task: SimpleNamespace(held_by=holding),
+            lease_holder=holder,
         ),
         holds_lease=True,
         description=described(*names),
@@ -97,6 +106,13 @@ def test_a_key_changes_hands_and_the_arm_that_was_led_stands():
     assert client.said[-1] == ("cmd/posture", {"posture": "ready", "mechanism": "arm_right"})
     teleop.press("y", 0.5)
     assert lines[-1] == "the keys lead left"
+
+
+@pytest.mark.parametrize(("holder", "asked"), [("ann", "release"), (None, "acquire")])
+def test_a_lease_that_a_new_daemon_never_gave_is_asked_for_and_not_released(holder, asked):
+    teleop, client, _ = keys("arm", holder=holder)
+    teleop.press("L", 0.0)
+    assert client.said == [asked]
 
 
 def test_with_one_arm_nothing_names_it():
