@@ -217,18 +217,22 @@ class Site:
         self.plant.operators[0].events.clear()
 
     def leave(self):
-        """Close all pages, and wait until nobody holds the lease."""
+        """Close all pages, wait until nobody holds the lease, and reset what stopped the arm."""
         for context in self._contexts:
             context.close()
         self._contexts.clear()
         watcher = self.plant.operators[0]
+        at_rest = ("ready", "hold", "fault")
         self.until(
-            lambda: watcher.state.lease_holder is None and watcher.state.mode in ("ready", "hold"),
+            lambda: watcher.state.lease_holder is None and watcher.state.mode in at_rest,
             "a page that has gone still holds the lease",
         )
-        if watcher.state.protective_stop:
+        if watcher.state.protective_stop or watcher.state.mode == "fault":
             watcher.acquire()
-            watcher.clear_protective_stop()
+            if watcher.state.protective_stop:
+                watcher.clear_protective_stop()
+            if watcher.state.mode == "fault":
+                watcher.reset()
             watcher.release()
 
     def close(self):

@@ -185,4 +185,5 @@ def test_a_daemon_that_is_killed_is_said_and_found_again(site):
     page.keyboard.up("r")
     site.plant.start_daemon()
     site.until(lambda: not page.is_visible("#over p"), "the page does not find the daemon again")
+    site.until(lambda: site.mode(page) != "enabled", "the page shows what the old daemon told")
     site.go_on(page)
