@@ -26,7 +26,7 @@ CanMessage = can.Message
 CanBus = can.BusABC
 """A CAN bus that is open."""
 BusErrors = (can.CanError, OSError)
-"""What a bus raises that is not there now, as an interface that is down."""
+"""Errors of a bus that is not there now, as of an interface that is down."""
 
 _LOOPBACK: Final = "127.0.0.1"
 _IP_MULTICAST_ALL: Final = 49  # linux/in.h; Python has no name for it

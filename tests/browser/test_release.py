@@ -4,9 +4,9 @@ import os
 import signal
 import socket
 import threading
-from pathlib import Path
 
 import pytest
+from telerobot.tools.bench.page.browser import renderers
 
 pytestmark = pytest.mark.browser
 
@@ -51,23 +51,6 @@ class Cable:
         self.cut()
         for each in self._sockets:
             each.close()
-
-
-def renderers():
-    """Return the processes of our own browser that run pages."""
-    parents, found = {}, []
-    for path in Path("/proc").glob("[0-9]*"):
-        try:
-            parents[int(path.name)] = int((path / "stat").read_text().rpartition(")")[2].split()[1])
-            if "--type=renderer" in (path / "cmdline").read_text():
-                found.append(int(path.name))
-        except OSError:
-            continue  # it has ended meanwhile
-
-    def ours(pid):
-        return pid == os.getpid() or (pid in parents and ours(parents[pid]))
-
-    return [pid for pid in found if ours(pid)]
 
 
 def test_a_held_key_moves_the_tool_until_it_is_released(site):

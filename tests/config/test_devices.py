@@ -34,18 +34,6 @@ gripper = { node = 20 }
 """
 
 
-@pytest.fixture
-def cell(tmp_path):
-    """Load a cell from what its file says."""
-
-    def load(text):
-        path = tmp_path / "cell.toml"
-        path.write_text(text)
-        return load_cell(path)
-
-    return load
-
-
 def test_devices_come_in_the_order_of_booting_with_names_that_are_unique(cell):
     two = cell(PAIR)
     names = [entry.name for entry in two.devices]

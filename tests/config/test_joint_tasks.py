@@ -1,7 +1,7 @@
 """Tasks that several mechanisms hold together, as the cell file says them."""
 
 import pytest
-from telerobot.config.load import ConfigError, load_cell
+from telerobot.config.load import ConfigError
 
 TWO = """
 name = "two"
@@ -31,18 +31,6 @@ by = ["left", "right"]
 at_start = true
 T_wrist_mrf = [{ xyz = [0.0, -0.55, 0.121] }, { xyz = [0.0, 0.55, 0.121] }]
 """
-
-
-@pytest.fixture
-def cell(tmp_path):
-    """Load a cell from what its file says."""
-
-    def load(text):
-        path = tmp_path / "cell.toml"
-        path.write_text(text)
-        return load_cell(path)
-
-    return load
 
 
 def test_a_joint_task_stands_beside_the_parts_and_not_in_them(cell):

@@ -24,18 +24,6 @@ like = "ur5e"
 """
 
 
-@pytest.fixture
-def cell(tmp_path):
-    """Load a cell from what its file says."""
-
-    def load(text):
-        path = tmp_path / "cell.toml"
-        path.write_text(text)
-        return load_cell(path)
-
-    return load
-
-
 def test_each_mechanism_is_a_cell_of_its_own(cell):
     two, left, right = cell(PAIR), load_cell("pa10"), load_cell("ur5e")
     a, b = two.parts

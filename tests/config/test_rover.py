@@ -4,18 +4,6 @@ import pytest
 from telerobot.config.load import ConfigError, load_cell
 
 
-@pytest.fixture
-def cell(tmp_path):
-    """Load a cell from what its file says."""
-
-    def load(text):
-        path = tmp_path / "cell.toml"
-        path.write_text(text)
-        return load_cell(path)
-
-    return load
-
-
 def two(first, second):
     return "\n".join(
         (

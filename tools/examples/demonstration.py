@@ -21,7 +21,7 @@ RATE: Final = 20.0
 APPROACH: Final = 4.0
 """The server goes towards a posture at this part of the way left a second [1/s]."""
 MOVING: Final = 1e-3
-"""What is slower stands [rad/s]."""
+"""Speed below which a joint stands [rad/s]."""
 
 Array = NDArray[np.float64]
 

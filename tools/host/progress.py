@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 from tqdm import tqdm
 
 SHOWN_AFTER_S: Final = 2.0
-"""What takes longer shows how far it is [s]."""
+"""Time after which progress is shown [s]."""
 
 Item = TypeVar("Item")
 

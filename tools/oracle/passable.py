@@ -1,4 +1,4 @@
-"""Whether an arm can go through a tunnel at all, by other means than the server's: the curve alone.
+"""Judge of whether an arm can go through a tunnel at all, from the curve alone.
 
 The curve is integrated step by step, at many free lengths. Its curvature must be within what joints
 can bend, its chords within the walls, and nothing of it near to what is elsewhere on the way: the

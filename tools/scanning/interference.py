@@ -15,7 +15,7 @@ from .contour import CellPlane, Contour
 
 
 class Obstacles(NamedTuple):
-    """What the k occupied cells of a contour hold, as rectangles."""
+    """Rectangles of the k occupied cells of a contour."""
 
     low: Array
     """Least y, z of each (k, 2) [m]."""

@@ -40,7 +40,7 @@ MOST_MISSING: Final = 0.9
 BEHIND_REAR: Final = 0.05
 """Obstacles so far behind the arm's rear are passed [m]."""
 KEPT_BEHIND: Final = 2.0
-"""What is passed is remembered until it is so far behind [m]: an arm that unfolds swings back."""
+"""Distance behind which a passed obstacle is forgotten [m]: an arm that unfolds swings back."""
 BOXES_BEHIND: Final = 4
 """Of the boxes that are told, what is passed has at most so many [1]."""
 BOX_MOVED: Final = 0.01

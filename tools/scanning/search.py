@@ -27,7 +27,7 @@ STILL: Final = 0.06
 
 
 FROM_SHOULDER: Final = 0.06
-"""What is nearer to the shoulder stands still with it, and keeps the column's distance [m]."""
+"""Distance from the shoulder [m] within which links stand still, and keep the column's distance."""
 BESIDE_BASE: Final = 0.03
 """The base, whose width is told as it is, keeps so far from what is beside it [m]."""
 

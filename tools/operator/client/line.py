@@ -1,4 +1,4 @@
-"""What a connection needs of whatever carries it: a Zenoh session, or a simulation's own link."""
+"""Carrier of an operator's messages: a Zenoh session, or a simulation's own link."""
 
 from collections.abc import Callable, Iterator
 from typing import Protocol

@@ -29,7 +29,7 @@ class RecordedRun:
     scans: list[dict[str, Any]] = field(default_factory=list)
     """Points of a laser scanner, each with its `time_s`."""
     contours: list[dict[str, Any]] = field(default_factory=list)
-    """What they led to, likewise."""
+    """Contours that the scans gave, likewise."""
 
     @cached_property
     def capsules(self) -> Capsules:
