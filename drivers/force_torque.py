@@ -11,6 +11,8 @@ from .fieldbus import Fieldbus
 from .roles import MeanWrench, WrenchReading, WrenchSensor
 
 FIRST_SAMPLE_TIMEOUT_S: Final = 1.0
+START_AGAIN_S: Final = 1.0
+"""A silent sensor is told to start so often [s]: without power for a moment, it has forgotten."""
 MOST_UNREAD: Final = 32
 """Samples that are kept for a mean while nobody asks for it [1]."""
 
@@ -37,7 +39,7 @@ class RobotousSensor(WrenchSensor):
         self._foreign = False
         self._sample: robotous.Sample | None = None
         self._stamp = 0.0
-        self._arrival_s = 0.0
+        self._arrival_s = self._told_s = 0.0
         self._unread: list[tuple[robotous.Sample, float]] = []
         self._before: list[tuple[float, ...]] = []
         self._mean: MeanWrench | None = None
@@ -49,12 +51,7 @@ class RobotousSensor(WrenchSensor):
         self._sample = self._first = self._mean = None
         self._unread.clear()
         self._before.clear()
-        commands = (
-            robotous.stop(),
-            robotous.set_rate(self.config.rate_hz),
-            robotous.start(),
-        )
-        if not all(self._bus.send(self.config.command_id, command) for command in commands):
+        if not self._start():
             raise DeviceError(f"{self.name}: its commands cannot be sent: {self._bus.trouble}")
         if not self._bus.wait_until(lambda: self._sample is not None, FIRST_SAMPLE_TIMEOUT_S):
             raise DeviceError(
@@ -63,12 +60,14 @@ class RobotousSensor(WrenchSensor):
             )
 
     def read(self) -> WrenchReading:
-        """Return the newest sample, and how old it is now."""
+        """Return the newest sample, and how old it is now; tell a silent sensor to start again."""
         sample = self._sample
         if sample is None:
             lost = Trouble(Cause.PDO_LOST, self.name, "no sample yet")
             return WrenchReading(False, None, 0.0, 0.0, False, lost)
         age = self._bus.now - self._arrival_s
+        if age > self.config.timeout_s and self._bus.now - self._told_s > START_AGAIN_S:
+            self._start()
         load = np.array((*sample.force, *sample.torque))
         return WrenchReading(
             ready=True,
@@ -114,6 +113,11 @@ class RobotousSensor(WrenchSensor):
         """Stop the stream. Never raises."""
         self._bus.send(self.config.command_id, robotous.stop())
         self._sample = self._first = None
+
+    def _start(self) -> bool:
+        self._told_s = self._bus.now
+        commands = (robotous.stop(), robotous.set_rate(self.config.rate_hz), robotous.start())
+        return all(self._bus.send(self.config.command_id, command) for command in commands)
 
     def _judge(self, sample: robotous.Sample, age: float) -> Trouble | None:
         if age > self.config.timeout_s:

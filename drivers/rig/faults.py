@@ -9,6 +9,7 @@
 | delay | device | seconds of physics time, required |
 | fault | joint | the power stage fails: EMCY 2310h; a reset works once it is off |
 | emcy | joint | one emergency message with this code, 4310h by default; nothing else |
+| restart | device | it starts anew, as after its supply was gone for a moment |
 | block | joint | stands still mechanically, whatever the motor does |
 | stick | joint | extra Coulomb friction [N·m], half the drive's torque by default |
 | slip | wheel | its friction on the floor, 0.05 by default |
@@ -71,6 +72,9 @@ class Faults:
             raise _unknown(fault, self._nodes)
         if fault.kind in OF_LINK:
             node.link.disturb(fault)
+        elif fault.kind == "restart":
+            if fault.on:
+                node.boot()
         else:
             node.inject(fault)
 

@@ -23,7 +23,7 @@ class RigFault(Message):
 
     kind: Literal[
         "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-        "cover", "move", "place", "hand", "unplug", "crop", "slip",
+        "cover", "move", "place", "hand", "unplug", "crop", "slip", "restart",
     ]  # fmt: skip
     target: str = Field(max_length=80)
     on: bool = True

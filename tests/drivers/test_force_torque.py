@@ -97,6 +97,25 @@ def test_age_is_measured_from_when_the_sample_was_taken_off_the_bus(cell: Any) -
     assert stale.ready
 
 
+def test_a_sensor_that_falls_silent_is_told_to_start_once_a_second(cell: Any) -> None:
+    """One whose supply was gone for a moment waits for that, for ever."""
+    cell.sensor.open()
+    told = cell.played_sensor.commands
+    told.clear()
+    cell.played_sensor.starts = False
+    for now_s in np.arange(100.0, 103.5, 0.01):
+        cell.fieldbus.receive(float(now_s))
+        cell.sensor.read()
+    start = [(SensorCommand.STOP, 0), (SensorCommand.SET_RATE, 0), (SensorCommand.START, 0)]
+    assert told == 4 * start
+    cell.played_sensor.starts = True
+    cell.fieldbus.receive(104.1)
+    cell.sensor.read()
+    cell.fieldbus.receive(104.11)
+    assert cell.sensor.read().trouble is None
+    assert told == 5 * start
+
+
 def test_overload_and_error_are_told(cell: Any) -> None:
     cell.sensor.open()
     assert not cell.sensor.read().overload

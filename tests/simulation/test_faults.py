@@ -33,6 +33,7 @@ def assert_quick_stopped(run, joint, node):
         ({"kind": "silence", "target": "e1"}, {"pdo_lost", "heartbeat_lost"}),
         ({"kind": "fault", "target": "e1"}, {"drive_fault", "emergency"}),
         ({"kind": "emcy", "target": "e1"}, {"emergency", "drive_fault"}),
+        ({"kind": "restart", "target": "e1"}, {"node_restarted"}),
     ],
 )
 def test_one_bad_drive_in_motion_quick_stops_them_all(play, fault, causes):
@@ -60,6 +61,22 @@ def test_reset_works_only_after_the_cause_is_gone(play):
     assert len(run.summary["refused"]) == 1
     assert run.summary["mode"] == "enabled"
     assert run.summary["limit_violations"] == 0
+
+
+def test_a_drive_that_restarted_can_be_reset_and_obeys_again(play):
+    """It has forgotten its PDOs, its mode, its limits: all are set anew."""
+    run = play(
+        MOVING,
+        {"at_s": 1.0, "rig/fault": {"kind": "restart", "target": "e1"}},
+        {"at_s": 2.0, "operator/mode": {"action": "reset"}},
+        {"at_s": 4.0, "operator/mode": {"action": "enable"}},
+        seconds=6.0,
+    )
+    assert run.at(1.9).mode == "fault"
+    assert (run.summary["failure"], run.summary["refused"]) == (None, [])
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+    assert np.abs(run.speeds(5.5, 6.0)[:, 3]).max() > 0.02, "the stick is still held"
 
 
 def test_a_silent_drive_can_be_reset_once_it_speaks_again(play):
@@ -208,6 +225,18 @@ def test_an_essential_sensor_that_falls_silent_stops_the_arm_until_it_is_back(pl
     assert run.at(1.9).mode == "hold"
     assert [r for r in run.summary["refused"] if "sensor_stale" in r]
     assert run.summary["mode"] == "enabled"
+
+
+def test_a_sensor_that_restarted_is_started_again(play):
+    run = play(
+        MOVING,
+        {"at_s": 1.0, "rig/fault": {"kind": "restart", "target": "force_torque"}},
+        seconds=3.0,
+    )
+    assert run.events("sensor_stale")
+    assert run.events("sensor_fresh")
+    assert run.summary["mode"] == "enabled"
+    assert run.at(2.9).wrench_mrf is not None
 
 
 def test_late_ticks_in_a_row_stop_the_arm(pa10):

@@ -108,6 +108,7 @@ FAULTS = {
     "a drive faults": {"kind": "fault", "target": "left.e1"},
     "a drive falls silent": {"kind": "silence", "target": "right.w1"},
     "a bus is unplugged": {"kind": "unplug", "target": "right"},
+    "a drive is reset alone": {"kind": "restart", "target": "left.s2"},
 }
 
 

@@ -111,6 +111,7 @@ FAULTS = {
     "a drive of one arm falls silent": {"kind": "silence", "target": "right.w1"},
     "a drive of one arm faults": {"kind": "fault", "target": "left.e1"},
     "the other arm's bus is unplugged": {"kind": "unplug", "target": "other"},
+    "a drive of one arm is reset alone": {"kind": "restart", "target": "right.elbow"},
 }
 
 

@@ -72,6 +72,7 @@ class SimulatedForceTorque:
 
     def boot(self) -> None:
         """Power on: it is silent until it is told to start."""
+        self.due_s, self._offset, self._last = float("inf"), np.zeros(6), None
 
     def inject(self, fault: RigFault) -> None:
         """Freeze the sample. Raises `ValueError` for other faults."""
