@@ -29,6 +29,7 @@ from .mode import Mode
 from .operators.admission import Admission
 from .operators.exposure import network
 from .operators.link import Link
+from .perception.ahead.passage import Passage
 from .plant import PlantReading
 from .runtime.events import Events
 from .units.insertion import described_base, described_insertion, told_insertion
@@ -189,7 +190,7 @@ def _of_task(
             "rotation": commands.master.rotation,
         },
         "scale": output.scale,
-        "limits": output.limits,
+        "limits": output.limits + _held(perception.passage),
         "held_by": None if output.held is None else output.held.task,
         "internal_force": None if output.held is None else output.held.internal_force,
         "sigma_min": output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
@@ -244,6 +245,11 @@ class Telemetry:
 def potential(reading: FieldReading) -> dict[str, float]:
     """Return the potentials [J], and what is left of their slope in the self-motions [N·m]."""
     return {**reading.parts, "slope": reading.slope}
+
+
+def _held(passage: Passage | None) -> tuple[str, ...]:
+    """Return why a base that is driven ahead makes no headway, if so, as the name of a limit."""
+    return () if passage is None or not passage.held else (passage.held,)
 
 
 def sphere_distances(near: Near) -> dict[str, float]:

@@ -29,11 +29,23 @@ class LookingAhead:
         return cls(sweep, 0.0 if contour is None else contour.speed)
 
     def applied(
-        self, asked: InForce, passage: Passage | None, q: Array, tick: int
+        self,
+        asked: InForce,
+        passage: Passage | None,
+        q: Array,
+        tick: int,
+        way: float = 0.0,
+        *,
+        cleared: bool = False,
     ) -> tuple[InForce, Beside]:
-        """Return what is in force with that applied; joints are commanded to be at q (n,)."""
+        """Return what is in force with that applied; joints are commanded to be at q (n,).
+
+        `way` [m] is how far the base's wheels have rolled, `cleared` whether clearances limited the
+        last tick.
+        """
         fold = None
         if passage is not None and asked.settings.avoid:
+            passage.follow(asked.drive.speed, way, tick, cleared=cleared)
             share = passage.share(asked.drive.speed)
             if share < 1.0:
                 # In proportion: it stays on the arc that it is driven on.

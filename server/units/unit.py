@@ -102,7 +102,16 @@ class Unit:
             asked = asked._replace(posture=np.concatenate((wheels, asked.posture[2:])))
         beside = NOTHING
         if self.ahead is not None and mode is Mode.ENABLED:
-            asked, beside = self.ahead.applied(asked, perception.passage, memory.motion.q, tick)
+            q_command, limits = memory.motion.q, () if self.output is None else self.output.limits
+            rolling = self.arm.mechanism.rolling
+            asked, beside = self.ahead.applied(
+                asked,
+                perception.passage,
+                q_command,
+                tick,
+                0.0 if rolling is None else rolling.driven(q_command[:2])[0],
+                cleared=any(name.startswith("clearance") for name in limits),
+            )
         return tick_inputs(
             mode, tick, now_s, reading, q, asked, perception, obstacles, moved, beside
         )

@@ -132,9 +132,10 @@ def test_telegrams_that_are_cut_garbled_or_of_another_range_are_no_scans() -> No
         ("corrupt", "value"),
         ("crop", "rays: value 181"),
     ):
-        run = rover([], 1.0)
+        run = rover([drive(0.2)], 1.5)
         run.rig.inject(RigFault(kind=kind, target="scanner"))
         run.run()
+        assert x(run) < 1e-3
         scanning = run.scans.scanning
         assert scanning.scans == 0
         assert scanning.refused > 10

@@ -16,12 +16,17 @@ def rover(
     seconds: float,
     bridge: RigBridge | None = None,
     person: RigPerson | None = None,
+    news: dict[str, object] | None = None,
 ) -> Simulation:
-    """A run in which the base is driven at speeds [m/s], each from a time [s] on."""
+    """A run in which the base is driven at speeds [m/s], each from a time [s] on.
+
+    `news` is of an obstacle that is not there.
+    """
     cell = load_cell("rover_bridge")
     rig = cell.config.rig.model_copy(update={"bridge": bridge, "person": person})
     cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
     steps = [{"at_s": at_s, "cmd/drive": {"rates": [speed, 0.0]}} for at_s, speed in drives]
+    steps += [] if news is None else [{"at_s": 0.4, "sensor/obstacle": news}]
     return Simulation(cell, Script.model_validate({"duration_s": seconds, "step": steps}))
 
 
@@ -72,6 +77,32 @@ def test_a_bridge_that_is_too_low_is_refused_by_name_and_backed_away_from_at_onc
     assert result.truths[-1].frames["base"][0] < stood[-1] - 0.1
     assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
     assert result.summary["min_clearance_m"] > 0.3
+
+
+def test_a_base_that_clearances_hold_where_nothing_is_seen_is_told_of_and_backs_out_at_once() -> (
+    None
+):
+    """The daemon is told of a crate that is not there: the reflex has no reason to stop for it."""
+    crate: dict[str, object] = {
+        "name": "crate", "shape": "box", "xyz": (1.1, 0.0, 0.8), "half_size": (0.1, 0.3, 0.3),
+        "max_speed": 0.0,
+    }  # fmt: skip
+    run = rover((0.3, 0.3), (9.0, -0.2), seconds=10.0, news=crate)
+    held = []
+
+    def keep(_run: Simulation) -> None:
+        if run.states and "held_back" in run.states[-1].limits:
+            held.append(run.states[-1].time_s)
+
+    run.on_tick = keep
+    result = run.run()
+    (refused,) = [event for event in run.events if event.name == "passage_refused"]
+    assert refused.values["reason"] == "held_back"
+    assert held[0] == pytest.approx(refused.time_s, abs=0.03)
+    (over,) = [e for e in run.events if e.name == "passage_clear" and e.time_s > refused.time_s]
+    assert held[-1] == pytest.approx(over.time_s, abs=0.03)
+    assert x(run) < max(truth.frames["base"][0] for truth in result.truths) - 0.03
+    assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
 
 
 def test_a_beam_that_sinks_ahead_is_stood_still_before_and_backed_away_from_at_once() -> None:

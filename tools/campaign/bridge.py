@@ -12,6 +12,7 @@ import numpy as np
 
 from ...config.load import Cell, load_cell
 from ...config.schema.rig.bridge import RigBridge
+from ...server.perception.ahead.headway import REASONS
 from ..oracle.duck import FoldingArm, gate_of, passable
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
@@ -131,6 +132,8 @@ def play(seed: int) -> Ducked:
             return False
         newest = None if run.scans is None else run.scans.newest
         reason = "" if newest is None or newest.answer is None else newest.answer.reason
+        if not reason and run.states:
+            reason = next((name for name in run.states[-1].limits if name in REASONS), "")
         if reason:
             since.setdefault(reason, run.clock.time_s)
         else:

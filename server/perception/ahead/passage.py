@@ -15,6 +15,7 @@ from ....protocols.messages.contour import NOTHING, ContourNews
 from ...control.spatial import Array
 from ...refusals import Refused, Why
 from ...runtime.events import Events
+from .headway import HELD_BACK, NO_HEADWAY, STANDS, Headway
 
 FOLD_S: Final = 1.0
 """A posture is gone to for so long after the newest news; then the arm stands where it is [s]."""
@@ -24,6 +25,8 @@ REFUSALS: Final = {
     "no_posture": "no posture of the arm fits",
     "no_way": "there is a posture that fits, but no free way to it",
     "held_up": "the arm does not get to the posture that fits",
+    HELD_BACK: "clearances hold the base where the reflex saw a way",
+    NO_HEADWAY: "the base waits, and the reflex comes to no end",
     "sequence_f1": "no free place for the tool",
     "sequence_f2": "no free place for the elbow",
     "sequence_f3": "the tool cannot be brought behind the elbow",
@@ -56,6 +59,7 @@ class Passage:
         self._joints = cell.robot.joints
         self._silent_ticks = max(1, round(silent_s / cell.config.timing.period_s))
         self._fold_ticks = max(1, round(FOLD_S / cell.config.timing.period_s))
+        self._headway = Headway(cell.config.timing.period_s)
         self.newest: PassageNews | None = None
         self.silent = True
         """No news is fresh."""
@@ -127,6 +131,7 @@ class Passage:
         elif self.silent and not silent:
             self._events.info("scanner_heard", "")
         self.silent = silent
+        self._headway.lapse(tick)
 
     def posture(self, tick: int) -> Array | None:
         """Return the posture that the arm should take (n,) [rad]; None for none."""
@@ -143,6 +148,29 @@ class Passage:
             return 0.0
         return min(1.0, self.newest.most_speed / speed)
 
+    @property
+    def held(self) -> str:
+        """Why a base that is driven ahead makes no headway; empty while it does."""
+        return self._headway.reason
+
+    def follow(self, speed: float, way: float, tick: int, *, cleared: bool) -> None:
+        """Tell why a base that is driven ahead at a speed [m/s] makes no headway, if so.
+
+        `way` [m] is how far its wheels have rolled; `cleared` whether clearances are limiting.
+        What the reflex refuses, and silence, have names of their own.
+        """
+        before, newest = self.held, self.newest
+        if newest is None or self.silent or newest.reason:
+            self._headway.forget()
+        else:
+            goes = self.share(speed) * speed > STANDS
+            self._headway.step(speed, way, tick, held=cleared and goes)
+        if self.held and not before:
+            words = REFUSALS[self.held]
+            self._events.warning("passage_refused", words, reason=self.held)
+        elif before and not self.held and newest is not None and newest.phase != "refused":
+            self._events.info(f"passage_{newest.phase}", "")
+
     def blind(self, speed: float) -> bool:
         """Return whether a base that goes ahead at a speed [m/s] must stop: nobody looks ahead."""
         return self.silent and self._contour.wait and speed > STANDS
@@ -155,7 +183,3 @@ class Passage:
             self._events.warning("passage_refused", words, reason=now.reason)
         elif before is not None or now.phase != "clear":
             self._events.info(f"passage_{now.phase}", "")
-
-
-STANDS: Final = 1e-3
-"""A base that is slower stands [m/s]."""

@@ -18,6 +18,8 @@ _WORDS = {
     "acceleration": "The tool is at its acceleration bound.",
     "together": "The arms that hold the payload slow, so that they stay together.",
     "wall": "A link is near the wall of its tunnel.",
+    "held_back": "Clearances hold the base where the reflex saw a way: back off.",
+    "no_headway": "The base waits, and the reflex comes to no end: back off.",
     "near": "Near {0}: the tool slows.",
 }
 

@@ -18,6 +18,8 @@ _REASONS = {
     "sequence_f2": "The elbow finds no free place while the tool stands: drive round it.",
     "sequence_f3": "The tool does not get behind the elbow: drive round it.",
     "sequence_stuck": "Tool and elbow go round in circles: drive round it.",
+    "held_back": "Clearances hold the base where the reflex saw a way: back off.",
+    "no_headway": "The base waits, and the reflex comes to no end: back off.",
     "held_up": "The arm was held up on its way: look at what it met.",
 }
 

@@ -89,6 +89,38 @@ def test_a_refusal_is_told_once_by_its_reason() -> None:
     ]
 
 
+def test_clearances_that_hold_a_base_are_told_as_a_refusal_until_it_backs_out() -> None:
+    ahead = Ahead()
+    for tick in range(5, 500):
+        ahead.tell(tick, phase="folded", posture=FOLDED)
+        ahead.passage.follow(0.1, 0.0, tick, cleared=True)
+    refusals = [e for e in ahead.events.take() if e.name == "passage_refused"]
+    assert [e.values["reason"] for e in refusals] == ["held_back"]
+    assert ahead.passage.held == "held_back"
+    assert ahead.passage.share(-0.1) == 1.0
+    ahead.passage.follow(-0.1, 0.0, 500, cleared=True)
+    assert (ahead.passage.held, ahead.told) == ("", ["passage_folded"])
+
+
+@pytest.mark.parametrize(
+    "fields", [{"phase": "refused", "reason": "no_posture"}, {"most_speed": 0.0}]
+)
+def test_a_base_that_the_reflex_stops_is_not_held_by_clearances(fields: dict[str, object]) -> None:
+    ahead = Ahead()
+    for tick in range(5, 1500):
+        ahead.tell(tick, **({"phase": "folding"} | fields))
+        ahead.passage.follow(0.1, 0.0, tick, cleared=True)
+    assert ahead.passage.held == ""
+
+
+def test_one_that_the_reflex_lets_wait_for_ever_is_told_of() -> None:
+    ahead = Ahead()
+    for tick in range(5, 3100):
+        ahead.tell(tick, phase="undecided", most_speed=0.0)
+        ahead.passage.follow(0.1, 0.0, tick, cleared=False)
+    assert ahead.passage.held == "no_headway"
+
+
 @pytest.mark.parametrize(
     ("fields", "why"),
     [
@@ -116,6 +148,19 @@ def test_news_comes_in_turn_and_not_from_the_future() -> None:
         with pytest.raises(Refused) as refused:
             ahead.passage.take(news, now)
         assert refused.value.reason is why
+
+
+def test_what_held_a_base_is_told_no_longer_once_it_is_not_driven() -> None:
+    """In HOLD, or with the drives off, no limit acts."""
+    ahead = Ahead()
+    for tick in range(1, 500):
+        ahead.tell(tick)
+        ahead.passage.follow(0.1, 0.0, tick, cleared=True)
+    assert ahead.passage.held == "held_back"
+    ahead.tell(500)
+    assert ahead.passage.held == "held_back"
+    ahead.tell(501)
+    assert ahead.passage.held == ""
 
 
 def test_a_contour_has_as_many_bytes_as_cells() -> None:

@@ -9,6 +9,8 @@ from telerobot.drivers.device import Cause
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.contour import ContourNews
 from telerobot.protocols.messages.telemetry import Event, State
+from telerobot.server.perception.ahead.headway import REASONS
+from telerobot.server.perception.ahead.passage import REFUSALS
 from telerobot.server.refusals import Why
 from telerobot.tools.operator.words.events import event_words
 from telerobot.tools.operator.words.limits import limit_words
@@ -93,12 +95,22 @@ def told_by_a_contour(field):
 
 def reasons_of_the_reflex():
     text = "".join(path.read_text() for path in SCANNING.glob("*.py"))
-    return sorted({"held_up", *re.findall(r'"((?:base|column|no|sequence)_[a-z0-9]+)"', text)})
+    found = re.findall(r'"((?:base|column|no|sequence)_[a-z0-9]+)"', text)
+    return sorted({"held_up", *found, *REASONS})
 
 
 @pytest.mark.parametrize("phase", told_by_a_contour("phase"))
 def test_every_phase_of_a_passage_is_a_sentence(phase):
     assert re.fullmatch(r"[A-Z][^_]{12,}\.", passage_words(phase, ""))
+
+
+def test_the_daemon_knows_the_reasons_of_the_reflex_and_its_own():
+    assert sorted(REFUSALS) == reasons_of_the_reflex()
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_what_holds_a_base_is_a_sentence_among_the_limits_too(reason):
+    assert limit_words(reason) in passage_words("refused", reason)
 
 
 @pytest.mark.parametrize("reason", reasons_of_the_reflex())
