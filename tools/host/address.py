@@ -1,7 +1,7 @@
-"""Addresses of a cell's bus and daemon, and their overrides on the command line.
+"""Addresses of a cell's bus, scanner and daemon, and their overrides on the command line.
 
-Two demos, or a test beside a running daemon, share a machine when each has a multicast group and
-an endpoint of its own; everything else about the cell stays what its file says.
+Two demos, or a test beside a running daemon, share a machine when each has a multicast group, a
+scanner's port and an endpoint of its own; everything else about the cell stays what its file says.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from ...config.load import Cell, ConfigError, load_cell
+from ...config.schema.scanner import Scanner
 from ...config.schema.security import Security, Zenoh
 
 SectionT = TypeVar("SectionT", bound=BaseModel)
@@ -63,6 +64,11 @@ def add_cell_arguments(parser: argparse.ArgumentParser, bus: bool = True, more: 
             metavar="[BUS=]PORT",
             help="UDP port of a loopback bus, instead of the cell's",
         )
+        parser.add_argument(
+            "--scanner",
+            metavar="tcp/HOST:PORT",
+            help="where the laser scanner listens, instead of the cell's scanner.address",
+        )
 
 
 def cell_from(args: argparse.Namespace) -> Cell:
@@ -73,6 +79,7 @@ def cell_from(args: argparse.Namespace) -> Cell:
         identity=args.identity,
         channels=getattr(args, "channel", None) or (),
         ports=getattr(args, "port", None) or (),
+        scanner=getattr(args, "scanner", None),
     )
 
 
@@ -82,10 +89,11 @@ def moved(
     channels: Iterable[str] = (),
     ports: Iterable[str] = (),
     identity: str | Path | None = None,
+    scanner: str | None = None,
 ) -> Cell:
-    """Return a cell with another endpoint, identity, and other channels and ports of its buses.
+    """Return a cell with another endpoint, identity, scanner, and channels and ports of its buses.
 
-    Each of these is a value, or `BUS=value` where there are several buses. Raises `ConfigError`.
+    Each of the last is a value, or `BUS=value` where there are several buses. Raises `ConfigError`.
     """
     config = cell.config
     buses = {bus.name: bus for bus in config.fieldbuses}
@@ -97,8 +105,13 @@ def moved(
     if identity is not None:
         security = Security(directory=str(Path(identity).absolute()))
         zenoh = zenoh.model_copy(update={"security": security})
-    moved_to = {"buses": tuple(buses.values())} if config.buses else {"bus": buses["bus"]}
-    return replace(cell, config=config.model_copy(update={**moved_to, "zenoh": zenoh}))
+    moved_to: dict[str, object] = {"zenoh": zenoh}
+    moved_to |= {"buses": tuple(buses.values())} if config.buses else {"bus": buses["bus"]}
+    if scanner is not None:
+        if config.scanner is None:
+            raise ConfigError(f"--scanner: value {scanner}: the cell has no scanner")
+        moved_to["scanner"] = _with(config.scanner, address=scanner)
+    return replace(cell, config=config.model_copy(update=moved_to))
 
 
 def options(cell: Cell, bus: bool = True) -> list[str]:
@@ -106,11 +119,13 @@ def options(cell: Cell, bus: bool = True) -> list[str]:
     zenoh = cell.config.zenoh
     folder = zenoh.security.directory
     buses = cell.config.fieldbuses if bus else ()
+    scanner = cell.config.scanner if bus else None
     return [
         str(cell.path),
         f"--endpoint={zenoh.endpoint}",
         *(f"--channel={bus.name}={bus.channel}" for bus in buses),
         *(f"--port={bus.name}={bus.port}" for bus in buses),
+        *([] if scanner is None else [f"--scanner={scanner.address}"]),
         *([] if folder is None else [f"--identity={cell.path.parent / folder}"]),
     ]
 
@@ -126,11 +141,15 @@ def _addressed(key: str, text: str, names: tuple[str, ...]) -> tuple[str, str]:
     return name, value
 
 
+_OPTIONS: dict[type[BaseModel], str] = {Zenoh: "endpoint", Scanner: "scanner"}
+"""The option of a section of which one alone changes."""
+
+
 def _with(section: SectionT, **changes: object) -> SectionT:
     given = {key: value for key, value in changes.items() if value is not None}
     try:
         return type(section).model_validate({**section.model_dump(), **given})
     except ValidationError as error:
         first = error.errors()[0]
-        option = "endpoint" if isinstance(section, Zenoh) else first["loc"][0]
+        option = _OPTIONS.get(type(section), first["loc"][0])
         raise ConfigError(f"--{option}: value {first['input']}: {first['msg']}") from None

@@ -189,7 +189,7 @@ class LocalPlant:
 
 
 def private(cell: Cell, endpoint: str | None = None) -> Cell:
-    """Return a cell on a multicast group, UDP ports and an endpoint that nobody else uses.
+    """Return a cell on a multicast group, ports and an endpoint that nobody else uses.
 
     With an `endpoint`, the daemon listens there.
     """
@@ -203,6 +203,9 @@ def private(cell: Cell, endpoint: str | None = None) -> Cell:
         endpoint=endpoint or f"{protocol}/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
         channels=[f"{name}={group}" for name in names],
         ports=[f"{name}={free_port(socket.SOCK_DGRAM)}" for name in names],
+        scanner=None
+        if cell.config.scanner is None
+        else f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}",
     )
 
 
@@ -228,6 +231,15 @@ def free_port(kind: socket.SocketKind) -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+def listens(port: int) -> bool:
+    """Return whether somebody listens on a TCP port of 127.0.0.1."""
+    try:
+        socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+    except OSError:
+        return False
+    return True
 
 
 def _host_and_port(endpoint: str) -> tuple[str, int]:

@@ -27,8 +27,9 @@ def test_a_moved_cell_differs_in_its_addresses_only():
     assert back == plain
 
 
-def test_the_options_of_a_cell_lead_to_the_same_cell():
-    cell = private(load_cell("pa10"))
+@pytest.mark.parametrize("name", ["pa10", "rover_bridge"])
+def test_the_options_of_a_cell_lead_to_the_same_cell(name):
+    cell = private(load_cell(name))
     assert parse(*options(cell)).config == cell.config
 
 
@@ -36,6 +37,24 @@ def test_private_cells_share_nothing():
     one, other = (private(load_cell("pa10")).config for _ in range(2))
     assert one.zenoh.listen != other.zenoh.listen
     assert (one.bus.channel, one.bus.port) != (other.bus.channel, other.bus.port)
+
+
+def test_private_cells_have_a_scanner_each():
+    one, other = (private(load_cell("rover_bridge")).config.scanner for _ in range(2))
+    assert one.address != other.address
+    assert one == other.model_copy(update={"address": one.address})
+
+
+@pytest.mark.parametrize(
+    ("cell", "address", "words"),
+    [
+        ("rover_bridge", "udp/here", "--scanner: value udp/here"),
+        ("pa10", "tcp/127.0.0.1:2112", "the cell has no scanner"),
+    ],
+)
+def test_a_scanner_is_moved_to_where_one_may_be(cell, address, words):
+    with pytest.raises(ConfigError, match=words):
+        parse(cell, f"--scanner={address}")
 
 
 def test_a_port_out_of_range_is_named():

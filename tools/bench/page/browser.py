@@ -15,6 +15,8 @@ PATIENCE_S: Final = 120.0
 FLAGS: Final = ("--no-sandbox", "--disable-3d-apis", "--disable-gpu")
 """Without its scene: drawn by the processor alone, that would be measured and nothing else."""
 
+VIEWPORT: Final = {"width": 960, "height": 620}
+
 NOTE: Final = """
 window.noted = {};
 for (const [target, name] of [[window, "keydown"], [window, "keyup"], [window, "blur"]]) {
@@ -45,8 +47,8 @@ def chromium() -> str | None:
 class OpenPage:
     """A page that is open on a console."""
 
-    def __init__(self, browser: Any, address: str) -> None:
-        self.context = browser.new_context(viewport={"width": 960, "height": 620})
+    def __init__(self, browser: Any, address: str, **context: Any) -> None:
+        self.context = browser.new_context(**{"viewport": VIEWPORT, **context})
         self.page = self.context.new_page()
         self.page.add_init_script(NOTE)
         self.page.goto(address)
@@ -103,12 +105,17 @@ class OpenPage:
 
 def renderers() -> list[int]:
     """Return the ids of the processes that run pages of our own browser."""
+    return children("--type=renderer")
+
+
+def children(argument: str) -> list[int]:
+    """Return the ids of our own processes, and of theirs, that were started with an argument."""
     parents: dict[int, int] = {}
     found: list[int] = []
     for path in Path("/proc").glob("[0-9]*"):
         try:
             parents[int(path.name)] = int((path / "stat").read_text().rpartition(")")[2].split()[1])
-            if "--type=renderer" in (path / "cmdline").read_text():
+            if argument in (path / "cmdline").read_text():
                 found.append(int(path.name))
         except OSError:
             continue  # it has ended meanwhile

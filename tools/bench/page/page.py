@@ -23,7 +23,7 @@ from ....protocols import topics as t
 from ....protocols.canopen.can301 import SYNC_ID
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import State
-from ...host.local_plant import LocalPlant, free_port
+from ...host.local_plant import LocalPlant, free_port, listens
 from ...operator.client.sensor_session import newest
 from ...operator.client.session import Session
 from ..figures import Figures, percentiles
@@ -131,7 +131,7 @@ def _site(cell: Cell) -> Iterator[_Site]:
             [f"--listen=127.0.0.1:{port}"], {"TELEROBOT_CONSOLE_KEYS": "bench,watch"}
         )
         plant.wait(plant.answers, START_S, "the daemon did not answer")
-        plant.wait(lambda: _listens(port), START_S, "the console did not answer")
+        plant.wait(lambda: listens(port), START_S, "the console did not answer")
         listener = FrameListener(plant.cell)
         session = Session(plant.cell.config.name, plant.cell.config.zenoh.dialled)
         try:
@@ -141,14 +141,6 @@ def _site(cell: Cell) -> Iterator[_Site]:
         finally:
             session.close()
             listener.close()
-
-
-def _listens(port: int) -> bool:
-    try:
-        socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
-    except OSError:
-        return False
-    return True
 
 
 def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
