@@ -24,6 +24,7 @@ _COMMON: Final = {"use_list": False, "max_ext_len": 0}
 _ROOM: Final = {"max_str_len": 4096, "max_bin_len": 64, "max_array_len": 1024, "max_map_len": 256}
 """Limits for messages that bound themselves nowhere: telemetry."""
 
+_TEXT: Final = frozenset({str})
 _SLACK: Final = 8
 """Parts that are up to twice as large as any field needs, and this, are refused by field [1]."""
 
@@ -149,8 +150,8 @@ class _OneMap:
 
 
 def _pairs(pairs: list[tuple[object, object]]) -> dict[object, object]:
-    fields = dict(pairs) if all(isinstance(key, str) for key, _ in pairs) else {}
-    if len(fields) != len(pairs):
+    fields = dict(pairs)
+    if len(fields) != len(pairs) or not _TEXT.issuperset(map(type, fields)):
         raise CodecError(Reason.NOT_MESSAGEPACK, "a map's keys are strings, each there once")
     return fields
 

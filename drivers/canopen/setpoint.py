@@ -1,6 +1,7 @@
 """Setpoints in RPDO1 in each cyclic synchronous mode: joint units to raw values, and back."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 from ...config.schema.mechanism import Drive
@@ -29,14 +30,14 @@ class Setpoint:
     drive: Drive
     mode: OperationMode
 
-    @property
+    @cached_property
     def scale(self) -> float:
         """Raw units per joint unit: counts, counts per second, or thousandths of rated torque."""
         if self.mode is OperationMode.CST:
             return self.drive.direction * 1000.0 / self.drive.rated_torque
         return self.drive.direction * self.drive.counts_per_radian
 
-    @property
+    @cached_property
     def zero(self) -> float:
         """The command at raw zero; only a position has one of its own."""
         return self.drive.zero_rad if self.mode is OperationMode.CSP else 0.0

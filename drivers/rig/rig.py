@@ -137,7 +137,7 @@ class Rig:
         for link in self._links:
             if link.waiting:
                 link.flush()
-        beyond = bool(self._loop.steps_beyond.any())
+        beyond = self._loop.beyond
         for node in self._before:
             if beyond or node.due_s <= now:
                 node.tick()
@@ -249,8 +249,7 @@ def _ignore() -> None:
 
 def _six(position: Vector, R: Vector) -> Vector6:
     """Return x, y, z and fixed-axis roll, pitch, yaw of a pose."""
-    roll = math.atan2(R[2, 1], R[2, 2])
-    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
-    yaw = math.atan2(R[1, 0], R[0, 0])
+    (a, _, _), (b, _, _), (c, d, e) = R.tolist()
+    roll, pitch, yaw = math.atan2(d, e), math.atan2(-c, math.hypot(a, b)), math.atan2(b, a)
     x, y, z = position.tolist()
     return (x, y, z, roll, pitch, yaw)

@@ -38,12 +38,12 @@ class Pose(NamedTuple):
 
     def to_xyz_rpy(self) -> tuple[float, float, float, float, float, float]:
         """Return x, y, z [m] and fixed-axis roll, pitch, yaw [rad]."""
-        R = self.R
-        pitch = math.asin(min(1.0, max(-1.0, -float(R[2, 0]))))
-        if abs(R[2, 0]) < 1.0 - 1e-12:
-            roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
+        (a, b, _), (c, d, _), (e, f, g) = self.R.tolist()
+        pitch = math.asin(min(1.0, max(-1.0, -e)))
+        if abs(e) < 1.0 - 1e-12:
+            roll, yaw = math.atan2(f, g), math.atan2(c, a)
         else:
-            roll, yaw = 0.0, math.atan2(-R[0, 1], R[1, 1])
+            roll, yaw = 0.0, math.atan2(-b, d)
         x, y, z = self.p.tolist()
         return (x, y, z, roll, pitch, yaw)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 from ...config.load import Cell
 from ..commands.commands import Commands
 from ..control.arm.arm import Arm
-from ..control.evolve import evolve
 from ..control.mechanism.payload import Payload
 from ..control.spatial import Pose
 from ..control.state import Memory, Output
@@ -30,7 +29,7 @@ class Perception:
         self._arm, self._commands = arm, commands
         self._T_world_mrf: Pose | None = None
         self.sensor = ForceTorqueMonitor(events, essential, period_s)
-        self.load = LoadMonitor(sensor, damping, period_s, commands.settings, events)
+        self.load = LoadMonitor(sensor, self.sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
         self.passage = Passage.from_cell(cell, events)
@@ -55,12 +54,14 @@ class Perception:
             if output is not None:
                 twists, self._T_world_mrf = output.twists, output.T_world_mrf_measured
                 # Of the MRF that the tick was about: arms that hold a payload have another one.
-                settings = evolve(commands.control_settings(), T_wrist_mrf=output.T_wrist_mrf)
-                weight = self._arm.weight(output.T_world_mrf_measured, settings)
+                told = commands.settings
+                weight = self._arm.stages.wrist.weight(
+                    self._T_world_mrf, output.T_wrist_mrf, told.payload, told.wrench_bias
+                )
             self.sensor.update(reading, weight, twists)
             if output is None or output.held is None:
                 carried = self.collisions.carried
-                self.load.update(output, mode, now_s, self.sensor.unloaded, carried)
+                self.load.update(output, mode, now_s, carried)
         moved = commands.frames.moved
         load = self.load
         self.collisions.update(reading, memory, output, moved, mode, load.doubt, load.tool)

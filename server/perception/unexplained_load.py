@@ -22,7 +22,7 @@ from ..mode import Mode
 from ..runtime.events import Events
 from .contact.tool import ToolContact
 from .filters.collision import UNKNOWN_LOAD, LoadUncertainty
-from .force_torque import others_ask
+from .force_torque import ForceTorqueMonitor, others_ask
 from .load_words import explanation
 from .mean_wrench import AveragedWrench, WrenchMark
 
@@ -67,13 +67,17 @@ class LoadMonitor:
     def __init__(
         self,
         sensor: ForceTorque | None,
+        read: ForceTorqueMonitor,
         damping: float,
         period_s: float,
         settings: OperatorSettings,
         events: Events,
     ) -> None:
-        """Begin with a load that is explained; `damping` is that of following a hand [N·s/m]."""
-        self._events, self._settings = events, settings
+        """Begin with a load that is explained.
+
+        `read` knows what the sensor reads, `damping` is that of following a hand [N·s/m].
+        """
+        self._read, self._events, self._settings = read, events, settings
         self._bounds = np.full(2, np.inf)
         if sensor is not None:
             self._bounds = np.array([sensor.unexplained_force, sensor.unexplained_moment])
@@ -130,13 +134,11 @@ class LoadMonitor:
         output: Output | None,
         mode: Mode,
         time_s: float,
-        unloaded: Array | None,
         carried: bool,
     ) -> None:
         """Take in what the tick before made of the sensor's reading.
 
-        `unloaded` (6,) is the sensor's reading without the payload's weight; `carried` says that
-        the drives carry what the sensor reads.
+        `carried` says that the drives carry what the sensor reads.
         """
         if self._idle or output is None:
             return
@@ -160,7 +162,7 @@ class LoadMonitor:
             self._using = using
         self._hear(output, time_s)
         if self._using and self._measured.known:
-            self._judge(output, time_s, unloaded)
+            self._judge(output, time_s)
         self._settings.load_settles &= self.trust is LoadTrust.SETTLING
         self._settings.sensor_share = 0.0 if self._waits() else self._share(output)
         if self.trust not in LATCHED:
@@ -217,7 +219,7 @@ class LoadMonitor:
             self.trust = LoadTrust.SETTLING
             self._until_s = time_s + (0.0 if energised else SETTLE_S)
 
-    def _judge(self, output: Output, time_s: float, unloaded: Array | None) -> None:
+    def _judge(self, output: Output, time_s: float) -> None:
         if self.trust is LoadTrust.SETTLING and (
             time_s >= self._until_s or others_ask(output.twists)
         ):
@@ -226,14 +228,14 @@ class LoadMonitor:
             else:
                 self._start_probe(output, time_s)
         elif self.trust is LoadTrust.JUDGED:
-            self._probe(output, time_s, unloaded)
+            self._probe(output, time_s)
 
     def _start_probe(self, output: Output, time_s: float) -> None:
         self.trust, self._mark = LoadTrust.JUDGED, self._measured.mark(output)
         self._until_s = time_s + WAIT_S
         self._lever, self._falls = self._apart(output), False
 
-    def _probe(self, output: Output, time_s: float, unloaded: Array | None) -> None:
+    def _probe(self, output: Output, time_s: float) -> None:
         mark, here = self._mark, self._measured.mark(output)
         if self._measured.quiet():
             self._end(LoadTrust.EXPLAINED)
@@ -243,14 +245,14 @@ class LoadMonitor:
             back = -float(ways[which] @ mark.directions[which])
             if back >= STEP[which] * (SURER if self._falls else 1.0):
                 if mark.sizes[which] - here.sizes[which] < STIFFNESS[which] * back:
-                    self._doubt(output, unloaded)
+                    self._doubt(output)
                 else:
                     self._start_probe(output, time_s)
                     self._falls = True
             elif others_ask(output.twists):
                 self._until_s = time_s + WAIT_S
             elif time_s > self._until_s:
-                self._doubt(output, unloaded)
+                self._doubt(output)
 
     def _apart(self, output: Output) -> float:
         place = self._settings.T_wrist_sensor
@@ -260,10 +262,10 @@ class LoadMonitor:
         self.trust, self._mark, self._until_s = trust, None, 0.0
         self._vouched = trust is LoadTrust.EXPLAINED
 
-    def _doubt(self, output: Output, unloaded: Array | None) -> None:
+    def _doubt(self, output: Output) -> None:
         self._end(LoadTrust.UNEXPLAINED)
         self._known, self._lever = self._measured.sizes(), self._apart(output)
-        self._say(unloaded)
+        self._say(self._read.unloaded)
 
     def _say(self, unloaded: Array | None) -> None:
         detail, values = explanation(self._measured.mean(), unloaded)

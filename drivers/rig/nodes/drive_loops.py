@@ -135,6 +135,11 @@ class DriveLoops:
         """Put the reference where the joint is; what the motor holds against goes on."""
         self.reference[joint], self.speed[joint] = position, speed
 
+    @property
+    def beyond(self) -> bool:
+        """True while some joint's following error is beyond its window."""
+        return bool(np.count_nonzero(self.steps_beyond))
+
     def at_rest(self, joint: int) -> bool:
         """Return whether a joint's reference stands."""
         return bool(abs(self.speed[joint]) < _SETTLED)
@@ -176,14 +181,14 @@ class DriveLoops:
         return float(min(max(torque, -self.max_torque[joint]), self.max_torque[joint]))
 
     def _move_reference(self) -> None:
-        if self._deceleration.any():
+        if np.count_nonzero(self._deceleration):
             change = self._deceleration * self.dt
             slower = np.sign(self.speed) * np.maximum(np.abs(self.speed) - change, 0.0)
             self.speed = np.where(self._deceleration > 0, slower, self.speed)
         self.reference += self.speed * self.dt
         self._steps_left -= 1
         ended = self._steps_left == 0
-        if ended.any():
+        if np.count_nonzero(ended):
             self.speed[ended] = 0.0
 
 

@@ -23,6 +23,21 @@ class TrueNearest(NamedTuple):
     """Name of the other body."""
 
 
+class _Shapes(NamedTuple):
+    """Geoms of the arms (a,) and of what stands (f,), which may be moved but keep their sizes."""
+
+    arm: NDArray[np.int64]
+    fixed: NDArray[np.int64]
+    radius: Vector
+    """Of the arms' bounding balls (a,) [m]."""
+    reach: Vector
+    """Of the bounding balls of what stands (f, 1) [m]."""
+    boxes: NDArray[np.int64]
+    """Where boxes are among what stands (b,)."""
+    halves: Vector
+    """Half their sizes (b, 1, 3) [m]."""
+
+
 class WorldDistances:
     """Finds distances of one world's geoms; `roots` are the arms' bases, `fixed` what stands."""
 
@@ -110,19 +125,32 @@ class WorldDistances:
 
         A bounding ball fits a wide box badly: beside one, the box itself counts.
         """
-        arm, fixed = self._pairs[:: len(self._fixed), 0], self._pairs[: len(self._fixed), 1]
-        model, data = self._model, self._data
-        way = data.geom_xpos[arm] - data.geom_xpos[fixed][:, None]
-        radius = model.geom_rbound[arm]
-        apart = np.sqrt((way * way).sum(axis=2)) - radius
-        local = np.abs(way @ data.geom_xmat[fixed].reshape(-1, 3, 3))
-        beyond = np.maximum(local - model.geom_size[fixed][:, None], 0.0)
-        beside = np.sqrt((beyond * beyond).sum(axis=2))
-        box = (model.geom_type[fixed] == mujoco.mjtGeom.mjGEOM_BOX)[:, None]
-        # What is in the middle of a box may be deeper than its own radius.
-        by_box = np.where(beside > 0.0, beside - radius, -np.inf)
-        by_ball = apart - model.geom_rbound[fixed][:, None]
-        return np.asarray(np.where(box, by_box, by_ball).T.ravel())
+        known, data = self._shapes, self._data
+        way = data.geom_xpos[known.arm] - data.geom_xpos[known.fixed][:, None]
+        found = np.sqrt((way * way).sum(axis=2)) - known.radius
+        found -= known.reach
+        if len(known.boxes):
+            way = way[known.boxes]
+            local = np.abs(way @ data.geom_xmat[known.fixed[known.boxes]].reshape(-1, 3, 3))
+            beyond = np.maximum(local - known.halves, 0.0)
+            beside = np.sqrt((beyond * beyond).sum(axis=2))
+            # What is in the middle of a box may be deeper than its own radius.
+            found[known.boxes] = np.where(beside > 0.0, beside - known.radius, -np.inf)
+        return np.asarray(found.T.ravel())
+
+    @cached_property
+    def _shapes(self) -> "_Shapes":
+        model, count = self._model, len(self._fixed)
+        arm, fixed = self._pairs[::count, 0], self._pairs[:count, 1]
+        boxes = np.flatnonzero(model.geom_type[fixed] == mujoco.mjtGeom.mjGEOM_BOX)
+        return _Shapes(
+            arm,
+            fixed,
+            model.geom_rbound[arm],
+            model.geom_rbound[fixed][:, None],
+            boxes,
+            model.geom_size[fixed[boxes]][:, None],
+        )
 
     @cached_property
     def _pairs(self) -> NDArray[np.int64]:

@@ -51,6 +51,8 @@ class Dynamics:
         self._T_wrist_sensor = T_wrist_sensor
         self.carried = (0.0, np.zeros(3))
         """Mass of the payload [kg], and its centre (3,) in the Wrist [m]."""
+        self._told: tuple[float, Array] | None = None
+        """What `carry` was told last."""
         self._T_joint_sensor = T_joint_wrist @ T_wrist_sensor
         self._to_sensor = pin.SE3(T_wrist_sensor.R, T_wrist_sensor.p).inverse().action
         tool = _tool(self._model, self._tip)
@@ -61,6 +63,9 @@ class Dynamics:
 
         The tool's own mass makes way for it.
         """
+        if self._told is not None and mass == self._told[0] and (com == self._told[1]).all():
+            return
+        self._told = mass, com
         self.carried = (mass, self._T_wrist_sensor.R @ com + self._T_wrist_sensor.p)
         com = self._T_joint_sensor.R @ com + self._T_joint_sensor.p
         inertia = self._bare + _point(mass, com)

@@ -166,7 +166,7 @@ class CollisionDetector:
         needed = self.dynamics.torque(q1, dq, ddq)
         accelerating = needed - self.dynamics.torque(q1, dq, np.zeros(len(q)))
         chatter = np.zeros(len(q))
-        certain = np.clip(dq / SLOW, -1.0, 1.0)
+        certain = np.minimum(np.maximum(dq / SLOW, -1.0), 1.0)
         # A drive reports the mean of the period before: two of them lie about the instant of q̈.
         external = needed + self._friction * certain - 0.5 * (tau + state.tau)
         excused = self._doubt * np.abs(accelerating) + self._friction * (1.0 - np.abs(certain))

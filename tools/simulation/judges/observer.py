@@ -12,14 +12,19 @@ Drives in CSV and CST are sent speeds and torques, which are judged by their own
 its rate in CST); the motion is then judged by what the joints did, as TPDOs tell.
 """
 
-import itertools
+import operator
 import struct
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate
 
 from ....config.load import Cell
 from ....config.schema.mechanism import Drive
 from ....config.schema.on_bus import Entry
 from ....protocols.canopen.counter import Unwrapped
+
+KINDS = ("velocity", "acceleration", "jerk")
+"""What first, second and third differences of positions are judged as."""
 
 STEPS = (1.0, 2.0, 4.0)
 """Encoder steps of tolerance on first, second and third differences [1]."""
@@ -72,12 +77,13 @@ class _Joint:
     """Setpoint at the SYNC before the last [rad]."""
     pending: float | None = None
     enabled: bool = False
-    history: list[tuple[float, float]] = field(default_factory=list)
+    sent: list[float] = field(default_factory=list)
+    """Newest setpoint in force, and its backward differences as far as SYNCs in a row tell."""
 
-    @property
-    def command(self) -> str:
+    @cached_property
+    def command(self) -> struct.Struct:
         """Layout of RPDO1: the controlword, and a setpoint."""
-        return "<Hh" if self.mode == "cst" else "<Hi"
+        return struct.Struct("<Hh" if self.mode == "cst" else "<Hi")
 
     def stands(self, q: float) -> None:
         """Take in where the joint stands while its drive is off."""
@@ -110,6 +116,7 @@ class Observer:
 
     def __init__(self, cell: Cell) -> None:
         self._period = cell.config.timing.period_s
+        self._powers = tuple(self._period**order for order in (1, 2, 3))
         buses = [bus.name for bus in cell.config.fieldbuses]
         self._on_bus: list[dict[int, _Joint]] = [{} for _ in buses]
         """Joints by node, of each bus."""
@@ -131,8 +138,8 @@ class Observer:
                 self._at_sync(joint, time_s)
         elif _RPDO1 < can_id <= _RPDO1 + 127:
             watched = joints.get(can_id - _RPDO1)
-            if watched is not None and len(data) == struct.calcsize(watched.command):
-                controlword, raw = struct.unpack(watched.command, data)
+            if watched is not None and len(data) == watched.command.size:
+                controlword, raw = watched.command.unpack(data)
                 commanded = controlword & _COMMAND_MASK == _COMMAND
                 on = commanded and watched.enabled
                 watched.pending = self._setpoint(watched, raw) if on else None
@@ -174,7 +181,7 @@ class Observer:
     def _at_sync(self, joint: _Joint, time_s: float) -> None:
         """Judge the setpoint that this SYNC puts in force."""
         if joint.pending is None:
-            joint.history.clear()
+            joint.sent.clear()
             return
         if joint.mode == "cst":
             self._judge_torque(joint, time_s, joint.pending)
@@ -189,39 +196,27 @@ class Observer:
         step = abs(joint.torque_step)
         if abs(torque) > most * (1 + RELATIVE) + 0.5 * step:
             self._found(time_s, joint, "torque", torque, most)
-        if joint.history:
-            rate = (torque - joint.history[-1][1]) / self._period
+        if joint.sent:
+            rate = (torque - joint.sent[0]) / self._period
             if abs(rate) > fastest * (1 + GATE) + step / self._period:
                 self._found(time_s, joint, "torque_rate", rate, fastest)
-        joint.history = [(time_s, torque)]
+        joint.sent = [torque]
 
     def _judge_position(self, joint: _Joint, time_s: float, q: float) -> None:
         beyond = joint.left(q)
         if beyond is not None:
             self._found(time_s, joint, "position", q, beyond)
-        joint.history = [*joint.history[-3:], (time_s, q)]
-        angles = [q for _, q in joint.history]
-        for order, kind in enumerate(("velocity", "acceleration", "jerk")):
-            if len(angles) < order + 2:
-                return
-            value = _difference(angles, order + 1) / self._period ** (order + 1)
-            bound = joint.bounds[order]
-            tolerance = STEPS[order] * joint.step / self._period ** (order + 1)
+        joint.sent = list(accumulate((q, *joint.sent[:3]), operator.sub))
+        for order, difference in enumerate(joint.sent[1:]):
+            power, bound = self._powers[order], joint.bounds[order]
+            value = difference / power
             if order == 0:
                 self.max_speed_ratio = max(self.max_speed_ratio, abs(value) / bound)
             elif order == 1:
                 ratio = abs(value) / bound
                 self.max_acceleration_ratio = max(self.max_acceleration_ratio, ratio)
-            if abs(value) > bound * (1 + RELATIVE) + tolerance:
-                self._found(time_s, joint, kind, value, bound)
-
-
-def _difference(values: list[float], order: int) -> float:
-    """Return the backward difference of an order, at the newest value."""
-    while order:
-        values = [b - a for a, b in itertools.pairwise(values)]
-        order -= 1
-    return values[-1]
+            if abs(value) > bound * (1 + RELATIVE) + STEPS[order] * joint.step / power:
+                self._found(time_s, joint, KINDS[order], value, bound)
 
 
 def _joint(entry: Entry, part: Cell) -> _Joint:
