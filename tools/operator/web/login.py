@@ -4,7 +4,7 @@ from typing import Final
 
 _HEAD: Final = (
     '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>telerobot</title>'
-    '<meta name="viewport" content="width=device-width">'
+    '<meta name="viewport" content="width=device-width"><link rel="icon" href="data:,">'
 )
 
 LOGIN: Final = (

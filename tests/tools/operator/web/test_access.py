@@ -18,6 +18,7 @@ from telerobot.tools.host.address import moved
 from telerobot.tools.operator.client.connection import OperatorError
 from telerobot.tools.operator.web.access import Access, Listen, same_origin, tls_context
 from telerobot.tools.operator.web.hub import PageHub
+from telerobot.tools.operator.web.login import LOGIN, welcome
 from telerobot.tools.operator.web.server import Server
 from yarl import URL
 
@@ -219,3 +220,9 @@ def test_beyond_loopback_a_certificate_of_the_cell_logs_in_over_https(tmp_path):
         await runner.cleanup()
 
     asyncio.run(run())
+
+
+@pytest.mark.parametrize("page", [LOGIN, welcome()])
+def test_a_page_that_only_leads_on_asks_for_no_icon(page):
+    """A browser asks for `/favicon.ico` where none is named, and complains that there is none."""
+    assert '<link rel="icon" href="data:,">' in page
