@@ -1,15 +1,15 @@
-"""Surroundings that a page is shown: obstacles, contour and pictures, as sensors tell of them."""
+"""Surroundings that a page is shown: obstacles, contour, scans and pictures, as sensors tell."""
 
 import base64
 import json
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode_as
 from ....protocols.messages.camera_picture import CameraPicture
-from ....protocols.messages.contour import NOTHING, ContourNews
+from ....protocols.messages.contour import NOTHING, ContourNews, ScanPoints
 from ....protocols.messages.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigTruth
 from ..client.line import Buffer, MessageCarrier
@@ -28,30 +28,33 @@ class Told(NamedTuple):
 
 
 class WorldNews:
-    """Reads what sensors and the rig tell. Pictures are asked for only while somebody looks."""
+    """Reads what sensors and the rig tell; asks for what is for eyes while somebody looks."""
 
     def __init__(self, session: MessageCarrier) -> None:
         self._session = session
         self._truths = session.subscribe(t.RIG_TRUTH, 1)
         self._obstacles = session.subscribe(t.OBSTACLE, 128)
         self._contours = session.subscribe(t.CONTOUR, 1)
-        self._pictures: Buffer | None = None
+        self._looked_at: dict[t.Topic, Buffer] = {}
         self._truth_s = float("-inf")
 
     def turn(self, now_s: float, looked_at: bool) -> Iterator[Told]:
         """Yield what is new; `looked_at` says whether any page is open."""
-        if looked_at and self._pictures is None:
-            self._pictures = self._session.subscribe(t.PICTURE, t.PICTURE.unread)
-        elif not looked_at and self._pictures is not None:
-            self._pictures.close()
-            self._pictures = None
+        if looked_at and not self._looked_at:
+            self._looked_at = {
+                topic: self._session.subscribe(topic, topic.unread) for topic in FOR_EYES
+            }
+        elif not looked_at:
+            for inbox in self._looked_at.values():
+                inbox.close()
+            self._looked_at = {}
         if now_s - self._truth_s >= TRUTH_S:
             self._truth_s = now_s
             yield from _read(self._truths, t.RIG_TRUTH, told_truth)
         yield from _read(self._obstacles, t.OBSTACLE, told_obstacle)
         yield from _read(self._contours, t.CONTOUR, told_contour)
-        if self._pictures is not None:
-            yield from _read(self._pictures, t.PICTURE, told_picture)
+        for topic, inbox in self._looked_at.items():
+            yield from _read(inbox, topic, FOR_EYES[topic])
 
 
 def _read(inbox: Buffer, topic: t.Topic, tell: Callable[[Any], Told]) -> Iterator[Told]:
@@ -90,3 +93,17 @@ def told_picture(picture: CameraPicture) -> Told:
     jpeg = base64.b64encode(picture.jpeg).decode()
     text = json.dumps({"type": "picture", "picture": {**told, "jpeg": jpeg}})
     return Told(f"picture {picture.camera}", text)
+
+
+def told_scan(scan: ScanPoints) -> Told:
+    """Return a scan as a page is told it: its points as they came, in base 64."""
+    points = base64.b64encode(scan.points_mm).decode()
+    text = json.dumps({"type": "scan", "scan": {"tick": scan.tick, "points_mm": points}})
+    return Told("scan", text)
+
+
+FOR_EYES: Final[Mapping[t.Topic, Callable[[Any], Told]]] = {
+    t.PICTURE: told_picture,
+    t.SCAN: told_scan,
+}
+"""What is made only while somebody looks, and how a page is told it."""

@@ -1,11 +1,16 @@
 """The page's own mathematics, run in Node, against Python's."""
 
+import json
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.spatial import Pose
+from telerobot.protocols.messages.contour import ScanPoints
+from telerobot.server.commands.clutch import SLIP
+from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.tools.operator.web.scene import describe
+from telerobot.tools.operator.web.surroundings import told_scan
 from telerobot.tools.operator.web.vendor import missing
 
 FORWARD = """
@@ -200,3 +205,40 @@ def test_a_page_that_draws_quickly_draws_whenever_it_may(in_node):
         return drawn;
     """
     assert in_node(program, None) == 100
+
+
+def test_a_handle_that_is_dragged_live_leads_the_tool_there_and_never_far_ahead(in_node):
+    random = np.random.default_rng(13)
+    poses = np.hstack((random.normal(size=(200, 3)), random.uniform(-3.1, 3.1, (200, 3))))
+    tools = poses + random.normal(size=poses.shape) * np.geomspace(1e-4, 1.0, 200)[:, None]
+    program = """
+        const { LEAD, leadTo } = await load("scene/geometry/lead.js");
+        return [LEAD, given.map(([handle, tool]) => leadTo(handle, tool))];
+    """
+    given = np.stack((poses, tools), axis=1).tolist()
+    (most, turn_most), leads = in_node(program, given)
+    assert most < SLIP[0]
+    assert turn_most < SLIP[1]
+    arrived = 0
+    for handle, tool, lead in zip(poses, tools, leads, strict=True):
+        wanted, at, led = (
+            Pose.from_xyz_rpy(tuple(p[:3]), tuple(p[3:])) for p in (handle, tool, lead)
+        )
+        way, ahead = pose_error(wanted, at), pose_error(led, at)
+        part = min(1.0, most / np.linalg.norm(way[:3]), turn_most / np.linalg.norm(way[3:]))
+        assert ahead == pytest.approx(part * way, abs=1e-6)
+        arrived += part == 1.0
+    assert 20 < arrived < 180
+
+
+def test_points_of_a_scan_are_read_where_the_scanner_saw_them(in_node):
+    if missing():
+        pytest.skip("the page's JavaScript is not fetched: make venv")
+    points = np.random.default_rng(17).integers(-(2**31), 2**31, (50, 3), dtype=np.int64)
+    sent = ScanPoints(tick=1, points_mm=points.astype("<i4").tobytes())
+    program = """
+        const { pointsOf } = await load("scene/things/scan.js");
+        return [...pointsOf(given.scan.points_mm)];
+    """
+    read = in_node(program, json.loads(told_scan(sent).text))
+    assert np.reshape(read, (-1, 3)) == pytest.approx(points / 1000.0, rel=1e-6)

@@ -12,7 +12,7 @@ from telerobot.drivers.network.sessions import router_config
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.camera_picture import CameraPicture
-from telerobot.protocols.messages.contour import ContourNews
+from telerobot.protocols.messages.contour import ContourNews, ScanPoints
 from telerobot.protocols.messages.obstacles import ObstacleNews
 from telerobot.tools.operator.client.session import Session
 from telerobot.tools.operator.web.surroundings import WorldNews
@@ -23,6 +23,7 @@ CONTOUR = ContourNews(
     nearest_mm=struct.pack("<4H", 65535, 1200, 0, 65535),
 )  # fmt: skip
 CRATE = ObstacleNews(name="crate", tick=7, shape="sphere", xyz=(1.0, 0.0, 0.0), radius=0.1)
+SCAN = ScanPoints(tick=7, points_mm=struct.pack("<6i", 1000, -2000, 3, 0, 70000, -1))
 PICTURE = CameraPicture(camera="eye", tick=7, jpeg=b"JPEG")
 
 
@@ -65,16 +66,26 @@ def test_a_contour_is_shown_with_its_distances_and_what_it_means_in_words(networ
     assert contour["words"].startswith("There is no way through. No posture")
 
 
-def test_a_picture_is_asked_for_while_somebody_looks_and_no_longer(network):
+@pytest.mark.parametrize(
+    ("topic", "sent", "kind", "field", "shown"),
+    [
+        (t.PICTURE, PICTURE, "picture eye", "jpeg", b"JPEG"),
+        (t.SCAN, SCAN, "scan", "points_mm", SCAN.points_mm),
+    ],
+    ids=["picture", "scan"],
+)
+def test_what_is_for_eyes_is_asked_for_while_somebody_looks_and_no_longer(
+    network, topic, sent, kind, field, shown
+):
     sensor, surroundings = network
-    kind, message = told(network, t.PICTURE, PICTURE)
-    assert kind == "picture eye"
-    assert base64.b64decode(message["picture"]["jpeg"]) == b"JPEG"
-    assert sensor.heard(t.PICTURE)
+    found, message = told(network, topic, sent)
+    assert found == kind
+    assert base64.b64decode(message[message["type"]][field]) == shown
+    assert sensor.heard(topic)
     deadline_s = time.monotonic() + PATIENCE_S
-    while sensor.heard(t.PICTURE) and time.monotonic() < deadline_s:
+    while sensor.heard(topic) and time.monotonic() < deadline_s:
         assert list(surroundings.turn(time.monotonic(), False)) == []
-    assert not sensor.heard(t.PICTURE)
+    assert not sensor.heard(topic)
 
 
 def test_junk_is_passed_over(network):

@@ -41,7 +41,7 @@ const log = createLog(panels.Log);
 const stop = createStop(at("stop"), ask);
 scene.views.then((views) => views && createView(at("view"), scene, views));
 createPads(at("hand"), held);
-at("scene").handleOnScreen = scene.handleOnScreen;
+Object.assign(at("scene"), { handleOnScreen: scene.handleOnScreen, setOptions: scene.setOptions });
 document.title = `${catalogue.cell} · telerobot`;
 
 let role = "operator";
@@ -87,7 +87,7 @@ link.addEventListener("state", ({ detail }) => {
   scene.update(detail);
   plots.update(detail);
 });
-for (const type of ["truth", "obstacle", "contour", "picture"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
+for (const type of ["truth", "obstacle", "contour", "scan", "picture"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
 link.addEventListener("contour", ({ detail }) => now.ahead(detail.contour));
 link.addEventListener("event", ({ detail }) => {
   log.add(detail);

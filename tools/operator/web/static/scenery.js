@@ -47,6 +47,8 @@ export function sceneIn(element, description) {
     },
     onTarget: (callback) => (scene ? scene.onTarget(callback) : callbacks.push(callback)),
     setOptions: (given) => (scene ? scene.setOptions(given) : Object.assign(options, given)),
+    abandon: () => scene?.abandon(),
+    leadTo: (handle, tool) => scene.leadTo(handle, tool),
     handleOnScreen: () => scene?.handleOnScreen() ?? [0, 0],
   };
 }

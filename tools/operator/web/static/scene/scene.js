@@ -6,6 +6,7 @@
  */
 
 import { forward } from "./geometry/kinematics.js";
+import { leadTo } from "./geometry/lead.js";
 import { attitude, turned } from "./geometry/poses.js";
 import { createTimeline } from "./geometry/timeline.js";
 import { atRest, viewOf } from "./geometry/view.js";
@@ -22,6 +23,7 @@ import { createGaps } from "./things/gaps.js";
 import { createHandle } from "./things/handle.js";
 import { createPaths } from "./things/paths.js";
 import { createPictures } from "./things/pictures.js";
+import { createScan } from "./things/scan.js";
 import { createSurroundings } from "./things/surroundings.js";
 import { createTunnels } from "./things/tunnels.js";
 
@@ -38,6 +40,7 @@ export function createScene(element, description) {
   const surroundings = createSurroundings(description, materials, labels);
   const tunnels = createTunnels(description, materials);
   const contour = createContour(description, materials);
+  const scan = createScan(materials);
   const frames = createFrames(description, materials, labels, scale);
   const gaps = createGaps(description, materials, labels);
   const forces = createForces(description, materials, labels);
@@ -46,9 +49,9 @@ export function createScene(element, description) {
   const pictures = createPictures(element, description);
   const wall = description.rig?.wall;
   const views = createViews(stage, stage.invalidate, wall && turned(attitude(wall.pose), [0, 0, 1]));
-  const parts = { arms, surroundings, tunnels, contour, frames, gaps, forces, paths, handle };
+  const parts = { arms, surroundings, tunnels, contour, scan, frames, gaps, forces, paths, handle };
   for (const part of Object.values(parts)) stage.scene.add(part.object);
-  const bodies = [arms, surroundings, tunnels];
+  const bodies = [arms, surroundings, tunnels, frames];
   let current = null;
   let asked = null;
   const preference = globalThis.matchMedia?.("(prefers-color-scheme: light)");
@@ -115,6 +118,7 @@ export function createScene(element, description) {
       frameAll();
       views.go(options.view, options.easing ?? true);
     }
+    if (options.fine) stage.refine();
     if ("ghost" in options) arms.showGhost = Boolean(options.ghost);
     if ("labels" in options) labels.show(options.labels);
     if ("frames" in options) frames.object.visible = Boolean(options.frames);
@@ -127,7 +131,7 @@ export function createScene(element, description) {
   }
 
   return {
-    /** Take in a message: `state`, `truth`, `obstacle` (news of one), `contour` or `picture`. */
+    /** Take in a message: `state`, `truth`, `obstacle` (news of one), `contour`, `scan` or `picture`. */
     update(message) {
       if (message.type === "state") {
         timeline.push(message.t ?? message.state.time_s, message.state, performance.now() / 1000);
@@ -140,6 +144,9 @@ export function createScene(element, description) {
       } else if (message.type === "contour") {
         contour.news(message.contour);
         stage.invalidate();
+      } else if (message.type === "scan") {
+        scan.news(message.scan);
+        stage.invalidate();
       } else if (message.type === "picture") {
         pictures.show(message.picture.camera, blobOf(message.picture.jpeg));
       }
@@ -149,8 +156,11 @@ export function createScene(element, description) {
       show(viewOf(description, { a: state, b: state, part: 1, time: state.time_s }));
       stage.invalidate();
     },
-    /** Call back with `{type, phase, released, task, pose}` as the handle is dragged; pose is xyz, rpy in World. */
+    /** Call back with `{type, phase, released, task, pose}` as the handle is dragged (start, move, end, abandoned); pose is xyz, rpy in World. */
     onTarget: (callback) => handle.onTarget(callback),
+    /** End a drag of the handle without a target. */
+    abandon: handle.abandon,
+    leadTo,
     setOptions,
     handleOnScreen: () => handle.onScreen(),
     /** Take up all room again after what is there has changed. */
@@ -189,5 +199,5 @@ function cornersOf(object) {
 /** Return a length to draw frames by: 1 for links that are within about a metre [m]. */
 function sizeOf(links) {
   const box = new THREE.Box3().setFromPoints(links.map((T) => new THREE.Vector3(...T)));
-  return Math.min(1.1, Math.max(0.4, box.getSize(new THREE.Vector3()).length() / 1.05));
+  return Math.min(1.1, Math.max(0.2, box.getSize(new THREE.Vector3()).length() / 1.05));
 }

@@ -33,6 +33,8 @@ export function steerByKeys(held, choices, acts) {
       if (!event.repeat) acts.stop();
     }
   }, { capture: true });
+  // Whatever has the focus, Escape lets go of all that is held.
+  addEventListener("keydown", (event) => event.key === "Escape" && held.endAll(), { capture: true });
   addEventListener("keyup", (event) => {
     if (event.code === "Space" && !typing(event.target)) event.preventDefault();
     if (down.delete(event.code)) tell();

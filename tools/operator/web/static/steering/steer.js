@@ -27,7 +27,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
   const mouse = el("div", {});
   const target = el("div", {});
   const jog = createJog(joints, held, choices);
-  createDrag(target, { link, held, choices, ask, scene, refusal });
+  const drag = createDrag(target, { link, held, choices, ask, scene, refusal });
   createGamepad(pad, held);
   createSpaceMouse(mouse, held);
   element.append(
@@ -81,14 +81,17 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
     show();
   });
   show();
-  return { update: ({ state }) => jog.update(state) };
+  return { update({ state }) {
+    jog.update(state);
+    drag.update();
+  } };
 }
 
 function keys() {
   const rows = [
     ["w s · a d · r f", "move along x, y, z"], ["u o · i k · j l", "turn about x, y, z"],
     ["+ −", "faster, slower"], ["e", "next axes"], ["m · h · n", "enable, hold, drives off"],
-    ["L", "take the lease"], ["p", "ready posture"], ["v b", "insert, withdraw; drive ahead, back"], [", .", "turn the base left, right"], ["c · R", "clear the stop, reset"], ["space", "protective stop"],
+    ["L", "take the lease"], ["p", "ready posture"], ["v b", "insert, withdraw; drive ahead, back"], [", .", "turn the base left, right"], ["c · R", "clear the stop, reset"], ["Esc", "let go of all that is held"], ["space", "protective stop"],
   ];
   return el("div", {}, ...rows.map(([key, does]) => el("div", { className: "row" }, el("kbd", {}, key), el("span", { className: "dim" }, does))));
 }

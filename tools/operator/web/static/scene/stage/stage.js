@@ -9,6 +9,7 @@ import { createPace, fenceOf } from "./pace.js";
 /** Pictures that take longer [ms], so many more often than not, are drawn more coarsely. */
 const SLOW_MS = 45;
 const STILL_SLOW_PICTURES = 8;
+const FINE_SHADOWS = 2048;
 
 export function createStage(element) {
   const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
@@ -42,7 +43,7 @@ export function createStage(element) {
 
   const key = new THREE.DirectionalLight(0xfff4e2, 2.4);
   key.castShadow = true;
-  key.shadow.mapSize.set(2048, 2048);
+  key.shadow.mapSize.set(FINE_SHADOWS, FINE_SHADOWS);
   key.shadow.bias = -0.0004;
   key.shadow.normalBias = 0.012;
   key.shadow.radius = 5;
@@ -84,6 +85,15 @@ export function createStage(element) {
     key.shadow.map = null;
   }
 
+  /** Draw as finely as at the beginning, and stay so: for a picture to keep. */
+  function refine() {
+    coarser.length = 0;
+    shadows(FINE_SHADOWS);
+    key.castShadow = true;
+    renderer.setPixelRatio(Math.min(globalThis.devicePixelRatio || 1, 2));
+    invalidate();
+  }
+
   /** Draw more coarsely where pictures take too long, as without a graphics processor. */
   function judge(milliseconds) {
     slow = milliseconds > SLOW_MS ? slow + 1 : Math.max(0, slow - 1);
@@ -94,7 +104,7 @@ export function createStage(element) {
   }
 
   return {
-    scene, camera, controls, renderer, canvas, ground, invalidate,
+    scene, camera, controls, renderer, canvas, ground, invalidate, refine,
     size: () => [width, height],
 
     /** Put the light so that all within a radius [m] of a centre has a shadow. */

@@ -28,6 +28,8 @@ export function createFrames(description, materials, labels, scale) {
   const name = (frame, of) => (several && of ? `${frame} ${of}` : frame);
   const named = (words, length, rank) => {
     const group = triad(length, materials, rank > 2 ? 1 : 0.8);
+    // Of frames, the tool's has to be in the picture, too.
+    group.traverse((part) => { part.userData.body = rank > 2; });
     object.add(group);
     const label = labels.add(words, { rank });
     return {

@@ -21,6 +21,7 @@ export function createHandle(description, materials, stage, scale) {
   let mode = null;
   let task = 0;
   let dragging = false;
+  let abandoned = false;
 
   const pose = () => [...grip.position.toArray(), ...grip.quaternion.toArray()];
   function tell(phase) {
@@ -35,15 +36,24 @@ export function createHandle(description, materials, stage, scale) {
     dragging = value;
     stage.controls.enabled = !value;
     ghost.visible = value;
-    tell(value ? "start" : "end");
+    tell(value ? "start" : abandoned ? "abandoned" : "end");
   });
   controls.addEventListener("objectChange", () => {
     place(ghost, pose());
     tell("move");
   });
 
+  /** End a drag that leads nowhere: the handle goes back to the tool, though it is still pressed. */
+  function abandon() {
+    if (!dragging) return;
+    abandoned = true;
+    controls.pointerUp(null);
+    abandoned = false;
+  }
+
   return {
     object,
+    abandon,
     onTarget(callback) {
       callbacks.add(callback);
       return () => callbacks.delete(callback);
@@ -54,7 +64,7 @@ export function createHandle(description, materials, stage, scale) {
       const found = description.tasks.findIndex((t) => t.name === name);
       task = found < 0 ? 0 : found;
       if (mode) controls.setMode(mode);
-      else if (dragging) controls.reset();
+      else abandon();
       controls.enabled = mode !== null;
       helper.visible = mode !== null;
       stage.invalidate();

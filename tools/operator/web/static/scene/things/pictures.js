@@ -1,5 +1,7 @@
 /** Pictures of the cameras in a corner of the scene; pressed, one is drawn large. */
 
+const SMALL = "min(180px, 17vw)";
+
 export function createPictures(element, description) {
   const box = document.createElement("div");
   box.className = "scene-pictures";
@@ -18,7 +20,7 @@ export function createPictures(element, description) {
     Object.assign(button.style, {
       padding: "0", border: "1px solid rgba(140, 150, 160, 0.5)", borderRadius: "8px",
       overflow: "hidden", lineHeight: "0", background: "#000", cursor: "pointer",
-      pointerEvents: "auto", position: "relative", width: "180px", boxShadow: "0 4px 18px rgba(0, 0, 0, 0.35)",
+      pointerEvents: "auto", position: "relative", width: SMALL, boxShadow: "0 4px 18px rgba(0, 0, 0, 0.35)",
     });
     const canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = camera?.size ?? [640, 480];
@@ -34,7 +36,7 @@ export function createPictures(element, description) {
     let large = false;
     button.addEventListener("click", () => {
       large = !large;
-      button.style.width = large ? "min(46vw, 560px)" : "180px";
+      button.style.width = large ? "min(46vw, 560px)" : SMALL;
       button.setAttribute("aria-pressed", String(large));
     });
     box.append(button);

@@ -28,6 +28,10 @@ export function createSurroundings(description, materials, labels) {
   if (beam) object.add(beam);
   const pegs = rig.peg ? description.tasks.map(() => tool(rig.peg, materials)) : [];
   if (pegs.length) object.add(...pegs);
+  const probes = rig.tool_radius && !rig.peg
+    ? description.tasks.filter((task) => task.by.length === 1)
+      .map((task) => ({ task, stick: probe(task, rig.tool_radius, materials) })) : [];
+  if (probes.length) object.add(...probes.map(({ stick }) => stick));
 
   return {
     object,
@@ -68,6 +72,7 @@ export function createSurroundings(description, materials, labels) {
         beam.visible = Boolean(T);
         if (T) place(beam, T);
       }
+      for (const { task, stick } of probes) place(stick, view.links[task.tip]);
       pegs.forEach((peg, i) => view.tasks[i].mrf && place(peg, view.tasks[i].mrf));
     },
   };
@@ -225,6 +230,22 @@ function space({ low, high }, materials) {
   ));
   group.position.set(...middle);
   return group;
+}
+
+/** Return the stick with a ball that touches the virtual world at the MRF, from the wrist. */
+function probe(task, radius, materials) {
+  const stick = new THREE.Group();
+  const end = task.T_wrist_mrf.slice(0, 3);
+  const ball = solid(new THREE.SphereGeometry(radius, 24, 16), materials.metal());
+  ball.position.set(...end);
+  stick.add(ball);
+  const rod = new THREE.Group();
+  const length = lay(rod, [0, 0, 0], end);
+  if (length > radius) {
+    rod.add(solid(cylinder(0.6 * radius, length, 0).translate(0, 0, length / 2), materials.metal()));
+    stick.add(rod);
+  }
+  return stick;
 }
 
 function tool(peg, materials) {
