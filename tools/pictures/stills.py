@@ -13,85 +13,28 @@ from collections.abc import Mapping
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, Final, NamedTuple
-from urllib.parse import urlsplit
+from typing import Any, Final
+from urllib.parse import urlencode, urlsplit
 
 from playwright.sync_api import Browser, sync_playwright
 
 from ...config.load import Cell, ConfigError, load_cell, shipped
 from ..operator.web.scene import describe, mesh_files
-from ..scripts.script import load_script
-from ..simulation.simulation import Simulation
+from .moments import MOMENTS, Moment, run_of
+from .whole import take_whole
 
 STATIC: Final = Path(__file__).resolve().parents[1] / "operator/web/static"
 PICTURES: Final = Path(__file__).resolve().parents[2] / "config/pictures/console"
 FLAGS: Final = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 """Chromium without a graphics processor, and in a container."""
 SIZE: Final = (800, 500)
-TRAIL_S: Final = 6.0
-"""So much of the run before the moment is shown as the tool's trail [s]."""
 PATIENCE_MS: Final = 240_000
 """Without a graphics processor a picture may take long."""
 COLOURS: Final = (256, 128, 64, 32)
 LARGEST: Final = 100_000
 """A picture is smaller than this, with the most of those colours [B]."""
-
-
-class Moment(NamedTuple):
-    """When a cell's picture is taken, and from where."""
-
-    time_s: float = 0.0
-    """Since the run's begin; 0: the arms at rest, nothing is simulated [s]."""
-    script: str | None = None
-    """The cell's own where none is named."""
-    view: str = "home"
-    theme: str = "dark"
-
-
-MOMENTS: Final[Mapping[str, Moment]] = {
-    "pa10": Moment(20.0),
-    "pa10_all": Moment(14.0),
-    "pa10_hand_pole": Moment(7.0),
-    "pa10_pair": Moment(9.0),
-    "pa10_peg": Moment(9.0),
-    "pa10_scene": Moment(7.0),
-    "pa10_trio": Moment(6.0),
-    "pa10_vision": Moment(7.0),
-    "ranger": Moment(7.0),
-    "rover": Moment(8.0),
-    "snake": Moment(7.0),
-    "snake_space": Moment(7.0),
-    "ur5e": Moment(7.0),
-}
-"""Of cells whose script shows more than the cell at rest does."""
-
-
-def run_of(cell: Cell, moment: Moment) -> dict[str, Any]:
-    """Return the states of a run up to a moment, and the truth at its end."""
-    if moment.time_s <= 0.0:
-        return {"states": [], "truth": None}
-    script = load_script(moment.script or cell.default_script)
-    simulation = Simulation(cell, script, cameras=_Blind)
-    simulation.run(until=lambda: simulation.clock.time_s >= moment.time_s)
-    since = simulation.clock.time_s - TRAIL_S
-    states = [state for state in simulation.states if state.time_s >= since]
-    truth = simulation.truths[-1] if simulation.truths else None
-    return {
-        "states": [json.loads(state.model_dump_json()) for state in states[::2] + states[-1:]],
-        "truth": None if truth is None else json.loads(truth.model_dump_json()),
-    }
-
-
-class _Blind:
-    """Cameras that see nothing: pictures of the tag do not matter here."""
-
-    def __init__(self, simulation: Simulation) -> None: ...
-
-    def run(self, now_s: float, tick: int) -> None:
-        """See nothing."""
-
-    def close(self) -> None:
-        """Let go of nothing."""
+LARGEST_WHOLE: Final = 300_000
+"""... and one of the whole page than this [B]."""
 
 
 class _Handler(SimpleHTTPRequestHandler):
@@ -121,7 +64,7 @@ def take(browser: Browser, cell: Cell, moment: Moment, picture: Path) -> list[st
     """Write the picture of a cell; return what the page complained of."""
     told = {
         "/description.json": json.dumps(describe(cell)).encode(),
-        "/run.json": json.dumps(run_of(cell, moment)).encode(),
+        "/run.json": run_of(cell, moment).json(),
         "/": (STATIC / "scene" / "still.html").read_bytes(),
     }
     server = ThreadingHTTPServer(
@@ -135,7 +78,8 @@ def take(browser: Browser, cell: Cell, moment: Moment, picture: Path) -> list[st
         page.on("console", lambda m: complaints.append(m.text) if m.type != "log" else None)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         port = server.server_address[1]
-        page.goto(f"http://127.0.0.1:{port}/?view={moment.view}&theme={moment.theme}")
+        asked = {"view": moment.view, "theme": moment.theme, "handle": moment.handle or ""}
+        page.goto(f"http://127.0.0.1:{port}/?{urlencode(asked)}")
         page.wait_for_selector("body[data-ready]")
         page.screenshot(path=str(picture))
     finally:
@@ -145,8 +89,8 @@ def take(browser: Browser, cell: Cell, moment: Moment, picture: Path) -> list[st
     return complaints
 
 
-def _shrink(picture: Path) -> None:
-    """Write a picture with as many colours as `LARGEST` allows, where Pillow is there to do so."""
+def _shrink(picture: Path, largest: int = LARGEST) -> None:
+    """Write a picture with as many colours as fit into `largest`, where Pillow is there."""
     try:
         from PIL import Image
     except ImportError:
@@ -158,7 +102,7 @@ def _shrink(picture: Path) -> None:
         whole.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(
             picture, optimize=True
         )
-        if picture.stat().st_size < LARGEST:
+        if picture.stat().st_size < largest:
             return
 
 
@@ -167,24 +111,33 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("cells", metavar="CELL", nargs="*", help="all shipped cells by default")
     parser.add_argument("--to", metavar="FOLDER", type=Path, default=PICTURES)
+    parser.add_argument(
+        "--whole", metavar="FILE", type=Path, help="the whole page at work, of one cell"
+    )
     parser.add_argument("--theme", choices=("dark", "light"))
     parser.add_argument("--view", help="home, front, side or top")
+    parser.add_argument("--handle", choices=("translate", "rotate"))
     parser.add_argument("--script")
     parser.add_argument("--at", metavar="SECONDS", type=float, help="moment of the run [s]")
     parser.add_argument("--chromium", metavar="FILE", default="/usr/bin/chromium")
     args = parser.parse_args(arguments)
-    given = {"script": args.script, "time_s": args.at, "view": args.view, "theme": args.theme}
+    given = {
+        "script": args.script, "time_s": args.at, "view": args.view, "theme": args.theme,
+        "handle": args.handle,
+    }  # fmt: skip
     asked = {key: value for key, value in given.items() if value is not None}
     try:
         cells = [load_cell(name) for name in args.cells or shipped("cells")]
     except ConfigError as error:
         print(error, file=sys.stderr)
         return 2
+    if args.whole and len(cells) != 1:
+        parser.error("--whole: name one cell")
     args.to.mkdir(parents=True, exist_ok=True)
     failed = False
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=args.chromium, args=FLAGS)
-        for cell in cells:
+        for cell in cells if args.whole is None else ():
             name = cell.config.name
             picture = args.to / f"{name}.png"
             moment = MOMENTS.get(name, Moment())._replace(**asked)
@@ -193,5 +146,8 @@ def main(arguments: list[str] | None = None) -> int:
             for complaint in complaints:
                 print(f"  {complaint}", file=sys.stderr)
             failed = failed or bool(complaints)
+        if args.whole is not None:
+            take_whole(browser, cells[0], args.whole)
+            _shrink(args.whole, LARGEST_WHOLE)
         browser.close()
     return 1 if failed else 0
