@@ -47,9 +47,9 @@ test: venv ## All tests: in parallel, then those that start processes, then the 
 	@$(BIN)/pytest -q -m hil || { code=$$?; test $$code -eq 5 && echo "no hil tests"; }
 	@$(BIN)/pytest -q -m browser || { code=$$?; test $$code -eq 5 && echo "no browser tests"; }
 
-vcan: venv ## Tests on a kernel's CAN bus: here, or in user-mode Linux; ARGS=tests/vcan for the arm, too
+vcan: venv ## Tests on a kernel's CAN bus, with an arm: here, or in user-mode Linux
 	@$(BIN)/python tests/vcan/run.py $(BIN)/python -m pytest -q -p no:cacheprovider \
-	  $(or $(ARGS),tests/vcan/test_bus.py) || { code=$$?; test $$code -eq 77; }
+	  $(or $(ARGS),tests/vcan) || { code=$$?; test $$code -eq 77; }
 
 check: venv ## Format, lint, types and import rules
 	@$(BIN)/ruff format --check --quiet . || { echo "run: make format" >&2; exit 1; }

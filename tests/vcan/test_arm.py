@@ -39,11 +39,14 @@ def operator(plant):
     """An operator who has the arm enabled, on the interface that it should be on."""
     ann = plant.operators[0]
     assert plant.cell.config.bus.interface == "socketcan"
-    if ann.state.mode == "fault":
-        ann.reset()
+    plant.run_for(0.2)  # nobody read anything since the test before
     if not ann.holds_lease:
         ann.acquire()
-    ann.enable()
+    if ann.state.mode == "fault":
+        ann.reset()
+    if ann.state.mode != "enabled":
+        ann.enable()
+    print(plant.told())
     ann.events.clear()
     return ann
 
