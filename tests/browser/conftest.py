@@ -13,10 +13,12 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from telerobot.config.load import load_cell
+from telerobot.tools.bench.page.browser import children
 from telerobot.tools.host.address import options
 from telerobot.tools.host.local_plant import free_port
 
@@ -36,6 +38,7 @@ COARSE = 0.3
 SMALL = {"width": 960, "height": 620}
 """Drawn by the processor alone, a picture takes its time; the fewer points, the less."""
 
+NICEST = 19
 READY = "body[data-ready]"
 OFFERED = ".actions button.next:not([hidden])"
 AGAIN_S = 3.0
@@ -66,6 +69,7 @@ def browsers():
                 opened[drawn] = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
             return opened[drawn]
 
+        browser.playwright = playwright
         yield browser
         for each in opened.values():
             each.close()
@@ -106,6 +110,21 @@ class Console:
         self.process.stdout.close()
 
 
+def stand_back():
+    """Keep Chromium's drawing to one core: without a graphics card it would take all of them."""
+    core = {max(os.sched_getaffinity(0))}
+    for pid in children("--type=gpu-process"):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            with suppress(ProcessLookupError):  # it has ended meanwhile
+                os.sched_setaffinity(int(thread.name), core)
+                os.setpriority(os.PRIO_PROCESS, int(thread.name), NICEST)
+
+
+def complaint(told):
+    """Return what a page's console says, and of which file."""
+    return f"{told.text} ({told.location['url']})"
+
+
 class Site:
     """A plant with a console, and pages that are open on it."""
 
@@ -120,16 +139,22 @@ class Site:
             **{"viewport": SMALL, "device_scale_factor": COARSE, **context}
         )
         self._contexts.append(opened)
-        page = opened.new_page()
+        return self.come_in(opened.new_page(), key, name, host, script)
+
+    def come_in(self, page, key=SECRET, name="ann", host=HOST, script=""):
+        """Let a page come in; return it once it shows a state."""
         page.errors = []
         page.on("pageerror", lambda error: page.errors.append(str(error)))
-        page.on("console", lambda told: told.type == "error" and page.errors.append(told.text))
+        page.on(
+            "console", lambda told: told.type == "error" and page.errors.append(complaint(told))
+        )
         page.add_init_script(f"localStorage.setItem('name', {name!r})")
         if script:
             page.add_init_script(script)
         page.goto(self.console.address(key, host))
         # Attached, not visible: that would wait for pictures of the page, which come late.
         page.wait_for_selector(READY, state="attached", timeout=1000 * PATIENCE_S)
+        stand_back()
         self.until(lambda: self.mode(page) not in ("…", "no daemon"), "the page shows no state")
         return page
 
@@ -141,6 +166,12 @@ class Site:
         page = self.page(**more)
         self.go_on(page)
         return page
+
+    def tab(self, context):
+        """Return a new tab of a browser that has come in, and goes when everybody leaves."""
+        page = context.new_page()
+        self._contexts.append(page)
+        return self.come_in(page)
 
     def go_on(self, page):
         """Press what the page offers next, until the arm is enabled."""

@@ -3,10 +3,12 @@
 import os
 import signal
 import socket
+import subprocess
 import threading
+import time
 
 import pytest
-from telerobot.tools.bench.page.browser import renderers
+from telerobot.tools.bench.page.browser import FLAGS, chromium, renderers
 
 pytestmark = pytest.mark.browser
 
@@ -53,6 +55,31 @@ class Cable:
             each.close()
 
 
+@pytest.fixture
+def tabs(browsers, tmp_path):
+    """Return the tabs of a window that hides one behind the other, as people's browsers do.
+
+    Playwright keeps every page visible that it opens in a browser which it started itself.
+    """
+    port = tmp_path / "DevToolsActivePort"
+    child = subprocess.Popen(
+        [chromium(), *FLAGS, "--headless", "--no-first-run", "--remote-debugging-port=0",
+         f"--user-data-dir={tmp_path}", "about:blank"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        while not (port.is_file() and "\n" in port.read_text()):
+            assert child.poll() is None, "chromium has ended"
+            time.sleep(0.05)
+        address = f"http://127.0.0.1:{port.read_text().split()[0]}"
+        opened = browsers.playwright.chromium.connect_over_cdp(address, no_defaults=True)
+        yield opened.contexts[0]
+        opened.close()
+    finally:
+        child.terminate()
+        child.wait()
+
+
 def test_a_held_key_moves_the_tool_until_it_is_released(site):
     page = site.enabled()
     before = site.plant.truth.pose_mrf
@@ -83,17 +110,23 @@ def test_a_page_that_loses_the_focus_to_another_lets_go_of_everything(site):
     page.keyboard.up("r")
 
 
-def test_a_page_that_is_hidden_lets_go_of_everything(site):
-    """A browser without a screen hides no page: here the page is told that it is hidden."""
-    page = site.enabled()
+def test_a_tab_that_is_hidden_by_another_lets_go_of_everything(site, tabs):
+    page = site.tab(tabs)
     site.hold(page)
     page.evaluate(
-        "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
-        "document.dispatchEvent(new Event('visibilitychange'));"
+        "document.addEventListener('visibilitychange', (event) => {"
+        " window.became = [document.visibilityState, event.isTrusted]; })"
     )
+    tabs.pages[0].bring_to_front()
     site.until_still()
+    assert page.evaluate("window.became") == ["hidden", True], "the browser itself has to say so"
     assert site.mode(page) == "enabled"
-    assert "lease_expired" not in site.events()
+    assert not {"stream_expired", "lease_expired"} & set(site.events()), "found out, not told"
+    page.bring_to_front()
+    page.keyboard.up("r")
+    site.hold(page)
+    page.keyboard.up("r")
+    site.until_still()
 
 
 def test_a_page_that_is_closed_gives_the_lease_back_and_the_arm_holds(site):

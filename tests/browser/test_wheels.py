@@ -31,8 +31,8 @@ def page(rover):
 
 @pytest.mark.parametrize(("key", "ahead", "left"), [("v", 1, 0), ("b", -1, 0), (",", 0, 1)])
 def test_a_key_drives_the_base_until_it_is_released(rover, page, key, ahead, left):
+    rover.hold(page, key)
     before = base(rover)
-    page.keyboard.down(key)
     rover.until(lambda: gone(rover, before), "the base does not move")
     page.keyboard.up(key)
     rover.until_still()
@@ -55,10 +55,13 @@ def test_the_page_tells_where_the_base_stands(rover, page):
 
 
 def test_a_button_that_is_held_while_the_speed_changes_still_ends_with_its_release(rover, page):
+    def press():
+        box = page.get_by_role("button", name="Ahead", exact=True).bounding_box()
+        page.mouse.move(box["x"] + 5, box["y"] + 5)
+        page.mouse.down()
+
+    rover.hold_by(page, press, page.mouse.up)
     before = base(rover)
-    box = page.get_by_role("button", name="Ahead", exact=True).bounding_box()
-    page.mouse.move(box["x"] + 5, box["y"] + 5)
-    page.mouse.down()
     rover.until(lambda: gone(rover, before), "the base does not move")
     page.keyboard.press("-")
     page.mouse.up()
