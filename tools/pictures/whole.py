@@ -20,7 +20,7 @@ SIZE: Final = {"width": 1280, "height": 720}
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
 START_S: Final = 180.0
 SETTLED_S: Final = 6.0
-"""From the last act to the picture: plots fill, and the scene is drawn finely [s]."""
+"""From the last act to the picture: plots fill [s]."""
 TRIES: Final = 5
 """A page on a busy machine may hang for so long that it loses the lease."""
 NICEST: Final = 19
@@ -33,12 +33,12 @@ def take_whole(browser: Any, cell: Cell, picture: Path) -> None:
         plant.start_console([f"--listen=127.0.0.1:{port}"], {KEYS: "drives,watches"})
         plant.wait(plant.answers, START_S, "the daemon did not answer")
         plant.wait(lambda: listens(port), START_S, "the console did not answer")
-        opened = OpenPage(
-            browser, f"http://127.0.0.1:{port}/?key=drives", viewport=SIZE, color_scheme="dark"
-        )
+        address = f"http://127.0.0.1:{port}"
+        opened = OpenPage(browser, f"{address}/?key=drives", viewport=SIZE, color_scheme="dark")
         try:
             for pid in children("--type=gpu-process"):
                 os.setpriority(os.PRIO_PROCESS, pid, NICEST)
+            opened.page.goto(f"{address}/?fine")
             for _ in range(TRIES):
                 _drive(opened)
                 opened.page.screenshot(path=str(picture), timeout=1e3 * START_S)
@@ -60,7 +60,6 @@ def _drive(opened: OpenPage) -> None:
     _drag(page, (46, -4))
     page.evaluate("document.getElementById('tab-now').click()")
     page.keyboard.down("w")
-    page.evaluate("document.getElementById('scene').setOptions({ fine: true })")
     page.wait_for_timeout(1e3 * SETTLED_S)
 
 

@@ -1,7 +1,8 @@
 // The scene where the browser can draw it; else words in its place, and everything else goes on.
 //
 // It is loaded and made once everything else is there: without a graphics card that takes seconds,
-// in which the arm can be stopped and steered already.
+// in which the arm can be stopped and steered already. There it is drawn plainly, unless the page's
+// address says `?fine`.
 
 import { el } from "./dom.js";
 
@@ -20,7 +21,7 @@ export function sceneIn(element, description) {
       return null;
     }
     const { VIEWS, createScene } = await import("./scene/scene.js");
-    const made = createScene(element, description);
+    const made = createScene(element, description, { fine: new URLSearchParams(location.search).has("fine") });
     for (const callback of callbacks) made.onTarget(callback);
     made.setOptions(options);
     const still = newest.get("jump");

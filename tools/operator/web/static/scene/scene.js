@@ -2,7 +2,7 @@
  * The scene of a cell: arms, surroundings, frames, gaps, forces, target and handle.
  *
  * `createScene(element, description)` draws what `describe` of a cell tells, moved by the states
- * that `update` is given.
+ * that `update` is given; `drawn` is how, as `createStage` is told.
  */
 
 import { forward } from "./geometry/kinematics.js";
@@ -29,8 +29,8 @@ import { createTunnels } from "./things/tunnels.js";
 
 export { VIEWS };
 
-export function createScene(element, description) {
-  const stage = createStage(element);
+export function createScene(element, description, drawn = {}) {
+  const stage = createStage(element, drawn);
   const materials = createMaterials();
   const labels = createLabels(element, stage);
   const timeline = createTimeline();
@@ -118,7 +118,6 @@ export function createScene(element, description) {
       frameAll();
       views.go(options.view, options.easing ?? true);
     }
-    if (options.fine) stage.refine();
     if ("ghost" in options) arms.showGhost = Boolean(options.ghost);
     if ("labels" in options) labels.show(options.labels);
     if ("frames" in options) frames.object.visible = Boolean(options.frames);

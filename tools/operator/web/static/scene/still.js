@@ -6,7 +6,7 @@ const asked = new URLSearchParams(globalThis.location.search);
 const [description, run] = await Promise.all(
   ["description.json", "run.json"].map(async (name) => (await fetch(name)).json()),
 );
-const scene = createScene(document.getElementById("scene"), description);
+const scene = createScene(document.getElementById("scene"), description, { fine: true });
 scene.setOptions({ theme: asked.get("theme") ?? "dark" });
 scene.setOptions({ view: asked.get("view") ?? "home", easing: false });
 scene.setOptions({ handle: asked.get("handle") });

@@ -3,6 +3,7 @@
 import * as THREE from "../../vendor/three.module.js";
 import { OrbitControls } from "../../vendor/OrbitControls.js";
 import { RoomEnvironment } from "../../vendor/RoomEnvironment.js";
+import { createCompiler } from "./compiler.js";
 import { createGround } from "./ground.js";
 import { createPace, fenceOf } from "./pace.js";
 
@@ -10,9 +11,19 @@ import { createPace, fenceOf } from "./pace.js";
 const SLOW_MS = 45;
 const STILL_SLOW_PICTURES = 8;
 const FINE_SHADOWS = 2048;
+const COARSE_SHADOWS = 512;
+/** Light from all around, in parts of what the room would reflect, where there is no room. */
+const INSTEAD_OF_ROOM = 1.6;
 
-export function createStage(element) {
-  const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+/** Renderers that draw with the processor: Chromium's, Mesa's, and those of Windows and macOS. */
+const BY_PROCESSOR = /swiftshader|llvmpipe|softpipe|basic render|software/i;
+
+/** `fine`: as finely as there is, however long it takes; else as finely as this browser can soon. */
+export function createStage(element, { fine = false } = {}) {
+  const plain = !fine && BY_PROCESSOR.test(rendererName());
+  const renderer = new THREE.WebGLRenderer({ antialias: !plain, alpha: true });
+  // To ask after errors is to wait for the compiler; the browser's console tells of them, too.
+  renderer.debug.checkShaderErrors = false;
   renderer.toneMapping = THREE.ACESFilmicToneMapping;
   renderer.shadowMap.enabled = true;
   renderer.shadowMap.type = THREE.PCFShadowMap;
@@ -27,10 +38,7 @@ export function createStage(element) {
   element.append(canvas);
 
   const scene = new THREE.Scene();
-  const room = new THREE.PMREMGenerator(renderer);
-  scene.environment = room.fromScene(new RoomEnvironment(), 0.04).texture;
   scene.environmentRotation.set(Math.PI / 2, 0, 0);
-  room.dispose();
 
   const camera = new THREE.PerspectiveCamera(36, 1, 0.01, 100);
   camera.up.set(0, 0, 1);
@@ -42,7 +50,7 @@ export function createStage(element) {
   controls.maxDistance = 25;
 
   const key = new THREE.DirectionalLight(0xfff4e2, 2.4);
-  key.castShadow = true;
+  key.castShadow = !plain;
   key.shadow.mapSize.set(FINE_SHADOWS, FINE_SHADOWS);
   key.shadow.bias = -0.0004;
   key.shadow.normalBias = 0.012;
@@ -52,7 +60,9 @@ export function createStage(element) {
   const ground = createGround();
   scene.add(key, key.target, rim, rim.target, fill, ground.object);
 
-  const pace = createPace(fenceOf(renderer.getContext()));
+  const fence = fenceOf(renderer.getContext());
+  const pace = createPace(fence);
+  const compiler = createCompiler(renderer, scene, camera, fence);
   let changed = true;
   let slow = 0;
   let width = 1;
@@ -72,25 +82,32 @@ export function createStage(element) {
   resize();
 
   /** Ways to draw more coarsely, one after the other; a screen's own finer points go first. */
-  const coarser = [
-    () => shadows(512),
+  const coarser = fine ? [] : [
+    () => {
+      key.shadow.mapSize.set(COARSE_SHADOWS, COARSE_SHADOWS);
+      key.shadow.map?.dispose();
+      key.shadow.map = null;
+    },
     () => renderer.setPixelRatio(Math.min(1, renderer.getPixelRatio())),
     () => renderer.setPixelRatio(Math.min(0.75, renderer.getPixelRatio())),
-    () => { key.castShadow = false; },
+    () => { key.castShadow = false; compiler.forget(); },
   ];
+  if (!plain) reflect();
 
-  function shadows(size) {
-    key.shadow.mapSize.set(size, size);
-    key.shadow.map?.dispose();
-    key.shadow.map = null;
+  /** Let bodies reflect a room. */
+  function reflect() {
+    const room = new THREE.PMREMGenerator(renderer);
+    scene.environment = room.fromScene(new RoomEnvironment(), 0.04).texture;
+    room.dispose();
   }
 
-  /** Draw as finely as at the beginning, and stay so: for a picture to keep. */
-  function refine() {
-    coarser.length = 0;
-    shadows(FINE_SHADOWS);
-    key.castShadow = true;
-    renderer.setPixelRatio(Math.min(globalThis.devicePixelRatio || 1, 2));
+  function setTheme(theme) {
+    element.style.background = theme.background;
+    renderer.toneMappingExposure = theme.exposure;
+    key.intensity = theme.key;
+    fill.intensity = theme.fill + (plain ? INSTEAD_OF_ROOM * theme.surround : 0);
+    scene.environmentIntensity = theme.surround;
+    ground.setTheme(theme);
     invalidate();
   }
 
@@ -104,7 +121,7 @@ export function createStage(element) {
   }
 
   return {
-    scene, camera, controls, renderer, canvas, ground, invalidate, refine,
+    scene, camera, controls, renderer, canvas, ground, invalidate, setTheme,
     size: () => [width, height],
 
     /** Put the light so that all within a radius [m] of a centre has a shadow. */
@@ -123,22 +140,12 @@ export function createStage(element) {
       frame.updateProjectionMatrix();
     },
 
-    setTheme(theme) {
-      element.style.background = theme.background;
-      renderer.toneMappingExposure = theme.exposure;
-      key.intensity = theme.key;
-      fill.intensity = theme.fill;
-      scene.environmentIntensity = theme.surround;
-      ground.setTheme(theme);
-      invalidate();
-    },
-
     /** Draw at `now` [ms] if something has changed since, and it may; return whether it did. */
     draw(now) {
       controls.update();
       const took = pace.took(now);
       if (took !== null) judge(took);
-      if (!changed || !pace.may(now)) return false;
+      if (!changed || !pace.may(now) || !compiler.ready()) return false;
       changed = false;
       renderer.render(scene, camera);
       pace.begun(now);
@@ -160,4 +167,13 @@ export function createStage(element) {
       canvas.remove();
     },
   };
+}
+
+/** Return the name of what this browser draws with. */
+function rendererName() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const unmasked = gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL;
+  const name = String(gl.getParameter(unmasked ?? gl.RENDERER));
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }

@@ -17,6 +17,7 @@ const ROOM = 1.12;
 /** Views of a stage; where a wall faces `normal`, the first one looks at its face. */
 export function createViews(stage, invalidate, normal = null) {
   const { camera, controls } = stage;
+  const calm = globalThis.matchMedia?.("(prefers-reduced-motion: reduce)");
   let goal = null;
   let following = false;
   let points = [new THREE.Vector3()];
@@ -49,14 +50,14 @@ export function createViews(stage, invalidate, normal = null) {
   return {
     /** Tell what there is to see: points. */
     around(all) { points = all; },
-    /** Go to a view by its name; at once without `easing`. */
+    /** Go to a view by its name; at once without `easing`, and for who asks for little motion. */
     go(name, easing = true) {
       following = name === "follow";
       if (!(name in FROM)) return;
       const [x, y, z] = FROM[name];
       const behind = name === "home" && normal && normal[0] * x + normal[1] * y < 0;
       const to = seen(behind ? [-0.6 * x, y, z] : [x, y, z]);
-      if (!easing) {
+      if (!easing || calm?.matches) {
         camera.position.copy(to.position);
         controls.target.copy(to.target);
         controls.update();

@@ -74,6 +74,7 @@ export function createHandle(description, materials, stage, scale) {
     /** Where the handle is on the screen, from the canvas' corner [px]. */
     onScreen() {
       const [width, height] = stage.size();
+      stage.camera.updateMatrixWorld();
       const at = grip.getWorldPosition(new THREE.Vector3()).project(stage.camera);
       return [0.5 * (at.x + 1) * width, 0.5 * (1 - at.y) * height];
     },
