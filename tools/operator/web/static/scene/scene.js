@@ -161,6 +161,7 @@ export function createScene(element, description, drawn = {}) {
     abandon: handle.abandon,
     leadTo,
     setOptions,
+    upToDate: stage.upToDate,
     handleOnScreen: () => handle.onScreen(),
     /** Take up all room again after what is there has changed. */
     frame: frameAll,

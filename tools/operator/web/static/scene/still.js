@@ -15,5 +15,5 @@ for (const message of run.news) scene.update(message);
 if (run.states.length) scene.jump(run.states.at(-1));
 scene.setOptions({ view: asked.get("view") ?? "home", easing: false });
 globalThis.scene = scene;
-await new Promise((done) => { setTimeout(done, 600); });
+do await new Promise((done) => { setTimeout(done, 600); }); while (!scene.upToDate());
 document.body.dataset.ready = "true";

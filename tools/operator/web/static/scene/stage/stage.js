@@ -123,6 +123,8 @@ export function createStage(element, { fine = false } = {}) {
   return {
     scene, camera, controls, renderer, canvas, ground, invalidate, setTheme,
     size: () => [width, height],
+    /** Whether the picture shows all that there is. */
+    upToDate: () => !changed,
 
     /** Put the light so that all within a radius [m] of a centre has a shadow. */
     light(centre, radius) {
