@@ -6,6 +6,7 @@ the kernel's stamps of the first frame whose target has changed; rest is told by
 Force control and self-motion are off, as for `latency`.
 """
 
+import operator
 import os
 import signal
 import socket
@@ -13,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,7 +42,11 @@ STILL_S: Final = 0.08
 MOVING: Final = 0.01
 AT_REST: Final = 0.002
 """Joint rates of the rig's truth [rad/s]."""
+SLOWER: Final = 0.9
+"""A released key is felt once the arm goes so much of its speed [1]."""
 HELD_S: Final = 0.3
+TRIES: Final = 5
+"""Trials of each ending other than a key's release [1]."""
 GIVE_UP_S: Final = 3.0
 START_S: Final = 120.0
 PRESS_S: Final = 0.025
@@ -71,7 +77,7 @@ def bench(cell: Cell, quick: bool) -> Figures:
                 figures = _keys(site, opened, keys, period_s)
                 cpu = _cpu(site, opened, seconds)
                 opened.close()
-                endings = {e: _ending(site, browser, e) for e in ENDINGS}
+                endings = {e: _endings(site, browser, e) for e in ENDINGS}
                 viewers = {n: _viewers(site, browser, n, seconds, period_s) for n in VIEWERS}
         finally:
             browser.close()
@@ -104,6 +110,13 @@ class _Site:
         """Return how fast the arm moves, in truth, if that is told anew [rad/s]."""
         truth = newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)
         return None if truth is None else max(abs(rate) for rate in truth.dq)
+
+    def now(self) -> float:
+        """Return how fast the arm moves [rad/s]."""
+        speed = None
+        while speed is None:
+            speed = self.speed()
+        return speed
 
     def reaches(self, done: Callable[[float], bool]) -> float:
         """Return the wall time at which the arm's speed is what it should be; NaN if never [s]."""
@@ -145,7 +158,7 @@ def _site(cell: Cell) -> Iterator[_Site]:
 
 def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
     """Press and let go of a key, again and again."""
-    pressed, released, missed = [], [], 0
+    pressed, felt, released, missed = [], [], [], 0
     draw = np.random.default_rng(1)
     opened.enable()
     opened.switch_off("force")
@@ -159,14 +172,17 @@ def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
         opened.page.keyboard.down(key)
         changed_s = site.targets.changed_at(GIVE_UP_S)
         time.sleep(HELD_S)
+        less = SLOWER * site.now()
         opened.page.keyboard.up(key)
+        slower_s = site.reaches(partial(operator.gt, less))
         rest_s = site.reaches(lambda speed: speed < AT_REST)
         if changed_s is None or np.isnan(rest_s):
             missed += 1
             continue
         pressed.append(changed_s - opened.noted("keydown"))
+        felt.append(slower_s - opened.noted("keyup"))
         released.append(rest_s - opened.noted("keyup"))
-    press, stop = (percentiles(1e3 * np.array(each)) for each in (pressed, released))
+    press, slower, stop = (percentiles(1e3 * np.array(each)) for each in (pressed, felt, released))
     targets = {"press": 1e3 * (2 * period_s + PRESS_S), "stop": 1e3 * (2 * period_s + STOP_S)}
     return {
         "keys": keys,
@@ -174,14 +190,21 @@ def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
         "key_to_frame_ms": press,
         "key_target_ms": targets["press"],
         "key_met": press["p99"] < targets["press"] and not missed,
+        "release_to_slower_ms": slower,
         "release_to_rest_ms": stop,
         "release_target_ms": targets["stop"],
         "release_met": stop["p99"] < targets["stop"] and not missed,
     }
 
 
-def _ending(site: _Site, browser: Any, ending: str) -> float | None:
-    """Return the time from a page's end, as it was brought about, to rest [ms]; None if missed."""
+def _endings(site: _Site, browser: Any, ending: str) -> dict[str, float] | None:
+    """Return the times from a page's end, as it was brought about, to rest [ms]; None if missed."""
+    found = [_ending(site, browser, ending) for _ in range(TRIES)]
+    return None if np.isnan(found).any() else percentiles(1e3 * np.array(found))
+
+
+def _ending(site: _Site, browser: Any, ending: str) -> float:
+    """Return the time from one end of a page to rest [s]; NaN if missed."""
     opened = OpenPage(browser, site.address)
     opened.enable()
     focus = opened.context.new_cdp_session(opened.page)
@@ -191,6 +214,7 @@ def _ending(site: _Site, browser: Any, ending: str) -> float | None:
     opened.page.bring_to_front()
     opened.page.keyboard.down("d")
     site.reaches(lambda speed: speed > MOVING)
+    time.sleep(HELD_S)
     frozen = renderers() if ending == "frozen" else []
     begun_s = time.time()
     if other is not None:
@@ -207,7 +231,7 @@ def _ending(site: _Site, browser: Any, ending: str) -> float | None:
     if other is not None:
         begun_s = opened.noted("blur")
     opened.close()
-    return None if np.isnan(rest_s) else round(1e3 * (rest_s - begun_s), 1)
+    return rest_s - begun_s
 
 
 def _cpu(site: _Site, opened: OpenPage, seconds: float) -> Figures:
