@@ -19,14 +19,18 @@ from urllib.parse import urlencode, urlsplit
 from playwright.sync_api import Browser, sync_playwright
 
 from ...config.load import Cell, ConfigError, load_cell, shipped
+from ..host.local_plant import ChildDied
 from ..operator.web.scene import describe, mesh_files
 from .moments import MOMENTS, Moment, run_of
 from .whole import take_whole
 
 STATIC: Final = Path(__file__).resolve().parents[1] / "operator/web/static"
 PICTURES: Final = Path(__file__).resolve().parents[2] / "config/pictures/console"
-FLAGS: Final = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-"""Chromium without a graphics processor, and in a container."""
+FLAGS: Final = [
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-accelerated-2d-canvas",
+]  # fmt: skip
+"""Chromium without a graphics processor, and in a container; plots wait for no scene."""
 SIZE: Final = (800, 500)
 PATIENCE_MS: Final = 240_000
 """Without a graphics processor a picture may take long."""
@@ -147,7 +151,12 @@ def main(arguments: list[str] | None = None) -> int:
                 print(f"  {complaint}", file=sys.stderr)
             failed = failed or bool(complaints)
         if args.whole is not None:
-            take_whole(browser, cells[0], args.whole)
-            _shrink(args.whole, LARGEST_WHOLE)
+            try:
+                take_whole(browser, cells[0], args.whole)
+            except ChildDied as error:
+                print(error, file=sys.stderr)
+                failed = True
+            else:
+                _shrink(args.whole, LARGEST_WHOLE)
         browser.close()
     return 1 if failed else 0

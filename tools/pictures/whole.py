@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from ...config.load import Cell
 from ..bench.page.browser import OpenPage, children
-from ..host.local_plant import LocalPlant, free_port, listens
+from ..host.local_plant import ChildDied, LocalPlant, free_port, listens
 
 SIZE: Final = {"width": 1280, "height": 720}
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
@@ -27,23 +27,27 @@ NICEST: Final = 19
 
 
 def take_whole(browser: Any, cell: Cell, picture: Path) -> None:
-    """Write the picture of a cell's page while the arm presses and goes to a target."""
+    """Write the picture of a cell's page while the arm presses and goes to a target.
+
+    Raises `ChildDied` where the page did not keep the lease.
+    """
     port = free_port(socket.SOCK_STREAM)
     with LocalPlant(cell) as plant:
         plant.start_console([f"--listen=127.0.0.1:{port}"], {KEYS: "drives,watches"})
         plant.wait(plant.answers, START_S, "the daemon did not answer")
         plant.wait(lambda: listens(port), START_S, "the console did not answer")
-        address = f"http://127.0.0.1:{port}"
-        opened = OpenPage(browser, f"{address}/?key=drives", viewport=SIZE, color_scheme="dark")
+        opened = OpenPage(
+            browser, f"http://127.0.0.1:{port}/?key=drives", viewport=SIZE, color_scheme="dark"
+        )
         try:
             for pid in children("--type=gpu-process"):
                 os.setpriority(os.PRIO_PROCESS, pid, NICEST)
-            opened.page.goto(f"{address}/?fine")
             for _ in range(TRIES):
                 _drive(opened)
                 opened.page.screenshot(path=str(picture), timeout=1e3 * START_S)
                 if opened.mode() == "enabled":
-                    break
+                    return
+            raise ChildDied("the page lost the lease each time: this picture shows it at rest")
         finally:
             opened.close()
 

@@ -242,3 +242,30 @@ def test_points_of_a_scan_are_read_where_the_scanner_saw_them(in_node):
     """
     read = in_node(program, json.loads(told_scan(sent).text))
     assert np.reshape(read, (-1, 3)) == pytest.approx(points / 1000.0, rel=1e-6)
+
+
+def test_programs_are_used_only_once_the_browser_has_compiled_them(in_node):
+    program = """
+        const { createCompiler } = await load("scene/stage/compiler.js");
+        const told = [];
+        const scene = { things: [], traverse(each) { this.things.forEach(each); } };
+        let done = false;
+        const renderer = {
+            info: { programs: [1, 2].map((n) => ({ getUniforms: () => told.push(`asked ${n}`) })) },
+            compile: () => { told.push("compiled"); done = false; },
+        };
+        const compiler = createCompiler(renderer, scene, null, () => () => done);
+        const turns = (count) => told.push(...[...Array(count)].map(() => compiler.ready()));
+        turns(1);
+        scene.things.push({ material: [{}, {}] }, {});
+        turns(3);
+        done = true;
+        turns(4);
+        scene.things.push({ material: {} });
+        turns(1);
+        return told;
+    """
+    assert in_node(program, None) == [
+        True, "compiled", False, False, False, "asked 2", "asked 1", False, False, True, True,
+        "compiled", False,
+    ]  # fmt: skip
