@@ -85,6 +85,18 @@ def wait_text(plant, terminal, text, within_s=20.0):
     plant.until(lambda: text in terminal.text, within_s, f"{text!r} was not shown")
 
 
+def wait_restored(plant, terminal, within_s=5.0):
+    """Wait until the program has ended and the terminal is as it found it."""
+    plant.until(lambda: terminal.program.poll() is not None, 10.0)
+    try:
+        plant.until(terminal.restored, within_s)
+    except AssertionError as error:
+        settings = termios.tcgetattr(terminal.slave)
+        changed = [i for i, found in enumerate(terminal.found) if settings[i] != found]
+        error.add_note(f"settings {changed} differ; it showed at last {terminal.text[-400:]!r}")
+        raise
+
+
 def hold_key(plant, terminal, key, physics_s):
     """Send a key as a terminal does while it is held: once, a pause, then repeats."""
     start_s = plant.truth.time_s
@@ -233,8 +245,7 @@ def test_a_signal_leaves_the_terminal_as_it_was_and_the_arm_holding(plant, termi
     screen.type("m")
     plant.until(lambda: watcher.state.mode == "enabled", 10.0)
     screen.program.send_signal(number)
-    plant.until(lambda: screen.program.poll() is not None, 10.0)
-    plant.until(screen.restored, 5.0)
+    wait_restored(plant, screen)
     plant.until(lambda: watcher.state.mode == "hold", 3.0)
 
 
@@ -256,11 +267,11 @@ def test_a_daemon_that_vanishes_is_said_and_the_console_lives_on(plant, terminal
     plant.start_daemon()
     seen = len(screen.text)
     plant.until(lambda: "READY | xyz" in screen.text[seen:], 30.0)
+    seen = len(screen.text)
     screen.type("L")
-    wait_text(plant, screen, "m enables the arm", 10.0)
+    plant.until(lambda: "m enables the arm" in screen.text[seen:], 10.0)
     screen.type("q")
-    plant.until(lambda: screen.program.poll() is not None, 10.0)
-    plant.until(screen.restored, 5.0)
+    wait_restored(plant, screen)
 
 
 def test_a_script_is_played_on_a_running_daemon(plant):

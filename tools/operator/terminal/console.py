@@ -1,7 +1,8 @@
 """Terminal of an operator: keys one by one, scrolling lines, a status line below.
 
 Left as it was found, whatever ends the program: leaving the context restores it, and SIGINT,
-SIGTERM and SIGHUP only set `ended`, so that the program leaves in order.
+SIGTERM and SIGHUP only set `ended`, so that the program leaves in order. What is told after that
+is not shown: a reply may come while the lease is given back.
 """
 
 import os
@@ -31,6 +32,7 @@ class Console:
         self.ended = False
         """True once a signal, or the terminal's end, asks to leave."""
         self._status: list[str] = []
+        self._shown = False
         self._fd = sys.stdin.fileno()
 
     def __enter__(self) -> Self:
@@ -43,6 +45,7 @@ class Console:
         raw[6][termios.VSUSP] = b"\x00"
         raw[6][termios.VMIN], raw[6][termios.VTIME] = 1, 0
         termios.tcsetattr(self._fd, termios.TCSADRAIN, raw)
+        self._shown = True
         self._write(_HIDE_CURSOR)
         return self
 
@@ -55,6 +58,7 @@ class Console:
         try:
             self._write(("\n" if self._status else "") + _SHOW_CURSOR)
         finally:
+            self._shown = False
             termios.tcsetattr(self._fd, termios.TCSADRAIN, self._found)
             for number, handler in self._handlers.items():
                 signal.signal(number, handler)
@@ -89,6 +93,8 @@ class Console:
         return "\r\n".join(self._status)
 
     def _write(self, text: str) -> None:
+        if not self._shown:
+            return
         try:
             sys.stdout.write(text)
             sys.stdout.flush()
