@@ -1,5 +1,6 @@
 """Fields of every device on a CAN bus: its bus, its identifiers, its cyclic frames."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Final
 
@@ -26,20 +27,20 @@ class BusFrames:
     count: int = 1
 
 
-class OnBus(Section):
+class OnBus(Section, ABC):
     """Base of a device's table."""
 
     bus: Name | None = Field(
         None, description="bus that it is on; none: its mechanism's, or the first"
     )
 
+    @abstractmethod
     def identifiers(self) -> tuple[tuple[str, int], ...]:
         """Return the CAN identifiers that it uses, each with the key that sets it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:
         """Return its process data; `operation_mode` is that of the mechanism's drives."""
-        raise NotImplementedError
 
 
 class NodeIdentity(Section):

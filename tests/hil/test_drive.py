@@ -141,9 +141,8 @@ def test_a_held_key_moves_the_arm_and_letting_go_stops_it(plant, terminal):
     assert "lease ann (you) | round trip" in screen.text
 
     screen.type("q")
-    plant.until(lambda: screen.program.poll() is not None, 10.0)
+    wait_restored(plant, screen)
     assert screen.program.returncode == 0
-    plant.until(screen.restored, 5.0)
     plant.until(lambda: watcher.state.mode == "hold", 3.0)
 
 
@@ -257,6 +256,8 @@ def test_who_holds_the_lease_is_said_and_it_can_be_asked_for_again(plant, termin
     other.release()
     screen.type("L")
     wait_text(plant, screen, "lease granted to ann")
+    screen.type("tq")  # the reply comes while the lease is given back
+    wait_restored(plant, screen)
 
 
 def test_a_daemon_that_vanishes_is_said_and_the_console_lives_on(plant, terminal):

@@ -89,7 +89,6 @@ def drive(
             if now_s >= redraw_s:
                 redraw_s = now_s + REDRAW_S
                 console.show(*teleop.lines(now_s))
-        operator.on_event = ignore
 
 
 def _tell(console: Console, event: Event) -> None:
