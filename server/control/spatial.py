@@ -246,6 +246,13 @@ def pose_error(T_target: Pose, T: Pose) -> Array:
     return out
 
 
+def moved(T: Pose, step: Array) -> Pose:
+    """Return where a step (6,) [m, rad] in World axes leads T."""
+    R, p = np.empty((3, 3)), np.empty(3)
+    _move(T.R, T.p, step, R, p)
+    return Pose(R, p)
+
+
 def moved_near(T: Pose, step: Array, T_near: Pose, slack: tuple[float, float]) -> Pose:
     """Return where a step (6,) [m, rad] in World axes leads T, near another pose in World.
 
@@ -283,6 +290,15 @@ def _product(A: Array, B: Array) -> Array:
         for j in range(3):
             out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
     return out
+
+
+@compiled(MATRIX, VECTOR, VECTOR, TABLE, ROW)
+def _move(R: Array, p: Array, step: Array, R_moved: Array, p_moved: Array) -> None:
+    turn = rotation_exp(step[3:])
+    for i in range(3):
+        p_moved[i] = p[i] + step[i]
+        for j in range(3):
+            R_moved[i, j] = turn[i, 0] * R[0, j] + turn[i, 1] * R[1, j] + turn[i, 2] * R[2, j]
 
 
 @compiled(MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER, NUMBER)

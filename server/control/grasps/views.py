@@ -6,12 +6,11 @@ stays where it is by that, and relative error is never a position to correct: th
 force control.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from ..spatial import Pose, pose_error, rotation_exp, rotation_log
+from ..spatial import Pose, moved, pose_error, sizes
 
 FOLLOW_TIME_S = 2.0
 """Time constant with which a view follows the mean of all [s]."""
@@ -23,9 +22,8 @@ TOLD = (2e-3, 5e-3)
 def mean_of(views: Sequence[Pose]) -> Pose:
     """Return the mean of poses that are near each other."""
     first = views[0]
-    turns = sum((rotation_log(first.R.T @ view.R) for view in views[1:]), np.zeros(3))
-    p = sum((view.p for view in views[1:]), first.p)
-    return Pose(first.R @ rotation_exp(turns / len(views)), p / len(views))
+    ways = sum((pose_error(view, first) for view in views[1:]), np.zeros(6))
+    return moved(first, ways / len(views))
 
 
 def follow(T_wrist_payload: Pose, T_world_wrist: Pose, mean: Pose, part: float) -> Pose:
@@ -33,11 +31,9 @@ def follow(T_wrist_payload: Pose, T_world_wrist: Pose, mean: Pose, part: float) 
     target = T_world_wrist.inverse() @ mean
     if part >= 1.0:
         return target
-    way = part * pose_error(target, T_wrist_payload)
-    return Pose(rotation_exp(way[3:]) @ T_wrist_payload.R, T_wrist_payload.p + way[:3])
+    return moved(T_wrist_payload, part * pose_error(target, T_wrist_payload))
 
 
 def apart(a: Pose, b: Pose) -> tuple[float, float]:
     """Return how far two poses are from each other [m], [rad]."""
-    way = pose_error(a, b)
-    return math.sqrt(float(way[:3] @ way[:3])), math.sqrt(float(way[3:] @ way[3:]))
+    return sizes(pose_error(a, b))

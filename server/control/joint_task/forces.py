@@ -12,7 +12,7 @@ import numpy as np
 from ....config.schema.joint_task import JointTask as Section
 from ..arm.arm import Arm
 from ..grasps.held import Held
-from ..grasps.load_shares import grasp_maps, internal, load_shares
+from ..grasps.load_shares import greatest_force, internal, load_shares
 from ..mechanism.wrist import WristMemory
 from ..rigid_body import twist_at
 from ..scene import Flags
@@ -88,16 +88,14 @@ def grasping(
     """
     placed = [view.inverse() @ tool for view, tool in zip(views, tools, strict=True)]
     p = np.array([T.p for T in placed])
-    G = grasp_maps(p)
     exerted = tuple(
         None if h is None else rotate_twist(T.R, h) for T, h in zip(placed, felt, strict=True)
     )
     known = [h for h in exerted if h is not None]
-    desired, force = load_shares(G, weights, wrench), None
+    desired, force = load_shares(p, weights, wrench), None
     if len(known) == len(exerted):
         # Shares that are not equal are no strain: they are meant.
-        beyond = internal(G, np.array(known) - desired)
-        force = float(np.sqrt((beyond[:, :3] ** 2).sum(axis=1).max()))
+        force = greatest_force(internal(p, np.array(known) - desired))
     return Grasping(p, desired, exerted, force)
 
 

@@ -14,7 +14,7 @@ from ..stop.limiter import Limiter
 from ..stop.way_to_rest import Stop
 from .joint_task import JointTask
 from .members import Member, Together
-from .stretch import Stretch
+from .stretch import Carried, Stretch
 from .switch import held_together, let_go
 
 LimiterOf = Callable[[tuple[tuple[int, ...], ...]], Limiter]
@@ -27,6 +27,7 @@ class On(NamedTuple):
     task: JointTask
     together: Together
     stretch: Stretch
+    carried: Carried
 
     @property
     def stops(self) -> bool:
@@ -41,9 +42,8 @@ class On(NamedTuple):
 
     def shortfall(self, stop: Stop) -> float:
         """Return by how much a stop stretches the payload more than is promised [m]."""
-        members = self.together.members
-        views = [member.inputs.settings.T_wrist_mrf for member in members]
-        return self.stretch.shortfall(stop, views, self.together.grasps, self.together.giving_way)
+        together = self.together
+        return self.stretch.shortfall(stop, self.carried, together.grasps, together.giving_way)
 
 
 class JointTasks:
@@ -71,11 +71,13 @@ class JointTasks:
 
     def on(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> list[On]:
         """Return those that are on, with what they ask of their arms."""
-        return [
-            On(task, task.ask(memories, inputs), stretch)
-            for task, stretch in zip(self.tasks, self._stretches, strict=True)
-            if task.on(memories)
-        ]
+        found = []
+        for task, stretch in zip(self.tasks, self._stretches, strict=True):
+            if task.on(memories):
+                together = task.ask(memories, inputs)
+                views = [member.inputs.settings.T_wrist_mrf for member in together.members]
+                found.append(On(task, together, stretch, stretch.carried(views)))
+        return found
 
     def switched(
         self, name: str, on: bool, memories: Sequence[Memory], q: Sequence[Array]

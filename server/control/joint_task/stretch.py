@@ -23,6 +23,9 @@ STEP_S = 0.03
 MOST_SAMPLES = 24
 """At so many instants at most [1]."""
 
+Carried = tuple[Array, Array]
+"""Where bodies that joints move have the MRF: R (k, 3, 3) and p (k, 3) [m]."""
+
 
 class Stretch:
     """How far the grasps of some mechanisms of a cell move apart along stops."""
@@ -35,12 +38,15 @@ class Stretch:
         self._joints = np.array([body - 1 for body, _ in found])
         self._T_body_wrist = [T for _, T in found]
 
-    def shortfall(
-        self, stop: Stop, views: Sequence[Pose], grasps: Array, giving_way: float
-    ) -> float:
+    def carried(self, views: Sequence[Pose]) -> Carried:
+        """Return where each arm has the MRF; `views` are their T_wrist_mrf."""
+        in_body = [T @ view for T, view in zip(self._T_body_wrist, views, strict=True)]
+        return np.array([T.R for T in in_body]), np.array([T.p for T in in_body])
+
+    def shortfall(self, stop: Stop, carried: Carried, grasps: Array, giving_way: float) -> float:
         """Return by how much grasps move apart more than is promised [m], 0 for not.
 
-        `views` are T_wrist_mrf of each arm, `grasps` (k, 3) where the grasps are in the MRF [m].
+        `carried` is where each arm has the MRF, `grasps` (k, 3) where the grasps are in it [m].
         `giving_way` is the relative speed that force control asks for [m/s]: coming to rest from
         that is no stretch.
         """
@@ -50,11 +56,9 @@ class Stretch:
         samples = min(MOST_SAMPLES, 2 + int(to_go_s / STEP_S))
         times = np.arange(samples, dtype=np.float64) * (to_go_s / (samples - 1))
         times[-1] = to_go_s
-        in_body = [T @ view for T, view in zip(self._T_body_wrist, views, strict=True)]
-        R, p = np.array([T.R for T in in_body]), np.array([T.p for T in in_body])
         frames = self._forest.frames(stop.postures(times))
-        places = np.empty((samples, len(in_body), len(grasps), 3))
-        most = _most_apart(frames, self._joints, R, p, grasps, places)
+        places = np.empty((samples, len(self._joints), len(grasps), 3))
+        most = _most_apart(frames, self._joints, *carried, grasps, places)
         allowed = self._promised + 0.5 * giving_way * to_go_s
         return max(0.0, math.sqrt(most) - allowed)
 
