@@ -42,16 +42,12 @@ class Grips:
             found.append(Held(self._name, view, view, redefined=told))
         return found, mean
 
-    def followed(self, before: Sequence[Memory]) -> tuple[list[Held], Pose]:
+    def followed(self, wrists: Sequence[Pose], before: Sequence[Memory]) -> tuple[list[Held], Pose]:
         """Return the grasps one period later, and where the payload is in World.
 
-        That is the mean of the arms' views, which follow it.
+        That is the mean of the views of arms whose Wrists are at poses in World; they follow it.
         """
         held = [_held(memory) for memory in before]
-        wrists = [
-            arm.mechanism.pose_wrist(memory.motion.q)
-            for arm, memory in zip(self._arms, before, strict=True)
-        ]
         mean = mean_of([T @ h.T_wrist_payload for T, h in zip(wrists, held, strict=True)])
         found = []
         for T, h in zip(wrists, held, strict=True):

@@ -23,7 +23,7 @@ from ..evolve import evolve
 from ..grasps.held import Held, Holding
 from ..grasps.views import apart, mean_of
 from ..mechanism.joint_rates import Around
-from ..mechanism.kinematics import Kinematics
+from ..mechanism.kinematics import Kinematics, at_mrf
 from ..mechanism.null_space.redundancy import ObjectiveGains
 from ..mechanism.wrist import WristMemory
 from ..spatial import Array, Pose
@@ -207,14 +207,18 @@ class JointTask:
             wrists.append(arm.asking.measured(memory, own, T))
             seeding = told.intent is Intent.SEED
             before.append(arm.asking.seeded(memory, own) if seeding else memory)
+        commanded = [
+            arm.mechanism.wrist(memory.motion.q)
+            for arm, memory in zip(self.arms, before, strict=True)
+        ]
         if told.intent is Intent.SEED:
             held, mean = self.grips.taken(measured, before)
         else:
-            held, mean = self.grips.followed(before)
+            held, mean = self.grips.followed([T for T, _ in commanded], before)
         found = []
-        for i, arm in enumerate(self.arms):
+        for i, wrist in enumerate(commanded):
             given = _of_member(inputs[self.members[i]], told, held[i], T_payload_mrf)
-            k = arm.mechanism.kinematics(before[i].motion.q, given.settings.T_wrist_mrf)
+            k = at_mrf(*wrist, given.settings.T_wrist_mrf)
             found.append(_Of(before[i], given, measured[i], wrists[i], held[i], k))
         return found, mean
 

@@ -92,18 +92,22 @@ class Mechanism:
 
         `T_world_base` is where a Base that moves is now; None: where the cell has it.
         """
+        return at_mrf(*self.wrist(q, T_world_base), T_wrist_mrf)
+
+    def wrist(self, q: Array, T_world_base: Pose | None = None) -> tuple[Pose, Array]:
+        """Return T_world_wrist at joint angles q (n,) [rad], and the Wrist's Jacobian (6, n).
+
+        The twist is the Wrist's, World axes; `T_world_base` as for `kinematics`.
+        """
         J = pin.computeFrameJacobian(self.model, self._data, q, self.tip, self._align)
         T_world_wrist = self._placed(self._data.oMf[self.tip], T_world_base)
-        R, p = T_world_wrist
         if T_world_base is not None or not self._base_is_world:
             turn = self.T_world_base.R if T_world_base is None else T_world_base.R
             J = np.matmul(turn, J.reshape(2, 3, self.n)).reshape(6, self.n)
         if self.rolling is not None:
             J = J.copy()
-            J[:, :2] = self.rolling.columns(T_world_base or self.T_world_base, p)
-        T_world_mrf, moved = Pose(np.zeros((3, 3)), np.empty(3)), np.empty(J.shape)
-        _move_to_mrf(J, R, p, T_wrist_mrf.R, T_wrist_mrf.p, *T_world_mrf, moved)
-        return Kinematics(T_world_wrist, T_world_mrf, moved)
+            J[:, :2] = self.rolling.columns(T_world_base or self.T_world_base, T_world_wrist.p)
+        return T_world_wrist, J
 
     def pose_wrist(self, q: Array, T_world_base: Pose | None = None) -> Pose:
         """Return T_world_wrist at joint angles q (n,) [rad], without a Jacobian."""
@@ -142,6 +146,13 @@ class Mechanism:
         if T_world_base is not None:
             return T_world_base @ pose
         return pose if self._base_is_world else self.T_world_base @ pose
+
+
+def at_mrf(T_world_wrist: Pose, J_wrist: Array, T_wrist_mrf: Pose) -> Kinematics:
+    """Return the kinematics of a Wrist at a pose, whose Jacobian is (6, n), with its MRF."""
+    T_world_mrf, J = Pose(np.zeros((3, 3)), np.empty(3)), np.empty(J_wrist.shape)
+    _move_to_mrf(J_wrist, *T_world_wrist, *T_wrist_mrf, *T_world_mrf, J)
+    return Kinematics(T_world_wrist, T_world_mrf, J)
 
 
 def _reordered(model: "pin.Model", joints: tuple[str, ...]) -> "pin.Model":
