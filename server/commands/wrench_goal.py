@@ -4,7 +4,8 @@ import numpy as np
 
 from ...protocols.messages.messages import Frame
 from ..control.frame_tree import FrameTree
-from ..control.spatial import Array, Pose, rotate_twist
+from ..control.rigid_body import rotate_twist
+from ..control.spatial import Array, Pose
 from .frames.redefinition import wrench_kept
 
 

@@ -1,15 +1,32 @@
-"""Twists and wrenches of one rigid body at another of its points (Williams 1997, eqs. 1 and 5)."""
+"""Twists and wrenches of one rigid body in other axes and at another of its points.
+
+Williams 1997, eqs. 1 and 5.
+"""
 
 import numpy as np
 
 from .compiled import MATRIX, ROW, VECTOR, compiled
-from .spatial import Array, Pose, cross, sizes, skew
+from .spatial import Array, Pose, cross, sizes
 from .stop.motion import Motion
 
 
 def differ(a: Pose, b: Pose) -> bool:
     """Return whether two poses are not the same to the last bit."""
     return a is not b and not (np.array_equal(a.p, b.p) and np.array_equal(a.R, b.R))
+
+
+def rotate_twist(R: Array, twist: Array) -> Array:
+    """Return the same twist (6,) (or wrench), same point, in the axes that R (3, 3) maps to."""
+    out = np.empty(6)
+    _rotate(R, twist, out)
+    return out
+
+
+@compiled(MATRIX, VECTOR, ROW)
+def _rotate(R: Array, twist: Array, out: Array) -> None:
+    for i in range(3):
+        out[i] = R[i, 0] * twist[0] + R[i, 1] * twist[1] + R[i, 2] * twist[2]
+        out[3 + i] = R[i, 0] * twist[3] + R[i, 1] * twist[4] + R[i, 2] * twist[5]
 
 
 def twist_at(twist: Array, lever: Array) -> Array:
@@ -36,6 +53,12 @@ def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
     out = np.empty(6)
     _wrench_to(T_a_b.R, T_a_b.p, wrench_b, out)
     return out
+
+
+def skew(a: Array) -> Array:
+    """Return the matrix (3, 3) of `a ×`."""
+    x, y, z = a.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def jacobian_at(J: Array, lever: Array) -> Array:

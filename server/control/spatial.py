@@ -72,12 +72,6 @@ def rotation_rpy(roll: float, pitch: float, yaw: float) -> Array:
     )
 
 
-def skew(a: Array) -> Array:
-    """Return the matrix (3, 3) of `a ×`."""
-    x, y, z = a.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 @compiled(VECTOR, VECTOR)
 def cross(a: Array, b: Array) -> Array:
     """Return a × b (3,); several times quicker than numpy's for one pair."""
@@ -222,20 +216,6 @@ def from_target(R_target: Array, R: Array, w: Array) -> tuple[Array, Array]:
     return r, vector_rate(r, body)
 
 
-def rotate_twist(R: Array, twist: Array) -> Array:
-    """Return the same twist (6,) (or wrench), same point, in the axes that R (3, 3) maps to."""
-    out = np.empty(6)
-    _rotate(R, twist, out)
-    return out
-
-
-@compiled(MATRIX, VECTOR, ROW)
-def _rotate(R: Array, twist: Array, out: Array) -> None:
-    for i in range(3):
-        out[i] = R[i, 0] * twist[0] + R[i, 1] * twist[1] + R[i, 2] * twist[2]
-        out[3 + i] = R[i, 0] * twist[3] + R[i, 1] * twist[4] + R[i, 2] * twist[5]
-
-
 def pose_error(T_target: Pose, T: Pose) -> Array:
     """Return the twist (6,) in World axes that leads from T to T_target in one second.
 
@@ -258,7 +238,9 @@ def moved_near(T: Pose, step: Array, T_near: Pose, slack: tuple[float, float]) -
 
     It stays at most `slack` [m, rad] away from that.
     """
-    return Pose(*_moved_near(T.R, T.p, step, T_near.R, T_near.p, *slack))
+    R, p = np.empty((3, 3)), np.empty(3)
+    _move_near(T.R, T.p, step, T_near.R, T_near.p, *slack, R, p)
+    return Pose(R, p)
 
 
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR, TABLE, ROW)
@@ -283,15 +265,6 @@ def _way_to(R_target: Array, p_target: Array, R: Array, p: Array, out: Array) ->
         out[3 + i] = R[i, 0] * r[0] + R[i, 1] * r[1] + R[i, 2] * r[2]
 
 
-@compiled(MATRIX, MATRIX)
-def _product(A: Array, B: Array) -> Array:
-    out = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
-    return out
-
-
 @compiled(MATRIX, VECTOR, VECTOR, TABLE, ROW)
 def _move(R: Array, p: Array, step: Array, R_moved: Array, p_moved: Array) -> None:
     turn = rotation_exp(step[3:])
@@ -301,16 +274,24 @@ def _move(R: Array, p: Array, step: Array, R_moved: Array, p_moved: Array) -> No
             R_moved[i, j] = turn[i, 0] * R[0, j] + turn[i, 1] * R[1, j] + turn[i, 2] * R[2, j]
 
 
-@compiled(MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER, NUMBER)
-def _moved_near(
-    R: Array, p: Array, step: Array, R_near: Array, p_near: Array, slack_m: float, slack_rad: float
-) -> tuple[Array, Array]:
-    R, p = _product(rotation_exp(step[3:]), R), p + step[:3]
+@compiled(MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER, NUMBER, TABLE, ROW)
+def _move_near(
+    R: Array,
+    p: Array,
+    step: Array,
+    R_near: Array,
+    p_near: Array,
+    slack_m: float,
+    slack_rad: float,
+    R_moved: Array,
+    p_moved: Array,
+) -> None:
+    _move(R, p, step, R_moved, p_moved)
     away = np.empty(6)
-    _way_to(R, p, R_near, p_near, away)
+    _way_to(R_moved, p_moved, R_near, p_near, away)
     distance, angle = sizes(away)
     if distance > slack_m or angle > slack_rad:
-        p = p_near + away[:3] / max(1.0, distance / slack_m)
-        turn = rotation_exp(away[3:] / max(1.0, angle / slack_rad))
-        R = _product(turn, R_near)
-    return R, p
+        for i in range(3):
+            away[i] /= max(1.0, distance / slack_m)
+            away[3 + i] /= max(1.0, angle / slack_rad)
+        _move(R_near, p_near, away, R_moved, p_moved)

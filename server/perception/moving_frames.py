@@ -17,7 +17,8 @@ from ...config.schema.moving import Frames, MovingFrame
 from ...config.schema.section import Pose as Place
 from ...protocols.messages.moving import FrameNews
 from ..control.frame_tree import Body, Moved
-from ..control.spatial import Array, Pose, rotate_twist, rotation_exp
+from ..control.rigid_body import rotate_twist
+from ..control.spatial import Array, Pose, rotation_exp
 from ..control.state import Memory
 from ..refusals import Refused, Why
 from ..runtime.events import Events

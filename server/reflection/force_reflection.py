@@ -10,7 +10,8 @@ import numpy as np
 
 from ...config.schema.reflection import Reflection as ReflectionSection
 from ...protocols.messages.reflection import Reflection
-from ..control.spatial import Array, rotate_twist
+from ..control.rigid_body import rotate_twist
+from ..control.spatial import Array
 from ..control.task.gains import GAIN_TIME_S
 from .passivity import Port, admit
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...server.control.spatial import GRAVITY, Array, Pose, skew
+from ...server.control.rigid_body import skew
+from ...server.control.spatial import GRAVITY, Array, Pose
 
 WORST_CONDITION = 12.0
 """Attitudes whose directions of gravity are worse spread tell too little [1]."""

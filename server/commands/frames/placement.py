@@ -6,7 +6,8 @@ import numpy as np
 
 from ....protocols.messages.messages import Attitude, Frame, Place
 from ....protocols.messages.motion import PathMotion
-from ...control.spatial import Pose, rotate_twist, rotation_rpy
+from ...control.rigid_body import rotate_twist
+from ...control.spatial import Pose, rotation_rpy
 from ...control.task.paths.goals import PathGoal, Route, TwistRoute, TwistSegment
 
 PoseOf = Callable[[Frame], Pose]

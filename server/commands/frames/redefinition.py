@@ -2,8 +2,8 @@
 
 from ....protocols.messages.moving import FrameRequest
 from ...control.frame_tree import FrameTree
-from ...control.rigid_body import wrench_to
-from ...control.spatial import Array, Pose, rotate_twist, rotation_rpy
+from ...control.rigid_body import rotate_twist, wrench_to
+from ...control.spatial import Array, Pose, rotation_rpy
 
 
 def placed_frame(request: FrameRequest, tree: FrameTree, parent: str) -> Pose:

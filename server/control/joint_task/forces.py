@@ -14,9 +14,9 @@ from ..arm.arm import Arm
 from ..grasps.held import Held
 from ..grasps.load_shares import greatest_force, internal, load_shares
 from ..mechanism.wrist import WristMemory
-from ..rigid_body import twist_at
+from ..rigid_body import rotate_twist, twist_at
 from ..scene import Flags
-from ..spatial import GRAVITY, Array, Pose, cross, rotate_twist
+from ..spatial import GRAVITY, Array, Pose, cross
 from ..state import Inputs, Intent
 from ..task.bleed import bleed
 from ..task.sources.force import ForceState, desired_wrench

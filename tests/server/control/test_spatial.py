@@ -1,7 +1,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from telerobot.server.control.rigid_body import twist_at, wrench_to
+from telerobot.server.control.rigid_body import rotate_twist, skew, twist_at, wrench_to
 from telerobot.server.control.spatial import (
     Pose,
     cross,
@@ -9,12 +9,10 @@ from telerobot.server.control.spatial import (
     moved_near,
     pose_error,
     right_jacobian,
-    rotate_twist,
     rotation_exp,
     rotation_log,
     rotation_rpy,
     sizes,
-    skew,
     turned,
     vector_rate,
 )

@@ -18,7 +18,8 @@ from ....server.control.mechanism.backbone.curve import Curve
 from ....server.control.mechanism.backbone.exterior import Bow, Chord
 from ....server.control.mechanism.backbone.fit import Links
 from ....server.control.mechanism.backbone.interior import Arcs, Turn
-from ....server.control.spatial import Array, Pose, skew
+from ....server.control.rigid_body import skew
+from ....server.control.spatial import Array, Pose
 from ..figures import Figures
 
 JOINTS = (10, 30, 100, 300, 1000)

@@ -5,7 +5,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...spatial import Array, Pose, pose_error, rotate_twist
+from ...rigid_body import rotate_twist
+from ...spatial import Array, Pose, pose_error
 from .free import Free, FreePlanner
 from .goals import Goal, PathGoal, Pursuit, Route, TwistRoute
 from .straight import Path, StraightPlanner

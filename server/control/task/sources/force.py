@@ -12,8 +12,8 @@ import numpy as np
 
 from .....config.schema.sources.force import Force as Section
 from ...compiled import MATRIX, ROW, VECTOR, compiled
-from ...rigid_body import twist_at, wrench_to
-from ...spatial import Array, rotate_twist
+from ...rigid_body import rotate_twist, twist_at, wrench_to
+from ...spatial import Array
 from ..bleed import bleed
 from ..source import NO_TWIST, Context, Redefined, Shaping, Source
 

@@ -7,8 +7,8 @@ direction when joints saturate; a stick that falls silent fades by the same boun
 from typing import Final, NamedTuple
 
 from .....config.schema.sources.joystick import Joystick as Section
-from ...rigid_body import motion_at
-from ...spatial import Array, rotate_twist
+from ...rigid_body import motion_at, rotate_twist
+from ...spatial import Array
 from ...stop.motion import Motion
 from ...stop.trajectory import VelocityPlanner
 from ..source import NO_TWIST, Context, Redefined, Shaping, Source

@@ -14,8 +14,8 @@ import numpy as np
 
 from .....config.schema.sources.position import Position as Section
 from ...compiled import MATRIX, ROW, VECTOR, compiled
-from ...rigid_body import differ, motion_at, twist_at
-from ...spatial import Array, Pose, pose_error, rotate_twist
+from ...rigid_body import differ, motion_at, rotate_twist, twist_at
+from ...spatial import Array, Pose, pose_error
 from ...stop.motion import Motion
 from ..asked import Asked
 from ..paths.free import Free

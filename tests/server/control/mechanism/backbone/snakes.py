@@ -6,7 +6,8 @@ from telerobot.server.control.mechanism.backbone.curve import Curve
 from telerobot.server.control.mechanism.backbone.exterior import Bow, Chord
 from telerobot.server.control.mechanism.backbone.fit import Links
 from telerobot.server.control.mechanism.backbone.interior import Arcs, Turn
-from telerobot.server.control.spatial import Pose, skew
+from telerobot.server.control.rigid_body import skew
+from telerobot.server.control.spatial import Pose
 
 X, Y, Z = np.eye(3)
 
