@@ -10,3 +10,9 @@ class Joystick(Source):
     """Rates from a stick, times a gain per axis (K_HC)."""
 
     gain: Vector6 = Field((1.0,) * 6, description="K_HC [1]")
+    braking: float = Field(
+        1.0,
+        ge=1,
+        le=5,
+        description="a released stick comes to rest so many times as quickly as it sets out [1]",
+    )

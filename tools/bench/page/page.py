@@ -53,7 +53,7 @@ PRESS_S: Final = 0.025
 STOP_S: Final = 0.05
 """Targets: p99 below two periods and this [s]."""
 VIEWERS: Final = (0, 1, 10)
-ENDINGS: Final = ("blur", "closed", "frozen")
+ENDINGS: Final = ("blur", "closed", "killed", "frozen")
 
 
 def bench(cell: Cell, quick: bool) -> Figures:
@@ -216,6 +216,7 @@ def _ending(site: _Site, browser: Any, ending: str) -> float:
     site.reaches(lambda speed: speed > MOVING)
     time.sleep(HELD_S)
     frozen = renderers() if ending == "frozen" else []
+    killed = renderers() if ending == "killed" else []
     begun_s = time.time()
     if other is not None:
         other.bring_to_front()
@@ -223,6 +224,8 @@ def _ending(site: _Site, browser: Any, ending: str) -> float:
         opened.page.close()
     for pid in frozen:
         os.kill(pid, signal.SIGSTOP)
+    for pid in killed:
+        os.kill(pid, signal.SIGKILL)
     try:
         rest_s = site.reaches(lambda speed: speed < AT_REST)
     finally:

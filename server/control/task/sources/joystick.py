@@ -1,10 +1,13 @@
 """The operator's stick: rates, scaled by K_HC (Williams 1997, section 2.2).
 
 Shaped in Cartesian acceleration and jerk before it enters the sum, so that the motion keeps its
-direction when joints saturate; a stick that falls silent fades by the same bounds.
+direction when joints saturate. A stick that is released or falls silent may come to rest more
+quickly than it set out.
 """
 
 from typing import Final, NamedTuple
+
+import numpy as np
 
 from .....config.schema.sources.joystick import Joystick as Section
 from ...rigid_body import motion_at, rotate_twist
@@ -33,7 +36,13 @@ class Joystick(Source[JoystickState]):
 
     def __init__(self, section: Section, shaping: Shaping) -> None:
         self._shaping = shaping
-        self._planner = VelocityPlanner(shaping.acceleration, shaping.jerk)
+        self._planner = self._braking = VelocityPlanner(shaping.acceleration, shaping.jerk)
+        quicker = section.braking
+        if quicker != 1.0:
+            # Time scaled down: the same way to rest, so many times as quickly.
+            self._braking = VelocityPlanner(
+                quicker * shaping.acceleration, quicker**2 * shaping.jerk
+            )
 
     def idle(self) -> JoystickState:
         """Return the state of a released stick."""
@@ -48,7 +57,8 @@ class Joystick(Source[JoystickState]):
             stick, state = None, _RELEASED
         if stick is not None:
             target = rotate_twist(stick.R_world_axes, gain * stick.twist)
-        shaped = self._planner.shape(state.motion, target, self._shaping.period_s)
+        planner = self._planner if np.count_nonzero(target) else self._braking
+        shaped = planner.shape(state.motion, target, self._shaping.period_s)
         if shaped is state.motion:
             return NO_TWIST, state
         return shaped.dq, JoystickState(shaped)

@@ -55,6 +55,29 @@ def test_a_stick_that_falls_silent_fades_to_exactly_nothing_in_the_same_directio
         assert (speeds >= -1e-12).all()
 
 
+def test_a_braking_stick_goes_the_same_way_to_rest_in_half_the_time(rng):
+    twist = rng.uniform(-1, 1, 6) * [0.3, 0.3, 0.3, 1, 1, 1]
+    plain, quick = (Joystick(Section(braking=b), SHAPING) for b in (1.0, 2.0))
+    held, state = hold(plain, twist, 1.0)
+    same, _ = hold(quick, twist, 1.0)
+    np.testing.assert_array_equal(same, held)
+    slow, _ = hold(plain, None, 1.0, state)
+    for released in (None, np.zeros(6)):
+        fast, _ = hold(quick, released, 0.5, state)
+        np.testing.assert_allclose(fast, slow[1::2], atol=1e-8)
+
+
+def test_a_braking_stick_that_is_taken_up_again_goes_on_inside_its_own_bounds():
+    source, twist = Joystick(Section(braking=2.0), SHAPING), np.full(6, 0.3)
+    _, state = hold(source, twist, 1.0)
+    released, state = hold(source, None, 0.03, state)
+    rates, state = hold(source, twist, 1.0, state)
+    steps = np.diff(np.vstack([released, rates]), 2, axis=0)
+    assert (np.abs(steps) <= 4.0 * J * T**2 * (1 + 1e-6)).all()
+    assert (np.abs(steps[4:]) <= J * T**2 * (1 + 1e-6)).all()
+    np.testing.assert_allclose(rates[-1], twist, atol=1e-9)
+
+
 def test_a_stick_thrown_from_side_to_side_breaks_no_bound(rng):
     source, state, rates = Joystick(Section(), SHAPING), JoystickState.idle(), []
     for _ in range(300):
