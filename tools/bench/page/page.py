@@ -25,6 +25,7 @@ from ....protocols import topics as t
 from ....protocols.canopen.can301 import SYNC_ID
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import State
+from ....server.control.spatial import Array
 from ...host.local_plant import LocalPlant, free_port, listens
 from ...operator.client.sensor_session import newest
 from ...operator.client.session import Session
@@ -40,10 +41,10 @@ SECONDS: Final = 20.0
 QUICK_SECONDS: Final = 5.0
 STILL_S: Final = 0.08
 MOVING: Final = 0.01
-AT_REST: Final = 0.002
-"""Joint rates of the rig's truth [rad/s]."""
-SLOWER: Final = 0.9
-"""A released key is felt once the arm goes so much of its speed [1]."""
+"""Joint rate of the rig's truth [rad/s]."""
+LEFT: Final = {"slower": 0.9, "rest": 0.05, "settled": 0.01}
+"""What is left of the arm's speed once a release is felt, once it has stopped, and once its servos
+have settled, which takes them some 0.1 mrad [1]."""
 HELD_S: Final = 0.3
 TRIES: Final = 5
 """Trials of each ending other than a key's release [1]."""
@@ -77,7 +78,7 @@ def bench(cell: Cell, quick: bool) -> Figures:
                 figures = _keys(site, opened, keys, period_s)
                 cpu = _cpu(site, opened, seconds)
                 opened.close()
-                endings = {e: _endings(site, browser, e) for e in ENDINGS}
+                endings = [_endings(site, browser, ending) for ending in ENDINGS]
                 viewers = {n: _viewers(site, browser, n, seconds, period_s) for n in VIEWERS}
         finally:
             browser.close()
@@ -90,7 +91,7 @@ def bench(cell: Cell, quick: bool) -> Figures:
         "load_1min": round(os.getloadavg()[0], 1),
         "start_to_steer_s": round(ready_s, 2),
         **figures,
-        **{f"{ending}_to_rest_ms": value for ending, value in endings.items()},
+        **{name: value for figures in endings for name, value in figures.items()},
         **cpu,
         **{f"viewers_{n}": figures for n, figures in viewers.items()},
     }
@@ -128,6 +129,13 @@ class _Site:
             time.sleep(0.0005)
         return float("nan")
 
+    def stops(self, held: float) -> list[float]:
+        """Return the wall times at which the arm is slower than it was held at, at rest, settled.
+
+        In seconds, of joints that went at `held` [rad/s].
+        """
+        return [self.reaches(partial(operator.gt, left * held)) for left in LEFT.values()]
+
     def overruns(self) -> int:
         """Return the daemon's overruns so far."""
         state = None
@@ -158,7 +166,7 @@ def _site(cell: Cell) -> Iterator[_Site]:
 
 def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
     """Press and let go of a key, again and again."""
-    pressed, felt, released, missed = [], [], [], 0
+    pressed, released, missed = [], [], 0
     draw = np.random.default_rng(1)
     opened.enable()
     opened.switch_off("force")
@@ -172,17 +180,16 @@ def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
         opened.page.keyboard.down(key)
         changed_s = site.targets.changed_at(GIVE_UP_S)
         time.sleep(HELD_S)
-        less = SLOWER * site.now()
+        held = site.now()
         opened.page.keyboard.up(key)
-        slower_s = site.reaches(partial(operator.gt, less))
-        rest_s = site.reaches(lambda speed: speed < AT_REST)
-        if changed_s is None or np.isnan(rest_s):
+        stops_s = np.array(site.stops(held))
+        if changed_s is None or np.isnan(stops_s).any():
             missed += 1
             continue
         pressed.append(changed_s - opened.noted("keydown"))
-        felt.append(slower_s - opened.noted("keyup"))
-        released.append(rest_s - opened.noted("keyup"))
-    press, slower, stop = (percentiles(1e3 * np.array(each)) for each in (pressed, felt, released))
+        released.append(stops_s - opened.noted("keyup"))
+    press = percentiles(1e3 * np.array(pressed))
+    stops = _told("release", np.array(released).reshape(-1, len(LEFT)))
     targets = {"press": 1e3 * (2 * period_s + PRESS_S), "stop": 1e3 * (2 * period_s + STOP_S)}
     return {
         "keys": keys,
@@ -190,21 +197,25 @@ def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
         "key_to_frame_ms": press,
         "key_target_ms": targets["press"],
         "key_met": press["p99"] < targets["press"] and not missed,
-        "release_to_slower_ms": slower,
-        "release_to_rest_ms": stop,
+        **stops,
         "release_target_ms": targets["stop"],
-        "release_met": stop["p99"] < targets["stop"] and not missed,
+        "release_met": stops["release_to_rest_ms"]["p99"] < targets["stop"] and not missed,
     }
 
 
-def _endings(site: _Site, browser: Any, ending: str) -> dict[str, float] | None:
-    """Return the times from a page's end, as it was brought about, to rest [ms]; None if missed."""
-    found = [_ending(site, browser, ending) for _ in range(TRIES)]
-    return None if np.isnan(found).any() else percentiles(1e3 * np.array(found))
+def _endings(site: _Site, browser: Any, ending: str) -> Figures:
+    """Return the times from a page's end, as it was brought about; NaN where one was missed."""
+    return _told(ending, np.array([_ending(site, browser, ending) for _ in range(TRIES)]))
 
 
-def _ending(site: _Site, browser: Any, ending: str) -> float:
-    """Return the time from one end of a page to rest [s]; NaN if missed."""
+def _told(what: str, stops_s: Array) -> Figures:
+    """Return the figures of times (k, 3) [s] from what ended a motion to each part of its stop."""
+    names = [f"{what}_to_{left}_ms" for left in LEFT]
+    return {name: percentiles(1e3 * s) for name, s in zip(names, stops_s.T, strict=True)}
+
+
+def _ending(site: _Site, browser: Any, ending: str) -> Array:
+    """Return the times (3,) from one end of a page to each part of the stop [s]; NaN if missed."""
     opened = OpenPage(browser, site.address)
     opened.enable()
     focus = opened.context.new_cdp_session(opened.page)
@@ -215,6 +226,7 @@ def _ending(site: _Site, browser: Any, ending: str) -> float:
     opened.page.keyboard.down("d")
     site.reaches(lambda speed: speed > MOVING)
     time.sleep(HELD_S)
+    held = site.now()
     frozen = renderers() if ending == "frozen" else []
     killed = renderers() if ending == "killed" else []
     begun_s = time.time()
@@ -227,14 +239,14 @@ def _ending(site: _Site, browser: Any, ending: str) -> float:
     for pid in killed:
         os.kill(pid, signal.SIGKILL)
     try:
-        rest_s = site.reaches(lambda speed: speed < AT_REST)
+        stops_s = np.array(site.stops(held))
     finally:
         for pid in frozen:
             os.kill(pid, signal.SIGCONT)
     if other is not None:
         begun_s = opened.noted("blur")
     opened.close()
-    return rest_s - begun_s
+    return stops_s - begun_s
 
 
 def _cpu(site: _Site, opened: OpenPage, seconds: float) -> Figures:

@@ -23,8 +23,8 @@ from ..client.session import NotCertified
 from ..words.refusals import refusal_words
 from .neutral import STREAMS, neutral, stream_name
 
-HELD_S: Final = 0.05
-"""Motion of a page that is silent for longer ends [s]."""
+HELD_S: Final = 0.04
+"""Motion of a page that is silent for longer ends [s]: four beats that do not come."""
 
 LAPSED_S: Final = 0.25
 """Keys of a page that was silent for longer count only once they were let go of [s]."""
