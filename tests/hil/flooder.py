@@ -92,7 +92,7 @@ class Deaf:
                     return
                 there.sendall(content)
                 carried += len(content)
-            time.sleep(3600)
+            threading.Event().wait()  # reads no more
         except OSError:
             return
 

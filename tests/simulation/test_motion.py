@@ -289,7 +289,8 @@ def test_a_stick_is_clutched_and_scaled_too(play):
         assert speeds[t][1] == pytest.approx(linear, abs=1e-6)
         assert speeds[t][5] == pytest.approx(angular, abs=1e-6)
     v = np.array([s.sources["joystick"][1] for s in run.states])
-    bound = run.simulation.cell.config.limits.acceleration
+    config = run.simulation.cell.config
+    bound = config.sources.joystick.braking * config.limits.acceleration
     assert (np.abs(np.diff(v)) <= 1.01 * bound * 0.01).all()
 
 
