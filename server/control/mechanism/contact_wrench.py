@@ -86,9 +86,8 @@ class ContactWrench:
         self._calibration = np.eye(6) if calibration is None else calibration
         self._reading_of = np.linalg.inv(self._calibration)
         self._max_acceleration = max_acceleration
-        # Scratch: the transform of the MRF asked for last.
-        self._mrf = Pose.identity()
-        self._T_mrf_sensor = T_wrist_sensor
+        # Scratch: the two frames asked for last, and the Sensor in them; the latest first.
+        self._frames = [(Pose.identity(), T_wrist_sensor)] * 2
 
     def weight(self, R_world_sensor: Array, load: Array) -> Array:
         """Return the reading (6,) that the payload's weight alone makes, exerted sign."""
@@ -160,10 +159,12 @@ class ContactWrench:
     def _at_mrf(self, wrench: Array | None, T_wrist_mrf: Pose) -> Array | None:
         if wrench is None:
             return None
-        if T_wrist_mrf is not self._mrf:
-            self._mrf = T_wrist_mrf
-            self._T_mrf_sensor = T_wrist_mrf.inverse() @ self.T_wrist_sensor
-        return wrench_to(self._T_mrf_sensor, wrench)
+        latest, other = self._frames
+        if T_wrist_mrf is not latest[0]:
+            if T_wrist_mrf is not other[0]:
+                other = (T_wrist_mrf, T_wrist_mrf.inverse() @ self.T_wrist_sensor)
+            self._frames = [other, latest]
+        return wrench_to(self._frames[0][1], wrench)
 
 
 @compiled(VECTOR, VECTOR)
