@@ -8,12 +8,12 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 from ....protocols import topics as t
 from ....protocols.codec import encode
 from ....protocols.messages import requests
-from ....protocols.messages.telemetry import Event, State
+from ....protocols.messages.telemetry import Description, Event, State
 from ....protocols.topics import Role
 from ..client.connection import Connection, OperatorError
 from ..words.events import event_words
@@ -34,6 +34,18 @@ KEPT_EVENTS: Final = 50
 """Events that a page is told which comes later [1]."""
 
 
+class DaemonLink(NamedTuple):
+    """How the daemon is reached, and by whom."""
+
+    daemon: str
+    """"alive", or "silent"."""
+    pages: int
+    """Pages that are open [1]."""
+    holders: list[str]
+    """Names of the pages that hold a lease."""
+    description: Description | None
+
+
 class PageHub:
     """Passes on what the daemon tells, and what the pages send."""
 
@@ -43,7 +55,7 @@ class PageHub:
         self._surroundings: WorldNews | None = None
         self._tried_s = self._stated_s = float("-inf")
         self._cause: Event | None = None
-        self._link: dict[str, Any] = {}
+        self._link = DaemonLink("silent", 0, [], None)
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
         self.pages: set[Page] = set()
 
@@ -152,20 +164,24 @@ class PageHub:
         connection = self._connection
         since = None if connection is None else connection.state_since_s
         silent = since is None or time.monotonic() - since > SILENT_S
-        described = None if connection is None else connection.description
-        link = {
-            "daemon": "silent" if silent else "alive",
-            "pages": len(self.pages),
-            "holders": sorted(p.client.name for p in self.pages if p.client.secret is not None),
-            "description": None if described is None else described.model_dump(mode="json"),
-        }
-        if link != self._link:
-            self._link = link
+        told = self._link
+        self._link = DaemonLink(
+            "silent" if silent else "alive",
+            len(self.pages),
+            sorted(p.client.name for p in self.pages if p.client.secret is not None),
+            None if connection is None else connection.description,
+        )
+        if self._link != told:
             for page in self.pages:
                 self._tell_link(page)
 
     def _tell_link(self, page: Page) -> None:
-        page.tell({"type": "link", "you": page.client.name, "role": str(page.role), **self._link})
+        link = self._link
+        described = None if link.description is None else link.description.model_dump(mode="json")
+        page.tell(
+            {"type": "link", "you": page.client.name, "role": str(page.role)}
+            | {**link._asdict(), "description": described}
+        )
 
 
 def limits_of(state: State) -> dict[str, str]:
