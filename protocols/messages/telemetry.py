@@ -48,6 +48,7 @@ class TaskState(Message):
     frame_age_ticks: dict[str, Count | None] = Field(default_factory=dict)
     target_mrf: Vector6 | None
     wrench_mrf: Vector6 | None
+    """What the arm exerts at its MRF; of a task that several hold, what the payload does."""
     wrench_sensor: Vector6 | None = None
     payload: tuple[float, float, float, float] | None = None
     gripper_closed: bool | None = None

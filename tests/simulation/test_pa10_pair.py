@@ -50,6 +50,23 @@ def test_state_tells_of_the_task_and_of_each_arm(stopped):
     np.testing.assert_allclose(state.tasks["beam"].pose_mrf_measured[:3], at[:3], atol=1e-3)
 
 
+def test_the_task_tells_what_the_beam_presses_on_and_not_what_it_weighs(cell):
+    simulation = Simulation(cell, load_script("two_nodes"))
+    run = Run(simulation, simulation.run(until=lambda: simulation.clock.time_s > 5.5))
+    truths = {round(truth.time_s, 3): np.array(truth.beam.push) for truth in run.truths}
+    told = [
+        (np.array(state.tasks["beam"].wrench_mrf[:3]), truths[round(state.time_s, 3)])
+        for state in run.states[1:]
+        if round(state.time_s, 3) in truths
+    ]
+    off = [np.linalg.norm(told - truth) for told, truth in told]
+    touching = [np.linalg.norm(truth) > 5.0 for _, truth in told]
+    assert sum(touching) > 100, "the pegs touched nothing"
+    assert np.median([o for o, touches in zip(off, touching, strict=True) if touches]) < 0.5
+    assert np.mean([o for o, touches in zip(off, touching, strict=True) if not touches]) < 0.2
+    assert run.states[-1].wrench_mrf[2] > 15.0, "an arm's own task tells what it carries"
+
+
 def test_a_command_without_a_name_is_for_the_task_that_holds_the_first_arm(play, cell):
     run = play({"at_s": 0.1, "for_s": 0.8, "cmd/joystick": BACK}, seconds=1.2, cell=cell)
     np.testing.assert_allclose(moved(run), [-0.064, 0.0, 0.04], atol=0.02)

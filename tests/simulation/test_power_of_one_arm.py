@@ -1,7 +1,7 @@
 """One arm of two that hold a beam loses its power on the move: its brakes fall in, the other stops.
 
-By physics truth. All directions stand in `server/control/joint_task/README.md`: backwards with the right
-arm's brakes, and along the beam, it is more than the 30 N that are wanted.
+By physics truth. All directions stand in `server/control/joint_task/README.md`: backwards with the
+right arm's brakes, and along the beam, it is more than the 30 N that are wanted.
 """
 
 import numpy as np

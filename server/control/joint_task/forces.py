@@ -12,7 +12,7 @@ import numpy as np
 from ....config.schema.joint_task import JointTask as Section
 from ..arm.arm import Arm
 from ..grasps.held import Held
-from ..grasps.load_shares import greatest_force, internal, load_shares
+from ..grasps.load_shares import greatest_force, internal, load_shares, total
 from ..mechanism.wrist import WristMemory
 from ..rigid_body import rotate_twist, twist_at
 from ..scene import Flags
@@ -43,6 +43,8 @@ class Grasping(NamedTuple):
     """Each arm's share of the weight, and of the wrench that an operator asks for."""
     exerted: tuple[Array | None, ...]
     """Wrench that each exerts (6,), None when stale."""
+    contact: Array | None
+    """Wrench (6,) of the payload on what it touches, or that speeds it up; None without all."""
     internal_force: float | None
     """Greatest force that moves nothing, beyond what the shares mean [N]; None without all."""
 
@@ -79,12 +81,14 @@ def grasping(
     tools: Sequence[Pose],
     felt: Sequence[Array | None],
     weights: Array,
-    wrench: Array,
+    weight: Array,
+    asked: Array,
 ) -> Grasping:
-    """Return the forces at k grasps that are to exert a wrench (6,) together, at and in the MRF.
+    """Return the forces at k grasps that hold a payload up and exert a wrench, at and in the MRF.
 
-    `views` are T_wrist_mrf, `tools` where each arm's grasp is in its Wrist, `felt` what each
-    exerts (6,) at and in its grasp, None when stale; `weights` (k, 6) are the diagonals of W.
+    `weight` (6,) holds it up, `asked` (6,) is what it is to exert; `views` are T_wrist_mrf, `tools`
+    where each arm's grasp is in its Wrist, `felt` what each exerts (6,) at and in its grasp, None
+    when stale; `weights` (k, 6) are the diagonals of W.
     """
     placed = [view.inverse() @ tool for view, tool in zip(views, tools, strict=True)]
     p = np.array([T.p for T in placed])
@@ -92,11 +96,13 @@ def grasping(
         None if h is None else rotate_twist(T.R, h) for T, h in zip(placed, felt, strict=True)
     )
     known = [h for h in exerted if h is not None]
-    desired, force = load_shares(p, weights, wrench), None
-    if len(known) == len(exerted):
-        # Shares that are not equal are no strain: they are meant.
-        force = greatest_force(internal(p, np.array(known) - desired))
-    return Grasping(p, desired, exerted, force)
+    desired = load_shares(p, weights, weight + asked)
+    if len(known) < len(exerted):
+        return Grasping(p, desired, exerted, None, None)
+    each = np.array(known)
+    # Shares that are not equal are no strain: they are meant.
+    force = greatest_force(internal(p, each - desired))
+    return Grasping(p, desired, exerted, total(p, each) - weight, force)
 
 
 def without_load(forces: Grasping, up: Array) -> tuple[Flags, Flags]:
@@ -153,9 +159,9 @@ class GivingWay:
             own_wrist.wrench_mrf(memory, tool)
             for own_wrist, memory, tool in zip(self._wrists, wrists, self._tools, strict=True)
         ]
-        wrench = weight_of(self._mass, self._com, T_payload_mrf, R_world_mrf)
-        wrench += desired_wrench(told.wrench_desired, told.R_world_wrench, R_world_mrf)
-        return grasping(views, self._tools, felt, self._weights, wrench)
+        weight = weight_of(self._mass, self._com, T_payload_mrf, R_world_mrf)
+        asked = desired_wrench(told.wrench_desired, told.R_world_wrench, R_world_mrf)
+        return grasping(views, self._tools, felt, self._weights, weight, asked)
 
     def twist(
         self,

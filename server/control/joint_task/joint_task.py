@@ -140,7 +140,7 @@ class JointTask:
             members.append(self._member(i, of, t, twists, twist, share, holding))
         return Together(
             tuple(members), T_world_mrf, shared, twists, twist, share, strained,
-            lost, forces.p, share * relative_speed(ways),
+            lost, forces.p, forces.contact, share * relative_speed(ways),
         )  # fmt: skip
 
     def finish(
@@ -176,6 +176,7 @@ class JointTask:
             T_world_mrf=together.T_world_mrf,
             T_world_mrf_measured=mean_of([output.T_world_mrf_measured for output in found]),
             T_wrist_mrf=told.settings.T_wrist_mrf,
+            wrench_mrf=together.contact,
             at_rest=all(output.at_rest for output in found),
             gains=shared.gains,
             at_goal=told.intent is Intent.MOVE and position.at_goal,

@@ -40,5 +40,7 @@ class Together(NamedTuple):
     """The payload slipped out of a grasp."""
     grasps: Array
     """Where the grasps are, seen from the MRF (k, 3) [m]."""
+    contact: Array | None
+    """Wrench (6,) of the payload on what it touches, at and in the MRF; None when one is stale."""
     giving_way: float
     """Greatest relative speed of two grasps that force control asks for [m/s]."""
