@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from .schema.bus.on_bus import Entry
 from .schema.cell import CellConfig
-from .schema.on_bus import Entry
 
 
 def devices_of(config: CellConfig, place: str, prefix: str, part: int) -> Iterator[Entry]:

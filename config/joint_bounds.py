@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from .schema.mechanism import Drive
+from .schema.mechanism.mechanism import Drive
 from .urdf import UrdfJoint
 
 

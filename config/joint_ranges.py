@@ -6,7 +6,7 @@ from typing import Final
 
 from .errors import ConfigError
 from .schema.cell import CellConfig
-from .schema.mechanism import MOST_DRIVES, Drive
+from .schema.mechanism.mechanism import MOST_DRIVES, Drive
 
 HIGHEST_NODE: Final = 126
 """The daemon's own is the next one."""

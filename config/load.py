@@ -18,10 +18,10 @@ from .joint_ranges import expand
 from .joint_tasks import agree, agree_with_beam
 from .parts import MechanismKeys, joint_tables_of, on_top, parts_of
 from .rig_drives import with_drives
-from .schema.cameras import Camera
+from .schema.bus.on_bus import Entry
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
-from .schema.on_bus import Entry
+from .schema.sensors.cameras import Camera
 from .sweep import with_sweep
 from .toml import read_toml
 from .urdf import Robot, UrdfJoint, read_robot

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from .errors import ConfigError, nearest
-from .schema.mechanism import Drive, LinkInertial
+from .schema.mechanism.mechanism import Drive, LinkInertial
 from .urdf_elements import check_bodies, check_elements, normalise, unshaped_links
 from .urdf_plain import balance, give_inertials, mesh_links, refuse_xacro, simplify
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from .errors import ConfigError, nearest
-from .schema.mechanism import LinkInertial
+from .schema.mechanism.mechanism import LinkInertial
 from .urdf_elements import MOMENTS
 
 _LOOKED_AT: Final = ("gazebo", "material", "transmission", "mujoco", "ros2_control", "sensor")

@@ -9,7 +9,7 @@ from typing import Any
 
 import can
 
-from ..config.schema.bus import Bus
+from ..config.schema.bus.bus import Bus
 from .bus import LoopbackBus
 
 

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from ..config.schema.mechanism import ForceTorque
+from ..config.schema.mechanism.mechanism import ForceTorque
 from ..protocols.canopen import robotous
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from ..config.load import Cell
-from ..config.schema.enabling import EnablingSwitch
-from ..config.schema.mechanism import Drive, ForceTorque, Gripper
-from ..config.schema.on_bus import Entry, OnBus
+from ..config.schema.bus.enabling import EnablingSwitch
+from ..config.schema.bus.on_bus import Entry, OnBus
+from ..config.schema.mechanism.mechanism import Drive, ForceTorque, Gripper
 from ..protocols.canopen.cia402 import OperationMode
 from .canopen.enabling import EnablingInput
 from .canopen.gripper import GripperOutput

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..config.schema.mechanism import Drive
+from ..config.schema.mechanism.mechanism import Drive
 from ..drivers.device import Cause, Trouble
 from ..protocols.canopen.cia402 import DriveState
 from .control.joints import Joints

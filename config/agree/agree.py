@@ -7,7 +7,7 @@ from typing import Final
 from ..errors import ConfigError, nearest
 from ..joint_bounds import joint_bounds
 from ..schema.cell import CellConfig
-from ..schema.mechanism import Drive, Mechanism
+from ..schema.mechanism.mechanism import Drive, Mechanism
 from ..urdf import Robot, UrdfJoint
 from .cameras import camera_disagreements
 from .modes import mode_disagreements

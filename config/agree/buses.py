@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ..errors import nearest
+from ..schema.bus.on_bus import CanOpenNode, Entry
 from ..schema.cell import CellConfig
-from ..schema.mechanism import Drive, ForceTorque
-from ..schema.on_bus import CanOpenNode, Entry
+from ..schema.mechanism.mechanism import Drive, ForceTorque
 
 MASTER_NODE: Final = 127
 """The daemon's own node id, which its heartbeat uses."""

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from ..errors import nearest
-from ..schema.cameras import Camera, RigTag
 from ..schema.cell import CellConfig
+from ..schema.sensors.cameras import Camera, RigTag
 
 
 def camera_disagreements(config: CellConfig) -> Iterator[str]:

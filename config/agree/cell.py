@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import ConfigError, nearest
+from ..schema.bus.on_bus import Entry
 from ..schema.cell import CellConfig
-from ..schema.on_bus import Entry
 from ..urdf import Robot
 from .buses import bus_disagreements
 from .obstacles import link_disagreements

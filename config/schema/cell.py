@@ -7,10 +7,11 @@ description; `check.py` in the tools judges what a schema cannot see.
 
 from pydantic import Field, model_validator
 
-from .bus import Bus
-from .cameras import Camera
-from .enabling import EnablingSwitch
-from .mechanism import Mechanism
+from .bus.bus import Bus
+from .bus.enabling import EnablingSwitch
+from .mechanism.mechanism import Mechanism
+from .mechanism.torque import Torque
+from .mechanism.touch import Touch
 from .moving import Frames
 from .null_space.potential import PotentialField
 from .null_space.priority import Priority
@@ -18,13 +19,12 @@ from .null_space.redundancy import Redundancy
 from .obstacles import Avoidance, Obstacle
 from .reflection import Reflection
 from .rig.rig import Rig
-from .scanner import ContourReflex, Scanner
 from .section import Name, Pose, Section
 from .security import Zenoh
+from .sensors.cameras import Camera
+from .sensors.scanner import ContourReflex, Scanner
 from .sources.schedule import Schedule
 from .sources.sources import Sources
-from .torque import Torque
-from .touch import Touch
 
 
 class Timing(Section):

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .mechanism import Payload
+from .mechanism.mechanism import Payload
 from .section import Name, Pose, Section
 from .sources.schedule import Schedule
 from .sources.sources import Sources

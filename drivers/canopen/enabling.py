@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from ...config.schema.bus.enabling import EnablingSwitch
 from ...config.schema.cell import Timing
-from ...config.schema.enabling import EnablingSwitch
 from ...protocols.canopen import can301, cia401
 from ...protocols.canopen.can301 import PDO_INVALID
 from ...protocols.canopen.can301 import CommunicationObject as Com

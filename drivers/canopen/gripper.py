@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from ...config.schema.cell import Timing
-from ...config.schema.mechanism import Gripper
+from ...config.schema.mechanism.mechanism import Gripper
 from ...protocols.canopen import can301, cia401
 from ...protocols.canopen.can301 import NmtState
 from ..device import Trouble

@@ -1,6 +1,6 @@
 """Where a drive's joint is, by its counter of 32 bits: that of a wheel wraps."""
 
-from ...config.schema.mechanism import Drive
+from ...config.schema.mechanism.mechanism import Drive
 from ...protocols.canopen.counter import Unwrapped
 from . import servo_setup
 

@@ -10,7 +10,7 @@ from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
 
 from ...config.schema.cell import Timing
-from ...config.schema.mechanism import Drive
+from ...config.schema.mechanism.mechanism import Drive
 from ...protocols.canopen import can301, cia402, cia402_pdo
 from ...protocols.canopen.can301 import EmcyCode, FrameError, NmtState
 from ...protocols.canopen.cia402 import Control, DriveState, Object, OperationMode

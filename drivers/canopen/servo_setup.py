@@ -12,7 +12,7 @@ import canopen
 from canopen.sdo.exceptions import SdoError
 
 from ...config.schema.cell import Timing
-from ...config.schema.mechanism import Drive
+from ...config.schema.mechanism.mechanism import Drive
 from ...protocols.canopen import can301, cia402, cia402_pdo
 from ...protocols.canopen.can301 import CommunicationObject as Com
 from ...protocols.canopen.can301 import FrameError

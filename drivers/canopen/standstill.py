@@ -5,7 +5,7 @@ Written over SDO with the drive's power off, where they change.
 
 import canopen
 
-from ...config.schema.mechanism import Drive
+from ...config.schema.mechanism.mechanism import Drive
 from ...protocols.canopen.cia402 import OperationMode
 from . import servo_setup
 from .setpoint import Setpoint

@@ -10,7 +10,7 @@ from typing import Final
 
 import canopen
 
-from ...config.schema.mechanism import Drive
+from ...config.schema.mechanism.mechanism import Drive
 from ...protocols.canopen import can301
 from ...protocols.canopen.can301 import CommunicationObject as Com
 from ...protocols.canopen.cia402 import Object

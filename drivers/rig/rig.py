@@ -11,7 +11,7 @@ from importlib import import_module
 import can
 
 from ...config.load import Cell
-from ...config.schema.on_bus import Entry
+from ...config.schema.bus.on_bus import Entry
 from ...protocols.messages.messages import Vector6
 from ...protocols.messages.moving import RigMotion
 from ...protocols.messages.rig import ArmTruth, BeamTruth, RigFault, RigTruth

@@ -8,7 +8,7 @@ import socket
 from contextlib import suppress
 from typing import Final
 
-from ...config.schema.scanner import Scanner
+from ...config.schema.sensors.scanner import Scanner
 from ...protocols.sick.cola import TelegramCutter, TelegramError, framed
 from ...protocols.sick.scan_data import SUBSCRIBE
 from ..device import DeviceError

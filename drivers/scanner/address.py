@@ -1,6 +1,6 @@
 """Where a scanner listens."""
 
-from ...config.schema.scanner import Scanner
+from ...config.schema.sensors.scanner import Scanner
 
 
 def host_and_port(scanner: Scanner) -> tuple[str, int]:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from ...config.schema.scanner import Scanner
+from ...config.schema.sensors.scanner import Scanner
 from ...protocols.sick import scan_data
 from ...protocols.sick.cola import TelegramCutter, TelegramError, fault_in, framed
 from .address import host_and_port

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.cameras import Camera
+from ...config.schema.sensors.cameras import Camera
 from .opencv import cv2, dictionary
 
 Picture = NDArray[np.uint8]

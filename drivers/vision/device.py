@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.cameras import Camera
+from ...config.schema.sensors.cameras import Camera
 from ..device import DeviceError
 from .opencv import cv2
 

@@ -1,7 +1,7 @@
 """The command that drives a base on wheels: a stream of its speed ahead and about its axis."""
 
 from ...config.load import Cell
-from ...config.schema.base import DifferentialBase
+from ...config.schema.mechanism.base import DifferentialBase
 from ...protocols.messages.drive import Drive, Insert
 from ..control.mechanism.backbone.insertion import STILL, DriveRequest
 from ..control.spatial import Pose

@@ -3,7 +3,7 @@
 from typing import Self
 
 from ...config.load import Cell
-from ...config.schema.backbone import Backbone
+from ...config.schema.mechanism.backbone import Backbone
 from ...protocols.messages.drive import Drive, Insert
 from ..control.mechanism.backbone.chain import Chain
 from ..control.mechanism.backbone.insertion import STILL, DriveRequest

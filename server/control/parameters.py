@@ -7,12 +7,12 @@ import numpy as np
 from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...config.schema.cell import CellConfig, Limits, Resolve
+from ...config.schema.mechanism.torque import Torque
+from ...config.schema.mechanism.touch import Touch
 from ...config.schema.null_space.potential import PotentialField
 from ...config.schema.null_space.redundancy import Redundancy
 from ...config.schema.sources.schedule import Schedule
 from ...config.schema.sources.sources import Sources
-from ...config.schema.torque import Torque
-from ...config.schema.touch import Touch
 from .joints import Joints
 from .mechanism.null_space.priority import Priority
 from .mechanism.payload import Payload

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 from ...config.load import Cell
-from ...config.schema.cameras import Camera
+from ...config.schema.sensors.cameras import Camera
 from ...config.schema.sources.vision import Vision
 from ...protocols.messages.sightings import Sighting
 from ..control.frame_tree import Mount

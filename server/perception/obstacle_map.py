@@ -11,8 +11,8 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.cameras import Camera
 from ...config.schema.obstacles import Obstacle, Shape, Stale
+from ...config.schema.sensors.cameras import Camera
 from ...protocols.messages.obstacles import ObstacleNews
 from ..control.scene import UNBOUNDED, Boxes, Rounds, Scene
 from ..control.spatial import Array, rotation_rpy

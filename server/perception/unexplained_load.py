@@ -13,7 +13,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from ...config.schema.mechanism import ForceTorque
+from ...config.schema.mechanism.mechanism import ForceTorque
 from ..commands.settings import WRENCH_SOURCES, OperatorSettings
 from ..control.spatial import Array, rotation_log
 from ..control.state import Output

@@ -7,7 +7,7 @@ and the momentum observer.
 
 import numpy as np
 
-from ...config.schema.torque import Torque
+from ...config.schema.mechanism.torque import Torque
 from ..control.spatial import Array
 
 RATIOS = (0.5, 1.0, 2.0)

@@ -7,7 +7,7 @@ from typing import Any
 import can
 import pytest
 from telerobot.config.schema.cell import Timing
-from telerobot.config.schema.mechanism import Drive, ForceTorque
+from telerobot.config.schema.mechanism.mechanism import Drive, ForceTorque
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.servo import Sent, ServoDrive, ServoReading
 from telerobot.drivers.fieldbus import Fieldbus

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import can
 import msgpack
 import pytest
-from telerobot.config.schema.bus import Bus
+from telerobot.config.schema.bus.bus import Bus
 from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, open_bus
 from telerobot.drivers.device import DeviceError
 

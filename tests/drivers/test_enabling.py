@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from telerobot.config.schema.bus.enabling import EnablingSwitch
 from telerobot.config.schema.cell import Timing
-from telerobot.config.schema.enabling import EnablingSwitch
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.enabling import EnablingInput
 from telerobot.drivers.device import Cause, DeviceError

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import can
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.bus import Bus
+from telerobot.config.schema.bus.bus import Bus
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.servo import ServoDrive
 from telerobot.drivers.device import Cause, DeviceError

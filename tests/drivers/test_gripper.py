@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from telerobot.config.schema.cell import Timing
-from telerobot.config.schema.mechanism import Gripper
+from telerobot.config.schema.mechanism.mechanism import Gripper
 from telerobot.drivers import rig
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.gripper import REPEAT, GripperOutput

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from telerobot.config.schema.cell import Timing
-from telerobot.config.schema.mechanism import Drive
+from telerobot.config.schema.mechanism.mechanism import Drive
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen import servo_setup
 from telerobot.drivers.canopen.servo import ServoDrive

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from telerobot.config.schema import cell as schema
-from telerobot.config.schema.on_bus import CanOpenNode, OnBus
+from telerobot.config.schema.bus.on_bus import CanOpenNode, OnBus
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.device import Cause, Device, DeviceError, Trouble
 from telerobot.drivers.fieldbus import Fieldbus

@@ -7,7 +7,7 @@ import can
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.bus import Bus
+from telerobot.config.schema.bus.bus import Bus
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.script import Script, load_script

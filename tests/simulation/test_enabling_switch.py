@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.enabling import EnablingSwitch
+from telerobot.config.schema.bus.enabling import EnablingSwitch
 from telerobot.server.telemetry import describe
 from telerobot.tools.checks.bus_load import bus_load, worst_case_bits
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism import Payload
+from telerobot.config.schema.mechanism.mechanism import Payload
 from telerobot.config.schema.section import Pose
 from telerobot.server.control import spatial
 from telerobot.server.control.mechanism.kinematics import Mechanism

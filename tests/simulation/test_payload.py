@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.mechanism import Gripper, Payload
+from telerobot.config.schema.mechanism.mechanism import Gripper, Payload
 from telerobot.config.schema.rig.rig import RigGripper
 from telerobot.server.control.task.gains import GAIN_TIME_S
 from telerobot.tools.scripts.script import Script

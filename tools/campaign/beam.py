@@ -14,7 +14,7 @@ import numpy as np
 
 from ...config.load import Cell, load_cell
 from ...config.schema.joint_task import JointTask
-from ...config.schema.mechanism import Payload
+from ...config.schema.mechanism.mechanism import Payload
 from ...protocols.messages.rig import RigTruth
 from ..scripts.script import Script
 from ..scripts.step import Step

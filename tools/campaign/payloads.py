@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.schema.mechanism import Payload
+from ...config.schema.mechanism.mechanism import Payload
 from ..checks.findings import Severity
 from ..checks.loops.following import following
 from ..scripts.script import Script

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...config.schema.bus import Bus
-from ...config.schema.mechanism import Drive
-from ...config.schema.on_bus import CanOpenNode, Entry
+from ...config.schema.bus.bus import Bus
+from ...config.schema.bus.on_bus import CanOpenNode, Entry
+from ...config.schema.mechanism.mechanism import Drive
 from .findings import Finding, graded
 
 LIMIT = 0.80

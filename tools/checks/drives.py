@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.base import DifferentialBase
-from ...config.schema.mechanism import Drive
+from ...config.schema.mechanism.base import DifferentialBase
+from ...config.schema.mechanism.mechanism import Drive
 from ...config.urdf import UrdfJoint
 from ...drivers.servo_status import MOST_MISSED_SYNCS
 from ...protocols.canopen.counter import HALF, SPAN

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism import Payload
+from ...config.schema.mechanism.mechanism import Payload
 from ...server.control.mechanism.dynamics import Dynamics
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.spatial import Pose

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ...config.load import Cell, ConfigError
-from ...config.schema.cameras import Camera
+from ...config.schema.sensors.cameras import Camera
 from ...drivers.network.identity import identity_of
 from ...drivers.vision.detector import Detection, Detector, Picture
 from ...drivers.vision.device import VideoCamera

@@ -14,8 +14,8 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from ...config.load import Cell, ConfigError, load_cell
-from ...config.schema.scanner import Scanner
 from ...config.schema.security import Security, Zenoh
+from ...config.schema.sensors.scanner import Scanner
 
 SectionT = TypeVar("SectionT", bound=BaseModel)
 

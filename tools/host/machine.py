@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from ...config.load import load_cell
-from ...config.schema.bus import Bus
+from ...config.schema.bus.bus import Bus
 from ...drivers.bus import open_bus
 from ...drivers.device import DeviceError
 from ...drivers.fieldbus import Fieldbus

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ...config.schema.backbone import Backbone
+from ...config.schema.mechanism.backbone import Backbone
 from .gap import crossing, sharpest_of
 from .poses import Array, matrix
 from .tunnel import STEP, Tunnel

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ...config.schema.backbone import Backbone
+from ...config.schema.mechanism.backbone import Backbone
 from .poses import Array, matrix, skew
 
 STEP = 0.004

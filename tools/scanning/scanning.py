@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ...config.load import Cell, ConfigError
-from ...config.schema.scanner import ContourReflex, Scanner
+from ...config.schema.sensors.scanner import ContourReflex, Scanner
 from ...protocols.messages.contour import NOTHING, ContourNews
 from ...protocols.messages.obstacles import ObstacleNews
 from ...protocols.sick.cola import TelegramError

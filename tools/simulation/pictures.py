@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.cameras import Camera
+from ...config.schema.sensors.cameras import Camera
 from ...drivers.rig.physics.camera import RigCameras
 from ...drivers.rig.rig import Rig
 from ...drivers.vision.detector import Detection, Detector

@@ -4,9 +4,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..cameras import RigTag
 from ..moving import RigFrames
 from ..section import EachJoint, Name, NonNegative, Positive, Section, Vector3, Vector6
+from ..sensors.cameras import RigTag
 from .beam import RigBeam
 from .bridge import RigBridge, RigPerson, RigScanner
 from .peg import RigHole, RigPeg

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ....config.schema.on_bus import Entry
+from ....config.schema.bus.on_bus import Entry
 from ....config.schema.rig.rig import Rig
 from ..physics.world import World
 from .drive_loops import DriveLoops

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.mechanism import Drive
+from ....config.schema.mechanism.mechanism import Drive
 from ....config.schema.rig.rig import RigDrive
 
 Vector = NDArray[np.float64]

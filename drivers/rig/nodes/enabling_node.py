@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Self, cast
 
-from ....config.schema.enabling import EnablingSwitch
-from ....config.schema.on_bus import Entry
+from ....config.schema.bus.enabling import EnablingSwitch
+from ....config.schema.bus.on_bus import Entry
 from ....protocols.canopen.cia401 import IoObject
 from ....protocols.messages.rig import RigFault
 from .bench import Bench

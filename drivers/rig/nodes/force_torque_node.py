@@ -7,8 +7,8 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.mechanism import ForceTorque
-from ....config.schema.on_bus import Entry
+from ....config.schema.bus.on_bus import Entry
+from ....config.schema.mechanism.mechanism import ForceTorque
 from ....config.schema.rig.rig import RigForceTorque
 from ....protocols.canopen import robotous
 from ....protocols.canopen.can301 import FrameError

@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Self, cast
 
-from ....config.schema.mechanism import Gripper
-from ....config.schema.on_bus import Entry
+from ....config.schema.bus.on_bus import Entry
+from ....config.schema.mechanism.mechanism import Gripper
 from ....protocols.canopen.cia401 import KEEP, IoObject
 from .bench import Bench
 from .can_node import CanNode

@@ -2,7 +2,7 @@
 
 from typing import Protocol, Self
 
-from ....config.schema.on_bus import Entry
+from ....config.schema.bus.on_bus import Entry
 from ....protocols.messages.rig import RigFault
 from .bench import Bench
 from .link import NodeLink

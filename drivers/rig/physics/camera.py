@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ....config.schema.cameras import Camera, RigTag
 from ....config.schema.section import Pose
+from ....config.schema.sensors.cameras import Camera, RigTag
 from ...device import DeviceError
 from ...vision.opencv import cells, marker
 from .chassis import FREE

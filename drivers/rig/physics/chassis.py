@@ -8,7 +8,7 @@ from typing import Final
 
 import mujoco
 
-from ....config.schema.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBase
 from .geoms import ARM, SOLIMP
 
 FLOOR: Final = "floor"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.rig.bridge import RigScanner
-from ....config.schema.scanner import Scanner
+from ....config.schema.sensors.scanner import Scanner
 from ....protocols.sick.scan_data import Scan
 from .geoms import quaternion
 

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell, ConfigError
-from ....config.schema.mechanism import Mechanism
+from ....config.schema.mechanism.mechanism import Mechanism
 from ....config.schema.rig.rig import Rig, Wall
 from ....config.schema.section import Pose
 from .beam import add_beam

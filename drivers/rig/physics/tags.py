@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ....config.schema.cameras import RigTag
+from ....config.schema.sensors.cameras import RigTag
 from ....protocols.messages.messages import Vector6
 from ....protocols.messages.rig import RigFault
 from ..fault_values import FARTHEST, vector_of

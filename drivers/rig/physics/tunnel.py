@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ....config.schema.backbone import Backbone
+from ....config.schema.mechanism.backbone import Backbone
 from .geoms import fixed
 
 STEP = math.pi / 8

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from ....config.schema.mechanism import Mechanism
+from ....config.schema.mechanism.mechanism import Mechanism
 from ....config.schema.moving import Frames
 from ....config.schema.section import Pose as Place
 from ....protocols.messages.moving import FrameRequest

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.torque import Torque
+from ....config.schema.mechanism.torque import Torque
 from ..compiled import VECTOR, compiled
 from ..mechanism.dynamics import Dynamics
 from ..mechanism.kinematics import Kinematics

@@ -8,7 +8,7 @@ cell together (`tick.py`).
 from typing import Self
 
 from ....config.load import Cell
-from ....config.schema.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBase
 from ..actuation.actuation import Now
 from ..barriers.barriers import Allowed, BarrierInputs, Clear
 from ..evolve import evolve

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....config.schema.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBase
 from ..actuation.actuation import Actuation, BySpeed, ByTorque, OnWheels, by_position
 from ..actuation.holding import HoldingTorque
 from ..actuation.torque import TorqueLaw

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.scanner import ContourReflex
+from ....config.schema.sensors.scanner import ContourReflex
 from ....protocols.messages.contour import NOTHING, ContourNews
 from ...control.spatial import Array
 from ...refusals import Refused, Why

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....config.schema.touch import Touch
+from ....config.schema.mechanism.touch import Touch
 from ...control.frame_tree import Moved
 from ...control.hold.pushed import Pushed
 from ...control.mechanism.dynamics import Dynamics

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.torque import Torque
+from telerobot.config.schema.mechanism.torque import Torque
 from telerobot.server.stability.following import delays, stiffest_hand
 from telerobot.server.stability.gains import gain_check
 from telerobot.server.stability.torque_loop import spectral_radius

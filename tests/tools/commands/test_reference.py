@@ -1,6 +1,6 @@
 import pytest
 from telerobot.config.schema.cell import CellConfig
-from telerobot.config.schema.mechanism import Drive
+from telerobot.config.schema.mechanism.mechanism import Drive
 from telerobot.tools.commands.reference import BEGIN, END, README, reference, updated
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.cameras import Camera
 from telerobot.config.schema.section import Pose
+from telerobot.config.schema.sensors.cameras import Camera
 from telerobot.tools.cli import main
 
 pytest.importorskip("cv2")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.backbone import Segment
+from telerobot.config.schema.mechanism.backbone import Segment
 from telerobot.config.schema.section import Pose
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
 from telerobot.tools.oracle.gap import crossing, sharpest_of

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell, load_cell
-from ....config.schema.mechanism import Payload
+from ....config.schema.mechanism.mechanism import Payload
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 from ..part import Part, Selection

@@ -7,7 +7,7 @@ nothing is raised, and no setpoint leaves its bounds.
 import random
 
 from ....config.load import load_cell, shipped
-from ....config.schema.mechanism import Drive
+from ....config.schema.mechanism.mechanism import Drive
 from ....drivers.bus import CanMessage, InProcessBus
 from ....protocols.canopen import can301
 from ...scripts.script import Script

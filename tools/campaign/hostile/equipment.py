@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.mechanism import Gripper, Payload
+from ....config.schema.mechanism.mechanism import Gripper, Payload
 from ....config.schema.rig.rig import RigGripper
 from ....protocols.messages.messages import Frame
 from ...scripts.step import Step

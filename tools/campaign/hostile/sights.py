@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ....config.schema.cameras import Camera
+from ....config.schema.sensors.cameras import Camera
 from ....protocols.codec import encode
 from ....protocols.messages.sightings import PoseVector, Sighting
 from ....protocols.topics import SIGHTING

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.backbone import Backbone as Section
-from ....config.schema.backbone import Segment
+from ....config.schema.mechanism.backbone import Backbone as Section
+from ....config.schema.mechanism.backbone import Segment
 from ....config.schema.section import Pose
 from ....server.control.mechanism.backbone.insertion import Backbone
 from ...oracle.passable import passable

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from ....config.load import Cell
-from ....config.schema.mechanism import Drive
+from ....config.schema.mechanism.mechanism import Drive
 from ....drivers.canopen.scan import FoundNode
 from ....protocols.canopen import cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from ....config.load import Cell
-from ....config.schema.mechanism import Drive
-from ....config.schema.on_bus import CanOpenNode, Entry
+from ....config.schema.bus.on_bus import CanOpenNode, Entry
+from ....config.schema.mechanism.mechanism import Drive
 from ....drivers.canopen.scan import (
     FoundNode,
     listen_for_masters,

@@ -5,8 +5,8 @@ from typing import Final
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.schema.mechanism import Drive
-from ....config.schema.on_bus import Entry
+from ....config.schema.bus.on_bus import Entry
+from ....config.schema.mechanism.mechanism import Drive
 from ....drivers.canopen.profile.rule import RuleOutcome
 from ....drivers.canopen.profile.trial import try_drive
 from ....drivers.fieldbuses import open_buses

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.scanner import ContourReflex, Scanner
+from ....config.schema.sensors.scanner import ContourReflex, Scanner
 from ....server.control.proximity.capsules import Capsules
 from ....server.control.spatial import Array
 from ...scanning.contour import INSIDE

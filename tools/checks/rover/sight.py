@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.scanner import ContourReflex, Scanner
+from ....config.schema.sensors.scanner import ContourReflex, Scanner
 from ....server.control.scene import Flags
 from ....server.control.spatial import Array, Pose
 from ...scanning.contour import INSIDE, LEAST_HITS

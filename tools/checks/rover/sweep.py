@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....config.schema.scanner import Scanner
-from ....config.schema.sweep import Sweep
+from ....config.schema.mechanism.sweep import Sweep
+from ....config.schema.sensors.scanner import Scanner
 from ....server.control.proximity.forest import Forest
 from ....server.units.sweep import MOST
 from ...scanning.scanning import CONTOUR_EVERY

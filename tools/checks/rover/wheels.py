@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....config.schema.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBase
 from ....server.control.proximity.forest import Forest
 from ....server.control.wheels.rolling import Rolling
 from ..findings import Finding, Severity, graded

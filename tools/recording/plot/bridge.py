@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from ....config.errors import ConfigError
-from ....config.schema.scanner import ContourReflex
+from ....config.schema.sensors.scanner import ContourReflex
 from ....protocols.messages.contour import NOTHING
 from ....server.control.spatial import Pose
 from ...scanning.contour import CellPlane

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell, ConfigError, load_cell
-from ....config.schema.cameras import Camera
+from ....config.schema.sensors.cameras import Camera
 from ....server.control.proximity.capsules import Capsules
 from ..run_file import RecordError, read_about, read_run
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ....config.errors import ConfigError
-from ....config.schema.backbone import Backbone as Section
+from ....config.schema.mechanism.backbone import Backbone as Section
 from ....server.control.mechanism.backbone.insertion import Backbone
 from ...oracle.tunnel import Tunnel
 from .reader import Array, RecordedRun

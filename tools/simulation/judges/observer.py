@@ -19,8 +19,8 @@ from functools import cached_property
 from itertools import accumulate
 
 from ....config.load import Cell
-from ....config.schema.mechanism import Drive
-from ....config.schema.on_bus import Entry
+from ....config.schema.bus.on_bus import Entry
+from ....config.schema.mechanism.mechanism import Drive
 from ....protocols.canopen.counter import Unwrapped
 
 KINDS = ("velocity", "acceleration", "jerk")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from ....config.load import Cell
-from ....config.schema.cameras import Camera, RigTag
+from ....config.schema.sensors.cameras import Camera, RigTag
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event
 from ....server.control.spatial import Pose, rotation_log

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from .....config.schema.mechanism import Drive
+from .....config.schema.mechanism.mechanism import Drive
 from .....protocols.canopen.cia402 import Object, OperationMode
 from ..drive_loops import DriveLoops
 from ..objects import ObjectStore

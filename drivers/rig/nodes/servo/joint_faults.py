@@ -1,6 +1,6 @@
 """Mechanical faults of a joint: blocked, braked, pushed."""
 
-from .....config.schema.mechanism import Drive
+from .....config.schema.mechanism.mechanism import Drive
 from .....protocols.messages.rig import RigFault
 from ...fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
 from ...physics.chassis import GRIP

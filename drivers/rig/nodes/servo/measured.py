@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from .....config.schema.mechanism import Drive
+from .....config.schema.mechanism.mechanism import Drive
 from .....protocols.canopen.cia402 import Object
 from .....protocols.canopen.counter import wrapped
 from ...physics.world import World

@@ -11,8 +11,8 @@ written, by PDO or SDO; one that was written before the drive was enabled does n
 from collections.abc import Callable
 from typing import Self, cast
 
-from .....config.schema.mechanism import Drive
-from .....config.schema.on_bus import Entry
+from .....config.schema.bus.on_bus import Entry
+from .....config.schema.mechanism.mechanism import Drive
 from .....config.schema.rig.rig import RigDrive
 from .....protocols.canopen import cia402
 from .....protocols.canopen.can301 import EmcyCode

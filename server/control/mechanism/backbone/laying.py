@@ -5,7 +5,7 @@ import numpy as np
 from .....config.errors import ConfigError
 from .....config.joint_bounds import joint_bounds
 from .....config.load import Cell
-from .....config.schema.backbone import Backbone as Section
+from .....config.schema.mechanism.backbone import Backbone as Section
 from ...spatial import Array, Pose
 from .chain import Chain
 from .curve import Curve

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .....config.schema.base import DifferentialBase
 from .....config.schema.cell import Resolve
+from .....config.schema.mechanism.base import DifferentialBase
 from ...joints import Joints
 from ...rigid_body import jacobian_at, twist_at
 from ...spatial import Array, Pose, sizes

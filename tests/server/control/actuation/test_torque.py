@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.torque import Torque
+from telerobot.config.schema.mechanism.torque import Torque
 from telerobot.server.control.actuation.torque import TorqueLaw
 from telerobot.server.control.mechanism.dynamics import Dynamics
 from telerobot.server.control.mechanism.kinematics import Mechanism

@@ -6,7 +6,7 @@ from dataclasses import replace
 import can
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.on_bus import NodeIdentity
+from telerobot.config.schema.bus.on_bus import NodeIdentity
 from telerobot.drivers.canopen.scan import listen_for_masters
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbuses import Fieldbuses

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from .....config.joint_bounds import joint_bounds
 from .....config.load import Cell
-from .....config.schema.cameras import Camera
+from .....config.schema.sensors.cameras import Camera
 from .links import described_links
 from .poses import of_pose
 from .surroundings import described_obstacles, described_rig

@@ -4,11 +4,11 @@ import math
 from typing import Any
 
 from .....config.load import Cell
-from .....config.schema.cameras import RigTag
 from .....config.schema.obstacles import Obstacle
 from .....config.schema.rig.beam import RigBeam
 from .....config.schema.rig.bridge import RigBridge
 from .....config.schema.rig.rig import Rig
+from .....config.schema.sensors.cameras import RigTag
 from .....drivers.device import DeviceError
 from .poses import Seven, along, of_pose, seven
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....config.load import Cell
-from .....config.schema.backbone import Backbone
+from .....config.schema.mechanism.backbone import Backbone
 from .....config.schema.section import Pose
 from .....server.control.spatial import rotation_exp, rotation_rpy
 

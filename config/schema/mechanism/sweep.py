@@ -4,7 +4,7 @@ import math
 
 from pydantic import Field, model_validator
 
-from .section import Name, Section
+from ..section import Name, Section
 
 
 class Sweep(Section):

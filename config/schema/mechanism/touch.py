@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .section import EachJoint, Section
+from ..section import EachJoint, Section
 
 Torque = Annotated[float, Field(gt=0, le=1e5)]
 

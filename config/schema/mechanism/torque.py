@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .section import Section
+from ..section import Section
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

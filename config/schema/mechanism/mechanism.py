@@ -4,10 +4,10 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from ..bus.on_bus import BusFrames, CanId, CanOpenNode, OnBus
+from ..section import Name, Pose, Section, UrdfName, Vector3, Vector6
 from .backbone import Backbone
 from .base import DifferentialBase
-from .on_bus import BusFrames, CanId, CanOpenNode, OnBus
-from .section import Name, Pose, Section, UrdfName, Vector3, Vector6
 from .sweep import Sweep
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}

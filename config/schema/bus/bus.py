@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from .section import Name, Section
+from ..section import Name, Section
 
 
 class Bus(Section):

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from .section import Name, Positive, Section
+from ..section import Name, Positive, Section
 
 
 class Wheels(Section):

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .section import Name, Pose, Section, Vector3
+from ..section import Name, Pose, Section, Vector3
 
 TagFamily = Literal["4x4_50", "5x5_50", "6x6_50", "apriltag_36h11"]
 Pixels = Annotated[float, Field(gt=0, le=1e5)]

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from .section import LinkName, Name, Pose, Section, Vector3
+from ..section import LinkName, Name, Pose, Section, Vector3
 
 MOST_CELLS = 1600
 """Cells of a contour [1]."""

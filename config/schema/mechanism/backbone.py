@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .section import Pose, Section
+from ..section import Pose, Section
 
 _Turn = Annotated[float, Field(ge=-math.pi, le=math.pi)]
 

@@ -1,0 +1,1 @@
+"""Schema of a mechanism: chain, drives, tool, base, backbone, sweep, and what its torques tell."""

@@ -1,0 +1,1 @@
+"""Schema of the sensors that look about: cameras, laser scanner."""
