@@ -156,7 +156,7 @@ def two_arms(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 def rendering() -> None:
     """Skip, with the reason, where no pictures can be rendered."""
     try:
-        from telerobot.drivers.rig.physics.camera import RigCameras
+        from telerobot.drivers.rig.physics.sensors.camera import RigCameras
 
         RigCameras(load_cell("pa10_vision")).close()
     except DeviceError as error:

@@ -18,7 +18,7 @@
 | slip | force_torque | the payload that arms hold together slips out of this one's grasp |
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |
 | silence, drop, corrupt, crop | scanner | `nodes/scanner_node.py` |
-| cover | tag | nobody sees it (`tags.py`) |
+| cover | tag | nobody sees it (`physics/sensors/tags.py`) |
 | move | tag | `vector` [m] in World is its new place, its attitude stays |
 
 A device is a joint, whose drive is meant, `force_torque`, `gripper`, or another one's name; with

@@ -25,12 +25,12 @@ from .nodes.scanner_node import NAME as SCANNER
 from .nodes.scanner_node import SimulatedScanner
 from .nodes.servo.servo_node import SimulatedDrive
 from .nodes.wire import RigError, Wire
-from .physics.beam import Beam
+from .physics.bodies.beam import Beam
+from .physics.clearance.sight import SightLines
 from .physics.geoms import quaternion
 from .physics.movers import Movers
 from .physics.scene import prefixes, turned_by
-from .physics.sight import SightLines
-from .physics.tags import KINDS, Tags
+from .physics.sensors.tags import KINDS, Tags
 from .physics.world import Vector, World
 
 __all__ = ["Rig", "RigError"]

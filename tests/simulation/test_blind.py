@@ -16,7 +16,8 @@ def no_opencv(monkeypatch):
     """Take OpenCV away, and everything that has been made with it."""
     for name in [n for n in sys.modules if n.startswith("telerobot.drivers.vision.")]:
         monkeypatch.delitem(sys.modules, name)
-    for name in ("telerobot.drivers.rig.physics.camera", "telerobot.tools.simulation.pictures"):
+    pictures = ("drivers.rig.physics.sensors.camera", "tools.simulation.pictures")
+    for name in (f"telerobot.{module}" for module in pictures):
         monkeypatch.delitem(sys.modules, name, raising=False)
     monkeypatch.setitem(sys.modules, "cv2", None)
 

@@ -59,7 +59,7 @@ class _World:
     """The rig's copy, kept up to date by what the rig tells."""
 
     def __init__(self, cell: Cell) -> None:
-        from ...drivers.rig.physics.camera import (
+        from ...drivers.rig.physics.sensors.camera import (
             RigCameras,  # not needed, nor MuJoCo, for real cameras
         )
 

@@ -136,7 +136,7 @@ def loopback_refusal(bus: Bus = _PROBE, timeout_s: float = 0.5) -> str:
 def picture_refusal() -> str:
     """Return why pictures can't be rendered and looked at here, "" if they can."""
     try:
-        from ...drivers.rig.physics.camera import RigCameras
+        from ...drivers.rig.physics.sensors.camera import RigCameras
 
         RigCameras(load_cell("pa10_vision")).close()
     except DeviceError as error:

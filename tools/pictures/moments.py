@@ -110,7 +110,7 @@ def _truth_and_pictures(simulation: Simulation) -> Iterator[str]:
     if not eyes:
         return
     try:
-        from ...drivers.rig.physics.camera import RigCameras
+        from ...drivers.rig.physics.sensors.camera import RigCameras
         from ...drivers.vision.opencv import small_jpeg
 
         cameras = RigCameras(cell)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...config.schema.sensors.cameras import Camera
-from ...drivers.rig.physics.camera import RigCameras
+from ...drivers.rig.physics.sensors.camera import RigCameras
 from ...drivers.rig.rig import Rig
 from ...drivers.vision.detector import Detection, Detector
 from ...protocols.codec import encode

@@ -19,7 +19,7 @@ from ....protocols.messages.rig import RigFault
 from ....protocols.sick.cola import framed, hexadecimal
 from ....protocols.sick.scan_data import ANGLE_UNIT, MEASURING, Scan, encode_scan
 from ..fault_values import value_of
-from ..physics.rangefinder import Rangefinder
+from ..physics.sensors.rangefinder import Rangefinder
 from ..physics.world import World
 
 NAME: Final = "scanner"

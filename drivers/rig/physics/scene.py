@@ -8,15 +8,15 @@ from ....config.load import Cell, ConfigError
 from ....config.schema.mechanism.mechanism import Mechanism
 from ....config.schema.rig.rig import Rig, Wall
 from ....config.schema.section import Pose
-from .beam import add_beam
-from .bridge import add_bridge, add_person
-from .capsules import add_capsules, exclude_contacts, give_mass
-from .chassis import add_floor, put_on_wheels
+from .bodies.beam import add_beam
+from .bodies.bridge import add_bridge, add_person
+from .bodies.peg import add_hole, add_peg
+from .bodies.solids import add_solid, attitude
+from .bodies.tunnel import add_tunnel
+from .clearance.sight import add_probe
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
-from .peg import add_hole, add_peg
-from .sight import add_probe
-from .solids import add_solid, attitude
-from .tunnel import add_tunnel
+from .robot.capsules import add_capsules, exclude_contacts, give_mass
+from .robot.chassis import add_floor, put_on_wheels
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""

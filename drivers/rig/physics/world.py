@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.rig.rig import RigGripper
-from .beam import Beam
-from .brakes import Brakes
-from .chassis import GRIP, ROLLS
-from .distances import WorldDistances
+from .bodies.beam import Beam
+from .bodies.solids import place
+from .clearance.distances import WorldDistances
+from .robot.brakes import Brakes
+from .robot.chassis import GRIP, ROLLS
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
-from .solids import place
 
 Vector = NDArray[np.float64]
 

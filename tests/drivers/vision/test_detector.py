@@ -16,7 +16,7 @@ T_WORLD_LENS = Pose(
 def bench(rendering):
     """A camera that stands before the tag of the shipped cell, and the way from pose to picture."""
     from telerobot.config.schema.section import Pose as Place
-    from telerobot.drivers.rig.physics.camera import RigCameras
+    from telerobot.drivers.rig.physics.sensors.camera import RigCameras
     from telerobot.drivers.vision.detector import Detector
 
     cell = load_cell("pa10_vision")

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from telerobot.config.schema.rig.bridge import RigBridge
-from telerobot.drivers.rig.physics.bridge import add_bridge
+from telerobot.drivers.rig.physics.bodies.bridge import add_bridge
 from telerobot.tools.oracle.duck import gate_of
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from telerobot.config.load import load_cell
 from telerobot.config.schema.rig.bridge import RigBridge
-from telerobot.drivers.rig.physics.rangefinder import Rangefinder
 from telerobot.drivers.rig.physics.scene import build_model
+from telerobot.drivers.rig.physics.sensors.rangefinder import Rangefinder
 from telerobot.server.control.spatial import Pose
 from telerobot.tools.scanning.geometry import MeasuredInstant
 from telerobot.tools.scanning.scanning import Looked, Scanning

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ....config.load import load_cell
-from ....drivers.rig.physics.distances import TrueNearest
+from ....drivers.rig.physics.clearance.distances import TrueNearest
 from ....protocols import topics as t
 from ...oracle.way_out import AWAY, WIDER, closed_in
 from ...simulation.simulation import Simulation

@@ -3,7 +3,7 @@
 from .....config.schema.mechanism.mechanism import Drive
 from .....protocols.messages.rig import RigFault
 from ...fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
-from ...physics.chassis import GRIP
+from ...physics.robot.chassis import GRIP
 from ...physics.world import World
 
 

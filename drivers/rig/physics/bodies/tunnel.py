@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.load import Cell
-from ....config.schema.mechanism.backbone import Backbone
-from .geoms import fixed
+from .....config.load import Cell
+from .....config.schema.mechanism.backbone import Backbone
+from ..geoms import fixed
 
 STEP = math.pi / 8
 """A box spans so much of a turn [rad]."""

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.load import Cell
-from ....config.schema.rig.bridge import RigScanner
-from ....config.schema.sensors.scanner import Scanner
-from ....protocols.sick.scan_data import Scan
-from .geoms import quaternion
+from .....config.load import Cell
+from .....config.schema.rig.bridge import RigScanner
+from .....config.schema.sensors.scanner import Scanner
+from .....protocols.sick.scan_data import Scan
+from ..geoms import quaternion
 
 Vector = NDArray[np.float64]
 

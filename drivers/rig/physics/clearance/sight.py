@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.load import Cell
+from .....config.load import Cell
 
 Vector = NDArray[np.float64]
 

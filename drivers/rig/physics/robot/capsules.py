@@ -5,7 +5,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from ....config.load import Cell
+from .....config.load import Cell
 
 FEATHER: Final = 1e-6
 """Mass of a link that carries all its weight in what is fixed to it [kg]."""

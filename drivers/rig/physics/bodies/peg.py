@@ -10,9 +10,9 @@ import math
 
 import mujoco
 
-from ....config.schema.rig.peg import RigHole, RigPeg
-from ....config.schema.section import Pose
-from .geoms import fixed, of_arm, quaternion
+from .....config.schema.rig.peg import RigHole, RigPeg
+from .....config.schema.section import Pose
+from ..geoms import fixed, of_arm, quaternion
 
 CAPSULES = 12
 """In the peg's ring."""

@@ -4,8 +4,8 @@ import math
 
 import mujoco
 
-from ....config.schema.rig.bridge import RigBridge, RigPerson
-from .geoms import fixed
+from .....config.schema.rig.bridge import RigBridge, RigPerson
+from ..geoms import fixed
 
 BEAM, LEFT, RIGHT, PERSON = "bridge_beam", "bridge_left", "bridge_right", "person"
 """Bodies; each can be placed elsewhere."""

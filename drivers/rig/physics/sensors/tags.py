@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from ....config.schema.sensors.cameras import RigTag
-from ....protocols.messages.messages import Vector6
-from ....protocols.messages.rig import RigFault
-from ..fault_values import FARTHEST, vector_of
+from .....config.schema.sensors.cameras import RigTag
+from .....protocols.messages.messages import Vector6
+from .....protocols.messages.rig import RigFault
+from ...fault_values import FARTHEST, vector_of
 
 KINDS = ("cover", "move")
 """Kinds of faults whose target is a tag."""

@@ -11,11 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.load import Cell
-from ....config.schema.rig.beam import RigBeam
-from ....config.schema.rig.peg import RigHole
-from ....config.schema.section import Pose
-from .geoms import FIXED, SOLIMP, SOLREF, quaternion
+from .....config.load import Cell
+from .....config.schema.rig.beam import RigBeam
+from .....config.schema.rig.peg import RigHole
+from .....config.schema.section import Pose
+from ..geoms import FIXED, SOLIMP, SOLREF, quaternion
 from .peg import make_peg
 
 Vector = NDArray[np.float64]

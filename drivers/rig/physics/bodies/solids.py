@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.obstacles import Obstacle
-from ....config.schema.section import Pose
+from .....config.schema.obstacles import Obstacle
+from .....config.schema.section import Pose
 
 Vector = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.load import Cell
-from ....config.schema.section import Pose
-from ....config.schema.sensors.cameras import Camera, RigTag
-from ...device import DeviceError
-from ...vision.opencv import cells, marker
-from .chassis import FREE
-from .geoms import quaternion
-from .scene import build_spec
+from .....config.load import Cell
+from .....config.schema.section import Pose
+from .....config.schema.sensors.cameras import Camera, RigTag
+from ....device import DeviceError
+from ....vision.opencv import cells, marker
+from ..geoms import quaternion
+from ..robot.chassis import FREE
+from ..scene import build_spec
 
 Picture = NDArray[np.uint8]
 

@@ -8,8 +8,8 @@ from typing import Final
 
 import mujoco
 
-from ....config.schema.mechanism.base import DifferentialBase
-from .geoms import ARM, SOLIMP
+from .....config.schema.mechanism.base import DifferentialBase
+from ..geoms import ARM, SOLIMP
 
 FLOOR: Final = "floor"
 """Geom that wheels, casters and the arm stand on and touch; it is no obstacle."""

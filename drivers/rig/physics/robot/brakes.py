@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.rig.rig import RigDrive
+from .....config.schema.rig.rig import RigDrive
 
 Vector = NDArray[np.float64]
 

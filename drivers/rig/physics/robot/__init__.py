@@ -1,0 +1,1 @@
+"""The robot's own body: brakes and friction, capsules of its links, chassis on wheels."""
