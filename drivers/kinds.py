@@ -66,9 +66,9 @@ def _switch(switch: EnablingSwitch, entry: Entry, fieldbus: Fieldbus, cell: Cell
 
 KINDS: Final[dict[type[OnBus], Kind]] = {
     Drive: Kind(_servo, "servo.servo_node:SimulatedDrive"),
-    ForceTorque: Kind(_sensor, "force_torque_node:SimulatedForceTorque"),
-    Gripper: Kind(_gripper, "gripper_node:SimulatedGripper"),
-    EnablingSwitch: Kind(_switch, "enabling_node:SimulatedSwitch"),
+    ForceTorque: Kind(_sensor, "sensors.force_torque_node:SimulatedForceTorque"),
+    Gripper: Kind(_gripper, "io.gripper_node:SimulatedGripper"),
+    EnablingSwitch: Kind(_switch, "io.enabling_node:SimulatedSwitch"),
 }
 
 

@@ -17,7 +17,7 @@
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
 | slip | force_torque | the payload that arms hold together slips out of this one's grasp |
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |
-| silence, drop, corrupt, crop | scanner | `nodes/scanner_node.py` |
+| silence, drop, corrupt, crop | scanner | `nodes/sensors/scanner_node.py` |
 | cover | tag | nobody sees it (`physics/sensors/tags.py`) |
 | move | tag | `vector` [m] in World is its new place, its attitude stays |
 

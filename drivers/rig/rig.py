@@ -21,8 +21,8 @@ from .faults import Faults
 from .nodes.bench import Bench
 from .nodes.drive_loops import DriveLoops
 from .nodes.node import Node
-from .nodes.scanner_node import NAME as SCANNER
-from .nodes.scanner_node import SimulatedScanner
+from .nodes.sensors.scanner_node import NAME as SCANNER
+from .nodes.sensors.scanner_node import SimulatedScanner
 from .nodes.servo.servo_node import SimulatedDrive
 from .nodes.wire import RigError, Wire
 from .physics.bodies.beam import Beam

@@ -13,7 +13,7 @@ from ...protocols.sick.cola import TelegramCutter, TelegramError, framed
 from ...protocols.sick.scan_data import SUBSCRIBE
 from ..device import DeviceError
 from ..scanner.address import host_and_port
-from .nodes.scanner_node import SimulatedScanner
+from .nodes.sensors.scanner_node import SimulatedScanner
 
 MOST_CLIENTS: Final = 4
 """Who connects beyond is hung up on [1]."""

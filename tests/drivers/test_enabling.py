@@ -10,7 +10,7 @@ from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.enabling import EnablingInput
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.rig.nodes.enabling_node import EDS, SimulatedSwitch
+from telerobot.drivers.rig.nodes.io.enabling_node import EDS, SimulatedSwitch
 from telerobot.drivers.rig.nodes.link import NodeLink
 from telerobot.protocols.canopen import cia401
 from telerobot.protocols.canopen.can301 import FrameError

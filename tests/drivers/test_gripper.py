@@ -12,7 +12,7 @@ from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.gripper import REPEAT, GripperOutput
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.rig.nodes.gripper_node import SimulatedGripper
+from telerobot.drivers.rig.nodes.io.gripper_node import SimulatedGripper
 from telerobot.drivers.rig.nodes.link import NodeLink
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import NmtCommand, NmtState

@@ -1,1 +1,1 @@
-"""Simulated CAN nodes: drives, force/torque sensor, gripper."""
+"""Simulated devices on the bus and off it: drives, CANopen slaves, sensors, I/O modules."""

@@ -6,7 +6,7 @@ import can
 
 from ....protocols.canopen import can301
 from ...bus import BusErrors
-from .can_node import CanNode
+from .canopen.can_node import CanNode
 from .link import NodeLink
 from .node import Node
 

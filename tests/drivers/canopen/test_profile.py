@@ -9,7 +9,7 @@ from telerobot.drivers.canopen.profile.rule import Rule, RuleOutcome
 from telerobot.drivers.canopen.profile.trial import rules, try_drive
 from telerobot.drivers.canopen.profile.tried_drive import TriedDrive
 from telerobot.drivers.device import DeviceError
-from telerobot.drivers.rig.nodes.can_node import CanNode
+from telerobot.drivers.rig.nodes.canopen.can_node import CanNode
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Control, DriveState, Object
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.drivers.rig.nodes.scanner_node import SimulatedScanner
+from telerobot.drivers.rig.nodes.sensors.scanner_node import SimulatedScanner
 from telerobot.drivers.rig.physics.world import World
 from telerobot.drivers.rig.scanner_server import ScannerServer
 from telerobot.drivers.scanner.client import ScannerClient

@@ -4,8 +4,8 @@ from typing import Final
 
 from .....config.schema.mechanism.mechanism import Drive
 from .....protocols.canopen.cia402 import Object, OperationMode
+from ..canopen.objects import ObjectStore
 from ..drive_loops import DriveLoops
-from ..objects import ObjectStore
 
 _UNLIMITED: Final = 0xFFFFFFFF
 

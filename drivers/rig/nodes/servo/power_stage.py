@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from .....config.schema.rig.rig import RigDrive
 from ...physics.world import World
-from ..can_node import NEVER
+from ..canopen.can_node import NEVER
 from ..drive_loops import DriveLoops
 
 

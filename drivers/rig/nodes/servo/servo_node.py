@@ -28,11 +28,11 @@ from .....protocols.messages.rig import RigFault
 from ...fault_values import value_of
 from ...physics.world import World
 from ..bench import Bench
-from ..can_node import CanNode
+from ..canopen.can_node import CanNode
+from ..canopen.objects import RefusedError
+from ..canopen.pdo import Pdo
 from ..drive_loops import DriveLoops
 from ..link import NodeLink
-from ..objects import RefusedError
-from ..pdo import Pdo
 from .drive_setpoint import deceleration, follow, most_torque, tune
 from .joint_faults import inject_at_joint
 from .measured import Measured

@@ -9,7 +9,7 @@ the moments.
 import numpy as np
 from numpy.typing import NDArray
 
-from ....protocols.canopen.robotous import COUNTS_PER_NEWTON, COUNTS_PER_NEWTON_METRE
+from .....protocols.canopen.robotous import COUNTS_PER_NEWTON, COUNTS_PER_NEWTON_METRE
 
 _LENGTH = COUNTS_PER_NEWTON / COUNTS_PER_NEWTON_METRE
 """The moment that fills the sensor's range as much as a newton does [m]."""

@@ -7,16 +7,16 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.bus.on_bus import Entry
-from ....config.schema.mechanism.mechanism import ForceTorque
-from ....config.schema.rig.rig import RigForceTorque
-from ....protocols.canopen import robotous
-from ....protocols.canopen.can301 import FrameError
-from ....protocols.canopen.robotous import SensorCommand
-from ....protocols.messages.rig import RigFault
-from .bench import Bench
+from .....config.schema.bus.on_bus import Entry
+from .....config.schema.mechanism.mechanism import ForceTorque
+from .....config.schema.rig.rig import RigForceTorque
+from .....protocols.canopen import robotous
+from .....protocols.canopen.can301 import FrameError
+from .....protocols.canopen.robotous import SensorCommand
+from .....protocols.messages.rig import RigFault
+from ..bench import Bench
+from ..link import NodeLink
 from .cross_talk import response
-from .link import NodeLink
 
 _EPSILON_S = 1e-7
 

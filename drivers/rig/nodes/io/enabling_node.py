@@ -4,15 +4,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Self, cast
 
-from ....config.schema.bus.enabling import EnablingSwitch
-from ....config.schema.bus.on_bus import Entry
-from ....protocols.canopen.cia401 import IoObject
-from ....protocols.messages.rig import RigFault
-from .bench import Bench
-from .can_node import CanNode
-from .link import NodeLink
+from .....config.schema.bus.enabling import EnablingSwitch
+from .....config.schema.bus.on_bus import Entry
+from .....protocols.canopen.cia401 import IoObject
+from .....protocols.messages.rig import RigFault
+from ..bench import Bench
+from ..canopen.can_node import CanNode
+from ..link import NodeLink
 
-EDS = Path(__file__).resolve().parents[3] / "config" / "devices" / "simulated_input.eds"
+EDS = Path(__file__).resolve().parents[4] / "config" / "devices" / "simulated_input.eds"
 
 
 class SimulatedSwitch(CanNode):

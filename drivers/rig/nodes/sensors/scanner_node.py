@@ -14,13 +14,13 @@ from typing import Final
 
 import numpy as np
 
-from ....config.load import Cell
-from ....protocols.messages.rig import RigFault
-from ....protocols.sick.cola import framed, hexadecimal
-from ....protocols.sick.scan_data import ANGLE_UNIT, MEASURING, Scan, encode_scan
-from ..fault_values import value_of
-from ..physics.sensors.rangefinder import Rangefinder
-from ..physics.world import World
+from .....config.load import Cell
+from .....protocols.messages.rig import RigFault
+from .....protocols.sick.cola import framed, hexadecimal
+from .....protocols.sick.scan_data import ANGLE_UNIT, MEASURING, Scan, encode_scan
+from ...fault_values import value_of
+from ...physics.sensors.rangefinder import Rangefinder
+from ...physics.world import World
 
 NAME: Final = "scanner"
 """Target of its faults."""

@@ -4,12 +4,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from ....protocols.canopen import can301
-from ....protocols.canopen.can301 import CommunicationObject as Com
-from ....protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
-from ....protocols.messages.rig import RigFault
+from .....protocols.canopen import can301
+from .....protocols.canopen.can301 import CommunicationObject as Com
+from .....protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
+from .....protocols.messages.rig import RigFault
+from ..link import NodeLink
 from .event_pdo import EventPdo
-from .link import NodeLink
 from .objects import EDS, ObjectStore, RefusedError
 from .pdo import Pdo, check_pdo_object, existing_pdos, is_pdo_object
 from .sdo_server import NodeSdoServer

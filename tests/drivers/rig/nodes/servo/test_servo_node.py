@@ -12,7 +12,7 @@ from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
 from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, Status
 from telerobot.protocols.messages.rig import RigFault
 
-from ..conftest import PERIOD_S, Master
+from ...conftest import PERIOD_S, Master
 
 JOINT = "e1"
 ABORTED = 0x80

@@ -8,7 +8,7 @@ from typing import Final
 from canopen.sdo.exceptions import SdoAbortedError
 from canopen.sdo.server import SdoServer
 
-from ....protocols.canopen.sdo import Abort
+from .....protocols.canopen.sdo import Abort
 from .objects import ObjectStore
 
 LONGEST_TRANSFER = 1024

@@ -5,15 +5,15 @@ from functools import partial
 from pathlib import Path
 from typing import Self, cast
 
-from ....config.schema.bus.on_bus import Entry
-from ....config.schema.mechanism.mechanism import Gripper
-from ....protocols.canopen.cia401 import KEEP, IoObject
-from .bench import Bench
-from .can_node import CanNode
-from .link import NodeLink
-from .pdo import Pdo
+from .....config.schema.bus.on_bus import Entry
+from .....config.schema.mechanism.mechanism import Gripper
+from .....protocols.canopen.cia401 import KEEP, IoObject
+from ..bench import Bench
+from ..canopen.can_node import CanNode
+from ..canopen.pdo import Pdo
+from ..link import NodeLink
 
-EDS = Path(__file__).resolve().parents[3] / "config" / "devices" / "simulated_output.eds"
+EDS = Path(__file__).resolve().parents[4] / "config" / "devices" / "simulated_output.eds"
 
 
 class SimulatedGripper(CanNode):

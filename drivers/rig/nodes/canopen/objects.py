@@ -9,9 +9,9 @@ import canopen
 from canopen.objectdictionary import ODVariable
 from canopen.sdo.exceptions import SdoAbortedError
 
-from ....protocols.canopen.sdo import Abort
+from .....protocols.canopen.sdo import Abort
 
-EDS = Path(__file__).resolve().parents[3] / "config" / "devices" / "simulated_drive.eds"
+EDS = Path(__file__).resolve().parents[4] / "config" / "devices" / "simulated_drive.eds"
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # its errors are answered, too
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from canopen.objectdictionary import SIGNED_TYPES
 
-from ....protocols.canopen.can301 import DEFAULT_PDOS, PDO_INVALID, CommunicationObject
-from ....protocols.canopen.sdo import Abort
+from .....protocols.canopen.can301 import DEFAULT_PDOS, PDO_INVALID, CommunicationObject
+from .....protocols.canopen.sdo import Abort
 from .objects import ObjectStore, RefusedError
 
 LAST_SYNC_TYPE = 240

@@ -10,7 +10,7 @@ from telerobot.config.load import load_cell
 from telerobot.protocols.canopen import robotous
 from telerobot.protocols.messages.rig import RigFault
 
-from ..conftest import Master
+from ...conftest import Master
 
 COMMAND, FIRST, SECOND = 0x64, 0x01, 0x02
 

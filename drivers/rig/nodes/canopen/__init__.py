@@ -1,0 +1,1 @@
+"""The simulated CANopen slave (CiA 301): network management, objects, SDO server, PDOs."""

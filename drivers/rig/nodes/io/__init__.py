@@ -1,0 +1,1 @@
+"""Simulated I/O modules (CiA 401): enabling switch, gripper."""

@@ -1,0 +1,1 @@
+"""Simulated sensors: force/torque sensor with its cross-talk, laser scanner."""
