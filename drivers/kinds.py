@@ -16,8 +16,8 @@ from ..config.schema.mechanism.mechanism import Drive, ForceTorque, Gripper
 from ..protocols.canopen.cia402 import OperationMode
 from .canopen.enabling import EnablingInput
 from .canopen.gripper import GripperOutput
-from .canopen.servo import ServoDrive
-from .canopen.stop_ramp import StopRamp
+from .canopen.servo.servo import ServoDrive
+from .canopen.servo.stop_ramp import StopRamp
 from .device import Device
 from .fieldbus import Fieldbus
 from .fieldbuses import Fieldbuses

@@ -9,7 +9,7 @@ import pytest
 from telerobot.config.schema.cell import Timing
 from telerobot.config.schema.mechanism.mechanism import Drive, ForceTorque
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.servo import Sent, ServoDrive, ServoReading
+from telerobot.drivers.canopen.servo.servo import Sent, ServoDrive, ServoReading
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.force_torque import RobotousSensor
 from telerobot.protocols.canopen import can301, cia402, cia402_pdo, robotous

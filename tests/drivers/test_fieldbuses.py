@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.bus.bus import Bus
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.servo import ServoDrive
+from telerobot.drivers.canopen.servo.servo import ServoDrive
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.fieldbuses import Fieldbuses, open_buses

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from telerobot.config.schema.cell import Timing
-from telerobot.drivers.canopen import servo_setup
+from telerobot.drivers.canopen.servo import servo_setup
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.servo_status import OBEYED_SYNCS, SWITCH_OFF_S
 from telerobot.protocols.canopen.cia402 import (

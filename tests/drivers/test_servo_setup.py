@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from telerobot.config.schema.cell import Timing
 from telerobot.config.schema.mechanism.mechanism import Drive
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen import servo_setup
-from telerobot.drivers.canopen.servo import ServoDrive
+from telerobot.drivers.canopen.servo import servo_setup
+from telerobot.drivers.canopen.servo.servo import ServoDrive
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.protocols.canopen.can301 import NmtState

@@ -5,8 +5,8 @@ Written over SDO with the drive's power off, where they change.
 
 import canopen
 
-from ...config.schema.mechanism.mechanism import Drive
-from ...protocols.canopen.cia402 import OperationMode
+from ....config.schema.mechanism.mechanism import Drive
+from ....protocols.canopen.cia402 import OperationMode
 from . import servo_setup
 from .setpoint import Setpoint
 

@@ -1,7 +1,7 @@
 """Where a drive's joint is, by its counter of 32 bits: that of a wheel wraps."""
 
-from ...config.schema.mechanism.mechanism import Drive
-from ...protocols.canopen.counter import Unwrapped
+from ....config.schema.mechanism.mechanism import Drive
+from ....protocols.canopen.counter import Unwrapped
 from . import servo_setup
 
 

@@ -9,16 +9,16 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
 
-from ...config.schema.cell import Timing
-from ...config.schema.mechanism.mechanism import Drive
-from ...protocols.canopen import can301, cia402, cia402_pdo
-from ...protocols.canopen.can301 import EmcyCode, FrameError, NmtState
-from ...protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
-from .. import servo_status
-from ..device import Cause, DeviceError, Trouble
-from ..fieldbus import Fieldbus
-from ..roles import JointDrive
-from ..servo_status import Sent, ServoReading, wrong_emergency, wrong_status
+from ....config.schema.cell import Timing
+from ....config.schema.mechanism.mechanism import Drive
+from ....protocols.canopen import can301, cia402, cia402_pdo
+from ....protocols.canopen.can301 import EmcyCode, FrameError, NmtState
+from ....protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
+from ... import servo_status
+from ...device import Cause, DeviceError, Trouble
+from ...fieldbus import Fieldbus
+from ...roles import JointDrive
+from ...servo_status import Sent, ServoReading, wrong_emergency, wrong_status
 from . import servo_setup
 from .controlword import next_word
 from .position import JointPosition

@@ -11,20 +11,20 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ...config.schema.cell import Timing
-from ...config.schema.mechanism.mechanism import Drive
-from ...protocols.canopen import can301, cia402, cia402_pdo
-from ...protocols.canopen.can301 import CommunicationObject as Com
-from ...protocols.canopen.can301 import FrameError
-from ...protocols.canopen.cia402 import (
+from ....config.schema.cell import Timing
+from ....config.schema.mechanism.mechanism import Drive
+from ....protocols.canopen import can301, cia402, cia402_pdo
+from ....protocols.canopen.can301 import CommunicationObject as Com
+from ....protocols.canopen.can301 import FrameError
+from ....protocols.canopen.cia402 import (
     AbortConnectionOption,
     Control,
     DriveState,
     Object,
     OperationMode,
     QuickStopOption,
-)  # fmt: skip
-from ..device import DeviceError
+)
+from ...device import DeviceError
 from .setpoint import Setpoint
 
 _NO_OBJECT: Final = (0x06020000, 0x06090011)

@@ -1,7 +1,7 @@
 """Next controlword (6040h) of a servo drive, by its state and by what is wanted of it."""
 
-from ...protocols.canopen import cia402
-from ...protocols.canopen.cia402 import Control, DriveState
+from ....protocols.canopen import cia402
+from ....protocols.canopen.cia402 import Control, DriveState
 
 
 def next_word(

@@ -10,12 +10,12 @@ from typing import Final
 
 import canopen
 
-from ...config.schema.mechanism.mechanism import Drive
-from ...protocols.canopen import can301
-from ...protocols.canopen.can301 import CommunicationObject as Com
-from ...protocols.canopen.cia402 import Object
-from ..device import DeviceError
-from ..fieldbus import Fieldbus
+from ....config.schema.mechanism.mechanism import Drive
+from ....protocols.canopen import can301
+from ....protocols.canopen.can301 import CommunicationObject as Com
+from ....protocols.canopen.cia402 import Object
+from ...device import DeviceError
+from ...fieldbus import Fieldbus
 from . import servo_setup
 from .servo_setup import U8, U32, SetupWrite
 

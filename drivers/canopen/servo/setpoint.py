@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-from ...config.schema.mechanism.mechanism import Drive
-from ...protocols.canopen import cia402_pdo
-from ...protocols.canopen.cia402 import OperationMode
+from ....config.schema.mechanism.mechanism import Drive
+from ....protocols.canopen import cia402_pdo
+from ....protocols.canopen.cia402 import OperationMode
 
 _I16_MAX: Final = 2**15 - 1
 _I32_MAX: Final = 2**31 - 1
