@@ -11,14 +11,15 @@ from functools import cached_property
 
 from .bounds import bounds_of
 from .messages import messages as m
-from .messages import motion, moving, requests
-from .messages.camera_picture import CameraPicture
-from .messages.contour import ContourNews, ScanPoints
+from .messages import motion, requests
 from .messages.drive import Drive, Insert
-from .messages.obstacles import AvoidanceRequest, ObstacleNews
+from .messages.perception import moving
+from .messages.perception.camera_picture import CameraPicture
+from .messages.perception.contour import ContourNews, ScanPoints
+from .messages.perception.obstacles import AvoidanceRequest, ObstacleNews
+from .messages.perception.sightings import Sighting, StoreView
 from .messages.reflection import Reflection, ReflectionRequest
 from .messages.rig import RigFault, RigTruth
-from .messages.sightings import Sighting, StoreView
 from .messages.telemetry import Description, Event, RecordedTick, State
 
 PREFIX = "telerobot"

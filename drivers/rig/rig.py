@@ -13,7 +13,7 @@ import can
 from ...config.load import Cell
 from ...config.schema.bus.on_bus import Entry
 from ...protocols.messages.messages import Vector6
-from ...protocols.messages.moving import RigMotion
+from ...protocols.messages.perception.moving import RigMotion
 from ...protocols.messages.rig import ArmTruth, BeamTruth, RigFault, RigTruth
 from ..kinds import KINDS as DEVICES
 from .fault_values import FARTHEST, vector_of

@@ -11,7 +11,7 @@ from typing import TypeVar
 import zenoh
 
 from ...protocols import codec, topics
-from ...protocols.messages.moving import FrameNews, RigMotion
+from ...protocols.messages.perception.moving import FrameNews, RigMotion
 from ...protocols.messages.rig import RigFault, RigTruth
 from ...protocols.messages.telemetry import State
 from ..device import DeviceError

@@ -10,8 +10,9 @@ from typing import Final, Self
 import numpy as np
 
 from ...config.load import Cell
-from ...protocols.messages import drive, motion, moving
+from ...protocols.messages import drive, motion
 from ...protocols.messages import messages as m
+from ...protocols.messages.perception import moving
 from ...protocols.topics import TOPICS, Flow
 from ..control.frame_tree import GROUNDS, UnknownFrame
 from ..control.spatial import Pose

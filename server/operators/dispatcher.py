@@ -1,11 +1,11 @@
 """Dispatcher: answers the requests of one period, admits commands and puts them in force."""
 
 from ...protocols.codec import encode
-from ...protocols.messages.contour import ContourNews
 from ...protocols.messages.messages import Command, Keepalive
-from ...protocols.messages.moving import FrameNews
-from ...protocols.messages.obstacles import ObstacleNews
-from ...protocols.messages.sightings import Sighting
+from ...protocols.messages.perception.contour import ContourNews
+from ...protocols.messages.perception.moving import FrameNews
+from ...protocols.messages.perception.obstacles import ObstacleNews
+from ...protocols.messages.perception.sightings import Sighting
 from ...protocols.topics import Flow
 from ..refusals import Refused
 from ..runtime.events import Events

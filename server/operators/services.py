@@ -3,7 +3,7 @@
 from ...protocols.codec import encode
 from ...protocols.messages import messages as m
 from ...protocols.messages import requests
-from ...protocols.messages.obstacles import AvoidanceRequest
+from ...protocols.messages.perception.obstacles import AvoidanceRequest
 from ...protocols.proof import Proof
 from ..refusals import Refused, Why
 from ..runtime.events import Events

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 from ...config.load import Cell
 from ...config.schema.sensors.cameras import Camera
 from ...config.schema.sources.vision import Vision
-from ...protocols.messages.sightings import Sighting
+from ...protocols.messages.perception.sightings import Sighting
 from ..control.frame_tree import Mount
 from ..control.spatial import Pose
 from ..control.task.asked import ViewGoal

@@ -15,7 +15,7 @@ from ...config.load import Cell
 from ...config.schema.cell import Limits
 from ...config.schema.moving import Frames, MovingFrame
 from ...config.schema.section import Pose as Place
-from ...protocols.messages.moving import FrameNews
+from ...protocols.messages.perception.moving import FrameNews
 from ..control.frame_tree import Body, Moved
 from ..control.rigid_body import rotate_twist
 from ..control.spatial import Array, Pose, rotation_exp

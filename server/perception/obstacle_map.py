@@ -13,7 +13,7 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.obstacles import Obstacle, Shape, Stale
 from ...config.schema.sensors.cameras import Camera
-from ...protocols.messages.obstacles import ObstacleNews
+from ...protocols.messages.perception.obstacles import ObstacleNews
 from ..control.scene import UNBOUNDED, Boxes, Rounds, Scene
 from ..control.spatial import Array, rotation_rpy
 from ..refusals import Refused, Why

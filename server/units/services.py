@@ -4,9 +4,9 @@ import numpy as np
 
 from ...protocols.messages import messages as m
 from ...protocols.messages import motion, requests
-from ...protocols.messages.moving import FrameRequest
+from ...protocols.messages.perception.moving import FrameRequest
+from ...protocols.messages.perception.sightings import StoreView
 from ...protocols.messages.reflection import ReflectionRequest
-from ...protocols.messages.sightings import StoreView
 from ..refusals import Refused, Why
 from .joint_unit import JointUnit
 from .unit import Unit

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols.messages.messages import CancelGoals, MechanismCommand, Message, TaskCommand
-from ...protocols.messages.sightings import StoreView
+from ...protocols.messages.perception.sightings import StoreView
 from ..commands.settings import CellSettings
 from ..control.joint_task.several import JointTasks
 from ..control.joint_task.switch import HoldRefused

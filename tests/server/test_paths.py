@@ -10,7 +10,7 @@ from telerobot.protocols.messages.motion import (
     PathRequest,
     RedundancyRequest,
 )
-from telerobot.protocols.messages.moving import FrameRequest
+from telerobot.protocols.messages.perception.moving import FrameRequest
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.frame_tree import Mount
 from telerobot.server.control.spatial import Pose, rotation_rpy

@@ -8,9 +8,9 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.moving import FrameNews
-from telerobot.protocols.messages.obstacles import ObstacleNews
-from telerobot.protocols.messages.sightings import Sighting
+from telerobot.protocols.messages.perception.moving import FrameNews
+from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception.sightings import Sighting
 from telerobot.tools.checks.sensors import sensors
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

@@ -19,7 +19,7 @@ from ...drivers.vision.opencv import save, small_jpeg
 from ...protocols import topics as t
 from ...protocols.codec import encode
 from ...protocols.messages import messages as m
-from ...protocols.messages.camera_picture import LARGEST_JPEG, CameraPicture
+from ...protocols.messages.perception.camera_picture import LARGEST_JPEG, CameraPicture
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role

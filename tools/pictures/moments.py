@@ -7,9 +7,9 @@ from typing import Any, Final, NamedTuple
 
 from ...config.load import Cell
 from ...drivers.device import DeviceError
-from ...protocols.messages.camera_picture import CameraPicture
-from ...protocols.messages.contour import ContourNews, ScanPoints
-from ...protocols.messages.obstacles import ObstacleNews
+from ...protocols.messages.perception.camera_picture import CameraPicture
+from ...protocols.messages.perception.contour import ContourNews, ScanPoints
+from ...protocols.messages.perception.obstacles import ObstacleNews
 from ..operator.web.surroundings import (
     told_contour,
     told_obstacle,

@@ -15,7 +15,7 @@ from ...drivers.scanner.client import ScannerClient
 from ...drivers.scanner.clock import Clocks
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode_as, encode
-from ...protocols.messages.contour import ContourNews, ScanPoints
+from ...protocols.messages.perception.contour import ContourNews, ScanPoints
 from ...protocols.messages.telemetry import State
 from ...protocols.sick.cola import TelegramError
 from ...protocols.sick.scan_data import Scan

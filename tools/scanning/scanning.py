@@ -13,8 +13,8 @@ import numpy as np
 
 from ...config.load import Cell, ConfigError
 from ...config.schema.sensors.scanner import ContourReflex, Scanner
-from ...protocols.messages.contour import NOTHING, ContourNews
-from ...protocols.messages.obstacles import ObstacleNews
+from ...protocols.messages.perception.contour import NOTHING, ContourNews
+from ...protocols.messages.perception.obstacles import ObstacleNews
 from ...protocols.sick.cola import TelegramError
 from ...protocols.sick.scan_data import Scan
 from ...server.control.scene import Flags

@@ -9,8 +9,8 @@ from ...protocols import topics as t
 from ...protocols.agreement import random_key
 from ...protocols.codec import encode
 from ...protocols.messages import requests
-from ...protocols.messages.moving import RigMotion
-from ...protocols.messages.obstacles import ObstacleNews
+from ...protocols.messages.perception.moving import RigMotion
+from ...protocols.messages.perception.obstacles import ObstacleNews
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State

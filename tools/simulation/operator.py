@@ -13,7 +13,7 @@ from typing import Final
 
 from ...config.load import Cell, load_cell
 from ...protocols import topics as t
-from ...protocols.messages.moving import RigMotion
+from ...protocols.messages.perception.moving import RigMotion
 from ...protocols.messages.rig import RigFault
 from ..operator.client.operator import Operator
 from ..scripts.script import Script

@@ -16,7 +16,7 @@ from ...drivers.rig.physics.sensors.camera import RigCameras
 from ...drivers.rig.rig import Rig
 from ...drivers.vision.detector import Detection, Detector
 from ...protocols.codec import encode
-from ...protocols.messages.sightings import PoseVector, Sighting
+from ...protocols.messages.perception.sightings import PoseVector, Sighting
 from ...protocols.topics import SIGHTING, Topic
 from ...server.control.spatial import Pose
 

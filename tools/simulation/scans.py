@@ -12,7 +12,7 @@ from ...config.load import Cell
 from ...drivers.rig.rig import Rig
 from ...drivers.scanner.clock import Clocks
 from ...protocols.codec import encode
-from ...protocols.messages.contour import ContourNews
+from ...protocols.messages.perception.contour import ContourNews
 from ...protocols.messages.telemetry import State
 from ...protocols.sick.cola import TelegramCutter, TelegramError
 from ...protocols.sick.scan_data import decode_scan, is_scan

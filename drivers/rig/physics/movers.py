@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.moving import RigMotion as AtStart
-from ....protocols.messages.moving import RigMotion
+from ....protocols.messages.perception.moving import RigMotion
 
 Vector = NDArray[np.float64]
 

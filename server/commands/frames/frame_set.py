@@ -5,7 +5,7 @@ from collections.abc import Callable
 from ....config.schema.mechanism.mechanism import Mechanism
 from ....config.schema.moving import Frames
 from ....config.schema.section import Pose as Place
-from ....protocols.messages.moving import FrameRequest
+from ....protocols.messages.perception.moving import FrameRequest
 from ...control.frame_tree import Body, FrameTree, Mount, Moved, UnknownFrame
 from ...control.spatial import Pose
 from .redefinition import placed_frame

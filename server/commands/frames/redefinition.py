@@ -1,6 +1,6 @@
 """Redefinition of MRF and CRF: their new pose, and a wrench that stays the same load."""
 
-from ....protocols.messages.moving import FrameRequest
+from ....protocols.messages.perception.moving import FrameRequest
 from ...control.frame_tree import FrameTree
 from ...control.rigid_body import rotate_twist, wrench_to
 from ...control.spatial import Array, Pose, rotation_rpy

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.sensors.scanner import ContourReflex
-from ....protocols.messages.contour import NOTHING, ContourNews
+from ....protocols.messages.perception.contour import NOTHING, ContourNews
 from ...control.spatial import Array
 from ...refusals import Refused, Why
 from ...runtime.events import Events

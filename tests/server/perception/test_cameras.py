@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.protocols.messages.sightings import Sighting
+from telerobot.protocols.messages.perception.sightings import Sighting
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log, rotation_rpy
 from telerobot.server.perception.cameras import VisionTracker
 from telerobot.server.refusals import Refused

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.protocols.messages.moving import FrameNews
+from telerobot.protocols.messages.perception.moving import FrameNews
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp
 from telerobot.server.perception.moving_frames import FrameTracker
 from telerobot.server.refusals import Refused, Why

@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.load import Cell, load_cell
 from telerobot.config.schema.obstacles import Obstacle
 from telerobot.protocols.codec import CodecError, decode_as, encode
-from telerobot.protocols.messages.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception.obstacles import ObstacleNews
 from telerobot.server.perception.obstacle_map import MOST, ObstacleMap
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events

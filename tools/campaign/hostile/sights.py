@@ -13,7 +13,7 @@ import numpy as np
 
 from ....config.schema.sensors.cameras import Camera
 from ....protocols.codec import encode
-from ....protocols.messages.sightings import PoseVector, Sighting
+from ....protocols.messages.perception.sightings import PoseVector, Sighting
 from ....protocols.topics import SIGHTING
 from ....server.control.spatial import Pose, rotation_exp
 from ...simulation.judges.view import ViewJudge

@@ -8,7 +8,7 @@ from ....config.load import Cell, load_cell
 from ....drivers.network.identity import identity_of
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode_as, encode
-from ....protocols.messages.moving import RigMotion
+from ....protocols.messages.perception.moving import RigMotion
 from ....protocols.messages.reflection import Reflection
 from ....protocols.messages.rig import RigFault
 from ....protocols.messages.telemetry import Description, Event, State

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from ....config.load import Cell, ConfigError
-from ....protocols.messages.contour import ScanPoints
+from ....protocols.messages.perception.contour import ScanPoints
 from ....protocols.messages.telemetry import Event, State
 from ....server.control.spatial import Array, Pose
 from ...oracle.arm import OracleArm

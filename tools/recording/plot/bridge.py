@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from ....config.errors import ConfigError
 from ....config.schema.sensors.scanner import ContourReflex
-from ....protocols.messages.contour import NOTHING
+from ....protocols.messages.perception.contour import NOTHING
 from ....server.control.spatial import Pose
 from ...scanning.contour import CellPlane
 from ...scanning.interference import crossed

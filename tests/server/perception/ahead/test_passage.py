@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.protocols.messages.contour import ContourNews
+from telerobot.protocols.messages.perception.contour import ContourNews
 from telerobot.server.perception.ahead.passage import Passage
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.protocols.messages.contour import ScanPoints
+from telerobot.protocols.messages.perception.contour import ScanPoints
 from telerobot.server.commands.clutch import SLIP
 from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.tools.operator.web.scene import describe

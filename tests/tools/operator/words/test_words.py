@@ -7,7 +7,7 @@ from typing import get_args
 import pytest
 from telerobot.drivers.device import Cause
 from telerobot.protocols.messages import requests
-from telerobot.protocols.messages.contour import ContourNews
+from telerobot.protocols.messages.perception.contour import ContourNews
 from telerobot.protocols.messages.telemetry import Event, State
 from telerobot.server.perception.ahead.headway import REASONS
 from telerobot.server.perception.ahead.passage import REFUSALS

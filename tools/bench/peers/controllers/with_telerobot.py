@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from .....config.load import Cell
-from .....protocols.messages.obstacles import ObstacleNews
+from .....protocols.messages.perception.obstacles import ObstacleNews
 from .....server.control.spatial import Array, Pose
 from .....server.control.state import Inputs, Intent
 from .....server.control.task.paths.goals import PathGoal

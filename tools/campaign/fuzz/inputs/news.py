@@ -5,7 +5,7 @@ from typing import Any
 from .....config.load import Cell
 from .....protocols import topics as t
 from .....protocols.messages.messages import Message
-from .....protocols.messages.obstacles import NEEDED, ObstacleNews
+from .....protocols.messages.perception.obstacles import NEEDED, ObstacleNews
 from .....protocols.topics import Topic
 from .values import Values
 

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from .messages import Count, Message
+from ..messages import Count, Message
 from .sightings import CameraName
 
 LARGEST_JPEG = 7600

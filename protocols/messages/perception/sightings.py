@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .messages import Angle, Count, Message, Metres, TaskCommand
+from ..messages import Angle, Count, Message, Metres, TaskCommand
 
 CameraName = Annotated[str, Field(min_length=1, max_length=32)]
 PoseVector = tuple[Metres, Metres, Metres, Angle, Angle, Angle]

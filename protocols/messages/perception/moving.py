@@ -1,13 +1,13 @@
 """Messages about frames that move, and about frames that are redefined.
 
-The envelope, units and conventions are those of `messages.py`.
+The envelope, units and conventions are those of `messages/messages.py`.
 """
 
 from typing import Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Attitude, Count, Frame, Message, Place, TaskCommand, Twist
+from ..messages import Attitude, Count, Frame, Message, Place, TaskCommand, Twist
 
 
 class FrameNews(Message):

@@ -4,7 +4,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from .messages import Angle, Count, Message
+from ..messages import Angle, Count, Message
 
 NOTHING: Final = 0xFFFF
 """Nothing is in a cell: no distance, and not 0 either."""

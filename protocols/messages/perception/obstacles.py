@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .messages import Attitude, Command, Count, Message, Place, Speed
+from ..messages import Attitude, Command, Count, Message, Place, Speed
 
 ObstacleName = Annotated[str, Field(max_length=32, pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 Length = Annotated[float, Field(ge=0, le=10)]

@@ -1,0 +1,1 @@
+"""Messages of what is perceived: obstacles, moving frames, contour, sightings, pictures."""
