@@ -20,7 +20,7 @@ help: ## Show these targets
 
 venv: $(STAMP) ## Build the environment in .venv, if it is not up to date
 
-LOCK := $(addprefix tools/operator/web/,package-lock.json vendor.py)
+LOCK := $(addprefix tools/operator/web/vendor/,package-lock.json fetch.py)
 
 $(STAMP): pyproject.toml constraints.txt $(LOCK)
 	@test -n "$(PYTHON)" || { echo "make: no python3.11 or python3 found; set PYTHON=" >&2; exit 1; }

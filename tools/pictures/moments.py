@@ -10,7 +10,7 @@ from ...drivers.device import DeviceError
 from ...protocols.messages.perception.camera_picture import CameraPicture
 from ...protocols.messages.perception.contour import ContourNews, ScanPoints
 from ...protocols.messages.perception.obstacles import ObstacleNews
-from ..operator.web.surroundings import (
+from ..operator.web.pages.surroundings import (
     told_contour,
     told_obstacle,
     told_picture,

@@ -19,9 +19,9 @@ from ....protocols.topics import Role
 from ...host.address import add_cell_arguments, cell_from
 from ..client.connection import Connection
 from .access import Access, Listen, tls_context
-from .hub import PageHub
+from .pages.hub import PageHub
 from .server import SceneServer, Server
-from .vendor import missing
+from .vendor.fetch import missing
 
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
 """Environment variable with the operators' and the observers' secret, for a console that is started

@@ -18,7 +18,7 @@ def start_page(plant: LocalPlant, claims: Claims) -> list[str]:
     if find_spec("aiohttp") is None:
         return ["no page in the browser: pip install 'telerobot[console]'"]
     from .cli import KEYS
-    from .vendor import missing
+    from .vendor.fetch import missing
 
     if missing():
         return ["no page in the browser: its JavaScript is not there (make venv fetches it)"]

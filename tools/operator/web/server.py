@@ -12,9 +12,9 @@ from ....protocols.topics import Role
 from . import scene
 from .access import Access, Listen, same_origin
 from .catalogue import catalogue
-from .hub import PageHub
 from .login import LOGIN, welcome
-from .page import Page
+from .pages.hub import PageHub
+from .pages.page import Page
 
 STATIC: Final = Path(__file__).resolve().parent / "static"
 ROLE: Final = web.RequestKey("role", Role)

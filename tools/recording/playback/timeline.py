@@ -19,8 +19,8 @@ from ....protocols.messages.perception.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event, State
 from ...host.progress import counted
-from ...operator.web.hub import limits_of
-from ...operator.web.surroundings import told_contour, told_obstacle, told_picture, told_truth
+from ...operator.web.pages.hub import limits_of
+from ...operator.web.pages.surroundings import told_contour, told_obstacle, told_picture, told_truth
 from ...operator.words.events import event_words
 from ...operator.words.why import is_cause, why
 from ..run_file import Recorded, RecordError, read_cell, read_run

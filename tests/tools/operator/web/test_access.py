@@ -17,8 +17,8 @@ from telerobot.tools.certify.authority import Authority
 from telerobot.tools.host.address import moved
 from telerobot.tools.operator.client.connection import OperatorError
 from telerobot.tools.operator.web.access import Access, Listen, same_origin, tls_context
-from telerobot.tools.operator.web.hub import PageHub
 from telerobot.tools.operator.web.login import LOGIN, welcome
+from telerobot.tools.operator.web.pages.hub import PageHub
 from telerobot.tools.operator.web.server import Server
 from yarl import URL
 

@@ -9,9 +9,9 @@ from telerobot.config.load import load_cell
 from telerobot.protocols.messages.perception.contour import ScanPoints
 from telerobot.server.commands.clutch import SLIP
 from telerobot.server.control.spatial import Pose, pose_error
+from telerobot.tools.operator.web.pages.surroundings import told_scan
 from telerobot.tools.operator.web.scene import describe
-from telerobot.tools.operator.web.surroundings import told_scan
-from telerobot.tools.operator.web.vendor import missing
+from telerobot.tools.operator.web.vendor.fetch import missing
 
 FORWARD = """
     const { forward } = await load("scene/geometry/kinematics.js");

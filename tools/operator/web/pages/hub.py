@@ -10,15 +10,15 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from ....protocols import topics as t
-from ....protocols.codec import encode
-from ....protocols.messages import requests
-from ....protocols.messages.telemetry import Description, Event, State
-from ....protocols.topics import Role
-from ..client.connection import Connection, OperatorError
-from ..words.events import event_words
-from ..words.limits import limit_words
-from ..words.why import is_cause, why
+from .....protocols import topics as t
+from .....protocols.codec import encode
+from .....protocols.messages import requests
+from .....protocols.messages.telemetry import Description, Event, State
+from .....protocols.topics import Role
+from ...client.connection import Connection, OperatorError
+from ...words.events import event_words
+from ...words.limits import limit_words
+from ...words.why import is_cause, why
 from .page import Page
 from .surroundings import WorldNews
 

@@ -14,7 +14,7 @@ from typing import Final
 
 HERE: Final = Path(__file__).resolve().parent
 PACKAGES: Final = HERE / "node_modules"
-VENDOR: Final = HERE / "static" / "vendor"
+VENDOR: Final = HERE.parent / "static" / "vendor"
 
 SERVED: Final = {
     "three/build/three.module.js": "three.module.js",
@@ -65,7 +65,3 @@ def main() -> int:
         print(f"telerobot: the console's JavaScript is not there: {error}", file=sys.stderr)
         return 1
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -6,14 +6,14 @@ import struct
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
-from ....protocols import topics as t
-from ....protocols.codec import CodecError, decode_as
-from ....protocols.messages.perception.camera_picture import CameraPicture
-from ....protocols.messages.perception.contour import NOTHING, ContourNews, ScanPoints
-from ....protocols.messages.perception.obstacles import ObstacleNews
-from ....protocols.messages.rig import RigTruth
-from ..client.line import Buffer, MessageCarrier
-from ..words.passage import passage_words
+from .....protocols import topics as t
+from .....protocols.codec import CodecError, decode_as
+from .....protocols.messages.perception.camera_picture import CameraPicture
+from .....protocols.messages.perception.contour import NOTHING, ContourNews, ScanPoints
+from .....protocols.messages.perception.obstacles import ObstacleNews
+from .....protocols.messages.rig import RigTruth
+from ...client.line import Buffer, MessageCarrier
+from ...words.passage import passage_words
 
 TRUTH_S: Final = 1 / 20
 """Pages are told the rig's truth at most this often [s]."""

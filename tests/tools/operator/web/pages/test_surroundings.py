@@ -15,7 +15,7 @@ from telerobot.protocols.messages.perception.camera_picture import CameraPicture
 from telerobot.protocols.messages.perception.contour import ContourNews, ScanPoints
 from telerobot.protocols.messages.perception.obstacles import ObstacleNews
 from telerobot.tools.operator.client.session import Session
-from telerobot.tools.operator.web.surroundings import WorldNews
+from telerobot.tools.operator.web.pages.surroundings import WorldNews
 
 PATIENCE_S = 20.0
 CONTOUR = ContourNews(

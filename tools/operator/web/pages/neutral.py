@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from ....protocols import topics as t
+from .....protocols import topics as t
 
 STREAMS: Final = (t.JOYSTICK, t.JOG, t.DRIVE, t.MASTER_POSE)
 

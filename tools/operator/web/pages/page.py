@@ -13,14 +13,14 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from ....protocols import topics as t
-from ....protocols.messages import requests
-from ....protocols.messages.telemetry import State
-from ....protocols.topics import Role
-from ..client.protocol_client import Ask, NoLease, ProtocolClient, Put
-from ..client.round_trip import RoundTrip
-from ..client.session import NotCertified
-from ..words.refusals import refusal_words
+from .....protocols import topics as t
+from .....protocols.messages import requests
+from .....protocols.messages.telemetry import State
+from .....protocols.topics import Role
+from ...client.protocol_client import Ask, NoLease, ProtocolClient, Put
+from ...client.round_trip import RoundTrip
+from ...client.session import NotCertified
+from ...words.refusals import refusal_words
 from .neutral import STREAMS, neutral, stream_name
 
 HELD_S: Final = 0.04

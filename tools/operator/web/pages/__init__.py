@@ -1,0 +1,1 @@
+"""Pages as the console's process holds them: each an operator, one session behind them all."""

@@ -1,0 +1,1 @@
+"""JavaScript of others that the page is served with, and how it is fetched."""
