@@ -10,9 +10,9 @@ from .errors import ConfigError
 from .load import Cell
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
-from .sweep import with_sweep
-from .urdf import read_robot
-from .wheels import with_wheels
+from .urdf.robot import read_robot
+from .urdf.sweep import with_sweep
+from .urdf.wheels import with_wheels
 
 FORMAT: Final = 1
 

@@ -13,20 +13,20 @@ from typing import Any, Final
 from .agree.agree import check_agreement
 from .agree.cell import PartOf, check_cell
 from .devices import devices_of, shared_devices
+from .drives.joint_ranges import expand
+from .drives.rig_drives import with_drives
 from .errors import ConfigError, nearest, short
-from .joint_ranges import expand
 from .joint_tasks import agree, agree_with_beam
 from .parts import MechanismKeys, joint_tables_of, on_top, parts_of
-from .rig_drives import with_drives
 from .schema.bus.on_bus import Entry
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTask
 from .schema.sensors.cameras import Camera
-from .sweep import with_sweep
 from .toml import read_toml
-from .urdf import Robot, UrdfJoint, read_robot
+from .urdf.robot import Robot, UrdfJoint, read_robot
+from .urdf.sweep import with_sweep
+from .urdf.wheels import with_wheels
 from .validated import under, validated
-from .wheels import with_wheels
 
 __all__ = [
     "Cell",

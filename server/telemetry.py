@@ -4,7 +4,7 @@ import math
 from importlib import metadata
 from typing import Any, NamedTuple
 
-from ..config.joint_bounds import joint_bounds
+from ..config.drives.joint_bounds import joint_bounds
 from ..config.load import Cell, joint_part
 from ..config.schema.joint_task import JointTask
 from ..config.schema.sources.sources import SOURCES

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
+from ..drives.joint_bounds import joint_bounds
 from ..errors import ConfigError, nearest
-from ..joint_bounds import joint_bounds
 from ..schema.cell import CellConfig
 from ..schema.mechanism.mechanism import Drive, Mechanism
-from ..urdf import Robot, UrdfJoint
+from ..urdf.robot import Robot, UrdfJoint
 from .cameras import camera_disagreements
 from .modes import mode_disagreements
 from .obstacles import obstacle_disagreements

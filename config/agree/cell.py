@@ -7,7 +7,7 @@ from typing import NamedTuple
 from ..errors import ConfigError, nearest
 from ..schema.bus.on_bus import Entry
 from ..schema.cell import CellConfig
-from ..urdf import Robot
+from ..urdf.robot import Robot
 from .buses import bus_disagreements
 from .obstacles import link_disagreements
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from ..errors import nearest
 from ..schema.cell import CellConfig
-from ..urdf import Robot
+from ..urdf.robot import Robot
 
 
 def obstacle_disagreements(config: CellConfig) -> Iterator[str]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from ..errors import nearest
 from ..schema.cell import CellConfig
-from ..urdf import Robot
+from ..urdf.robot import Robot
 
 
 def priority_disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:

@@ -4,7 +4,7 @@ from typing import Self
 
 import numpy as np
 
-from ...config.joint_bounds import JointBounds, joint_bounds
+from ...config.drives.joint_bounds import JointBounds, joint_bounds
 from ...config.load import Cell
 from ..control.spatial import Array
 from ..refusals import Refused, Why

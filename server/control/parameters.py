@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...config.joint_bounds import joint_bounds
+from ...config.drives.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...config.schema.cell import CellConfig, Limits, Resolve
 from ...config.schema.mechanism.torque import Torque

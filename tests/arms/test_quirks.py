@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.config.urdf import read_robot
+from telerobot.config.urdf.robot import read_robot
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge

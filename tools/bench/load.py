@@ -12,7 +12,7 @@ import numpy as np
 
 from ...config.load import Cell, load_cell
 from ...config.schema.obstacles import Avoidance, Obstacle, Workspace
-from ...config.urdf import read_robot
+from ...config.urdf.robot import read_robot
 from ...server.control.spatial import Array
 from .peers.geometry import PeerGeometry
 from .peers.scenes import Thing

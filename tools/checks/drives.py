@@ -8,7 +8,7 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.mechanism.base import DifferentialBase
 from ...config.schema.mechanism.mechanism import Drive
-from ...config.urdf import UrdfJoint
+from ...config.urdf.robot import UrdfJoint
 from ...drivers.servo_status import MOST_MISSED_SYNCS
 from ...protocols.canopen.counter import HALF, SPAN
 from ...server.control.mechanism.kinematics import Mechanism

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...config.joint_bounds import joint_bounds
+from ...config.drives.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...server.control.mechanism.backbone.insertion import FITS, Backbone
 from ...server.control.mechanism.kinematics import Mechanism

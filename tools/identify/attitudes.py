@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...config.drives.joint_bounds import joint_bounds
 from ...config.errors import ConfigError
-from ...config.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.spatial import Array, Pose

@@ -4,7 +4,7 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Final
 
-from ...config.urdf import CONTINUOUS_RANGE
+from ...config.urdf.robot import CONTINUOUS_RANGE
 from .draft import DriveDraft
 from .shape.shapes import Array
 

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from ...config.drives.rig_drives import greatest_inertias
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
-from ...config.rig_drives import greatest_inertias
 from ..checks.findings import Severity
 from ..checks.loops.stability import stability
 from .draft import Draft, text_of

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from ...config.errors import ConfigError, nearest
-from ...config.urdf import read_tree
-from ...config.urdf_elements import FRAME_MASS, NO_INERTIA, inertial_fault
+from ...config.urdf.elements import FRAME_MASS, NO_INERTIA, inertial_fault
+from ...config.urdf.robot import read_tree
 from .shape.capsules import Fit, Tube, extreme, fit
 from .shape.shapes import Array, hull_of, link_shape, placement
 from .tip import end_of, movable, tip_of

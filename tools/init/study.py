@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...config.joint_bounds import joint_bounds
+from ...config.drives.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.proximity.capsules import Capsules

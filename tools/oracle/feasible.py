@@ -21,7 +21,7 @@ from typing import Self
 
 import numpy as np
 
-from ...config.joint_bounds import joint_bounds
+from ...config.drives.joint_bounds import joint_bounds
 from ...config.load import Cell
 from .arm import OracleArm
 from .poses import Array, difference, rotation

@@ -20,7 +20,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.joint_bounds import joint_bounds
+from ...config.drives.joint_bounds import joint_bounds
 from ...config.load import Cell
 from ...drivers.rig.physics.world import World
 from .arm import OracleArm

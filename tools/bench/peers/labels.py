@@ -9,7 +9,7 @@ whom. So *feasible* is a proof, by example; *not feasible* says that no example 
 
 import numpy as np
 
-from ....config.joint_bounds import joint_bounds
+from ....config.drives.joint_bounds import joint_bounds
 from ....config.load import Cell
 from ....server.control.spatial import Array, Pose, pose_error
 from ...oracle.random_tree import connected

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.joint_bounds import joint_bounds
+from ....config.drives.joint_bounds import joint_bounds
 from ....config.load import Cell
 from ....config.schema.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
 from ....drivers.rig.physics.world import World

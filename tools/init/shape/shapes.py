@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.errors import ConfigError
-from ....config.urdf_elements import check_shape
+from ....config.urdf.elements import check_shape
 from .packages import find_mesh
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.urdf import read_tree
+from ....config.urdf.robot import read_tree
 from ....server.control.proximity.capsules import Capsule, Capsules
 from ....server.control.spatial import Pose
 from ...init.shape.capsules import Tube, extreme, union

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from .....config.drives.joint_bounds import joint_bounds
 from .....config.errors import ConfigError
-from .....config.joint_bounds import joint_bounds
 from .....config.load import Cell
 from .....config.schema.mechanism.backbone import Backbone as Section
 from ...spatial import Array, Pose

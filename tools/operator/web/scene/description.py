@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from .....config.joint_bounds import joint_bounds
+from .....config.drives.joint_bounds import joint_bounds
 from .....config.load import Cell
 from .....config.schema.sensors.cameras import Camera
 from .links import described_links

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.obstacles import Obstacle
-from telerobot.config.urdf import read_robot
+from telerobot.config.urdf.robot import read_robot
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.null_space.priority import (
     RELEASE_S,

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from .schema.mechanism.mechanism import Drive
-from .urdf import UrdfJoint
+from ..schema.mechanism.mechanism import Drive
+from ..urdf.robot import UrdfJoint
 
 
 class JointBounds(NamedTuple):

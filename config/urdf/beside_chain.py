@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from .errors import ConfigError, nearest
-from .schema.cell import CellConfig
-from .urdf import Robot, UrdfJoint, joints_of_root
+from ..errors import ConfigError, nearest
+from ..schema.cell import CellConfig
+from .robot import Robot, UrdfJoint, joints_of_root
 
 
 def root_joint(where: str, robot: Robot, name: str) -> UrdfJoint:

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from .errors import ConfigError, nearest
-from .schema.mechanism.mechanism import LinkInertial
-from .urdf_elements import MOMENTS
+from ..errors import ConfigError, nearest
+from ..schema.mechanism.mechanism import LinkInertial
+from .elements import MOMENTS
 
 _LOOKED_AT: Final = ("gazebo", "material", "transmission", "mujoco", "ros2_control", "sensor")
 """Elements that say nothing about a chain's motion."""

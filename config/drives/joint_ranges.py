@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 from typing import Final
 
-from .errors import ConfigError
-from .schema.cell import CellConfig
-from .schema.mechanism.mechanism import MOST_DRIVES, Drive
+from ..errors import ConfigError
+from ..schema.cell import CellConfig
+from ..schema.mechanism.mechanism import MOST_DRIVES, Drive
 
 HIGHEST_NODE: Final = 126
 """The daemon's own is the next one."""

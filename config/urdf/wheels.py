@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from ..errors import ConfigError
+from ..schema.cell import CellConfig
 from .beside_chain import beside_chain, root_joint
-from .errors import ConfigError
-from .schema.cell import CellConfig
-from .urdf import Robot, axis_of
+from .robot import Robot, axis_of
 
 TURNS_FOR_EVER: Final = 1e9
 """Wheels have no position limits: no command gets here [rad]."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from .errors import ConfigError, nearest
-from .schema.mechanism.mechanism import Drive, LinkInertial
-from .urdf_elements import check_bodies, check_elements, normalise, unshaped_links
-from .urdf_plain import balance, give_inertials, mesh_links, refuse_xacro, simplify
+from ..errors import ConfigError, nearest
+from ..schema.mechanism.mechanism import Drive, LinkInertial
+from .elements import check_bodies, check_elements, normalise, unshaped_links
+from .plain import balance, give_inertials, mesh_links, refuse_xacro, simplify
 
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""

@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .schema.cell import CellConfig
-from .schema.rig.rig import RigDrive
-from .urdf import Robot
+from ..schema.cell import CellConfig
+from ..schema.rig.rig import RigDrive
+from ..urdf.robot import Robot
 
 Vector = NDArray[np.float64]
 LOOP: Final = 80.0

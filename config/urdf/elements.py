@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .errors import ConfigError
+from ..errors import ConfigError
 
 FARTHEST: Final = 1e4
 """No part of a robot is longer, or farther from its joint, than this [m]."""

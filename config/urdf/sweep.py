@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from ..errors import ConfigError
+from ..schema.cell import CellConfig
 from .beside_chain import beside_chain, root_joint
-from .errors import ConfigError
-from .schema.cell import CellConfig
-from .urdf import Robot
+from .robot import Robot
 
 
 def with_sweep(

@@ -1,0 +1,1 @@
+"""A mechanism's drives: tables for several, bounds of their joints, loops of virtual ones."""
