@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from .errors import ConfigError
 from .load import Cell
 from .schema.cell import CellConfig
-from .schema.joint_task import JointTask
+from .schema.joint_task import JointTaskSection
 from .urdf.robot import read_robot
 from .urdf.sweep import with_sweep
 from .urdf.wheels import with_wheels
@@ -40,7 +40,7 @@ def from_text(text: str, folder: Path) -> Cell:
             raise ConfigError(f"a recorded cell of format {table['format']}, not {FORMAT}")
         path = Path(table["path"])
         parts = [_restored(path, part, folder, i) for i, part in enumerate(table["parts"])]
-        joint = tuple(JointTask.model_validate(task) for task in table["joint_tasks"])
+        joint = tuple(JointTaskSection.model_validate(task) for task in table["joint_tasks"])
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from .errors import ConfigError, nearest
-from .schema.joint_task import JointTask
-from .schema.rig.rig import Rig
+from .schema.joint_task import JointTaskSection
+from .schema.rig.rig import RigSection
 
 SHARED: Final = ("T_world_crf", "sources", "schedules")
 """Keys that a joint task has of the whole file where it says nothing of its own."""
@@ -23,7 +23,7 @@ def is_joint(table: dict[str, Any]) -> bool:
 
 
 def agree(
-    path: Path, tasks: Sequence[tuple[int, JointTask]], mechanisms: Mapping[str, bool]
+    path: Path, tasks: Sequence[tuple[int, JointTaskSection]], mechanisms: Mapping[str, bool]
 ) -> None:
     """Raise `ConfigError` where joint tasks, each with its place in the file, do not fit the cell.
 
@@ -45,7 +45,7 @@ def agree(
             holder[name] = task.name
 
 
-def agree_with_beam(path: Path, tasks: Sequence[JointTask], rig: Rig | None) -> None:
+def agree_with_beam(path: Path, tasks: Sequence[JointTaskSection], rig: RigSection | None) -> None:
     """Raise `ConfigError` where the rig's payload does not fit the task that is to hold it."""
     if rig is None or rig.beam is None:
         return

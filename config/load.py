@@ -20,8 +20,8 @@ from .joint_tasks import agree, agree_with_beam
 from .parts import MechanismKeys, joint_tables_of, on_top, parts_of
 from .schema.bus.on_bus import Entry
 from .schema.cell import CellConfig
-from .schema.joint_task import JointTask
-from .schema.sensors.cameras import Camera
+from .schema.joint_task import JointTaskSection
+from .schema.sensors.cameras import CameraSection
 from .toml import read_toml
 from .urdf.robot import Robot, UrdfJoint, read_robot
 from .urdf.sweep import with_sweep
@@ -57,7 +57,7 @@ class Cell:
     robot: Robot
     others: tuple["Cell", ...] = ()
     """The other parts, in the order of the file."""
-    joint_tasks: tuple[JointTask, ...] = ()
+    joint_tasks: tuple[JointTaskSection, ...] = ()
     """Tasks that several mechanisms hold together; none in a part."""
     prefix: str = ""
     """Names of this part's joints, links and devices begin so where the cell has several:
@@ -93,7 +93,7 @@ class Cell:
         return (*chain.from_iterable(each), *shared_devices(self.config))
 
     @property
-    def cameras(self) -> tuple[Camera, ...]:
+    def cameras(self) -> tuple[CameraSection, ...]:
         """The cameras of all tasks, each with a name of its own."""
         return tuple(camera for part in self.parts for camera in part.config.cameras)
 
@@ -103,7 +103,7 @@ class Cell:
         return script_path(self.config.default_script, self.path.parent)
 
 
-def grasp_part(cell: Cell, task: JointTask, member: int) -> Cell:
+def grasp_part(cell: Cell, task: JointTaskSection, member: int) -> Cell:
     """Return what the file would say with one mechanism of a joint task alone, and that task.
 
     What one arm feels of another over the grasps is the stiffest that force control meets there.
@@ -127,7 +127,7 @@ def grasp_part(cell: Cell, task: JointTask, member: int) -> Cell:
     return replace(part, config=part.config.model_copy(update=own))
 
 
-def joint_part(cell: Cell, task: JointTask) -> Cell:
+def joint_part(cell: Cell, task: JointTaskSection) -> Cell:
     """Return that of a joint task's first mechanism, with the shared MRF for its own."""
     part = grasp_part(cell, task, 0)
     mechanism = part.config.mechanism.model_copy(update={"T_wrist_mrf": task.T_wrist_mrf[0]})
@@ -153,7 +153,7 @@ def load_cell(name_or_path: str | Path) -> Cell:
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
     joint = [
-        (i, validated(path, table, JointTask, partial(under, f"tasks[{i}]")))
+        (i, validated(path, table, JointTaskSection, partial(under, f"tasks[{i}]")))
         for i, table in joint_tables_of(path, document)
     ]
     feels = {p.config.mechanism.name: p.config.mechanism.force_torque is not None for p in parts}

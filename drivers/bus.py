@@ -18,7 +18,7 @@ from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 
-from ..config.schema.bus.bus import Bus
+from ..config.schema.bus.bus import BusSection
 from .device import DeviceError
 
 CanMessage = can.Message
@@ -237,7 +237,7 @@ class InProcessBus(can.BusABC):
         self.hub.leave(self)
 
 
-def open_bus(config: Bus, hub: Hub | None = None) -> can.BusABC:
+def open_bus(config: BusSection, hub: Hub | None = None) -> can.BusABC:
     """Open the bus that a cell names; `hub` is needed for `in_process` only.
 
     Raises `DeviceError`, in one line, for a bus that is not there or cannot be opened.

@@ -9,7 +9,7 @@ from typing import Any
 
 import can
 
-from ..config.schema.bus.bus import Bus
+from ..config.schema.bus.bus import BusSection
 from .bus import LoopbackBus
 
 
@@ -30,7 +30,7 @@ class LoopbackInterface(LoopbackBus):
         """
         if receive_own_messages:
             raise can.CanInitializationError("telerobot_loopback: own messages are not received")
-        default = Bus()
+        default = BusSection()
         group, _, tail = (channel or default.channel).partition(":")
         try:
             number = int(tail or port or default.port)
@@ -44,6 +44,6 @@ class LoopbackInterface(LoopbackBus):
     @staticmethod
     def _detect_available_configs() -> list[Any]:
         """Return the bus of a cell that says nothing of one: for `can.detect_available_configs`."""
-        default = Bus()
+        default = BusSection()
         channel = f"{default.channel}:{default.port}"
         return [{"interface": "telerobot_loopback", "channel": channel}]

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from ..config.schema.mechanism.mechanism import ForceTorque
+from ..config.schema.mechanism.mechanism import ForceTorqueSection
 from ..protocols.canopen import robotous
 from .device import Cause, DeviceError, Trouble
 from .fieldbus import Fieldbus
@@ -29,7 +29,9 @@ class RobotousSensor(WrenchSensor):
 
     vital = False
 
-    def __init__(self, fieldbus: Fieldbus, config: ForceTorque, name: str = "force_torque") -> None:
+    def __init__(
+        self, fieldbus: Fieldbus, config: ForceTorqueSection, name: str = "force_torque"
+    ) -> None:
         self.name = name
         self.config = config
         self.samples = 0

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from ..config.load import Cell
-from ..config.schema.bus.enabling import EnablingSwitch
-from ..config.schema.bus.on_bus import Entry, OnBus
-from ..config.schema.mechanism.mechanism import Drive, ForceTorque, Gripper
+from ..config.schema.bus.enabling import EnablingSwitchSection
+from ..config.schema.bus.on_bus import Entry, OnBusSection
+from ..config.schema.mechanism.mechanism import DriveSection, ForceTorqueSection, GripperSection
 from ..protocols.canopen.cia402 import OperationMode
 from .canopen.enabling import EnablingInput
 from .canopen.gripper import GripperOutput
@@ -36,7 +36,7 @@ class Kind:
     """Module in `rig/nodes/` and class, which keeps the contract `nodes/node.py`."""
 
 
-def _servo(drive: Drive, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+def _servo(drive: DriveSection, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
     joint = next(j for j in cell.robot.joints if j.name == drive.joint)
     return ServoDrive(
         fieldbus,
@@ -50,25 +50,25 @@ def _servo(drive: Drive, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device
     )
 
 
-def _sensor(sensor: ForceTorque, entry: Entry, fieldbus: Fieldbus, _cell: Cell) -> Device:
+def _sensor(sensor: ForceTorqueSection, entry: Entry, fieldbus: Fieldbus, _cell: Cell) -> Device:
     return RobotousSensor(fieldbus, sensor, entry.name)
 
 
-def _gripper(gripper: Gripper, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+def _gripper(gripper: GripperSection, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
     eds = EDS / "simulated_output.eds"
     return GripperOutput(fieldbus, gripper, cell.config.timing, eds, entry.name)
 
 
-def _switch(switch: EnablingSwitch, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+def _switch(switch: EnablingSwitchSection, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
     eds = EDS / "simulated_input.eds"
     return EnablingInput(fieldbus, switch, cell.config.timing, eds, entry.name)
 
 
-KINDS: Final[dict[type[OnBus], Kind]] = {
-    Drive: Kind(_servo, "servo.servo_node:SimulatedDrive"),
-    ForceTorque: Kind(_sensor, "sensors.force_torque_node:SimulatedForceTorque"),
-    Gripper: Kind(_gripper, "io.gripper_node:SimulatedGripper"),
-    EnablingSwitch: Kind(_switch, "io.enabling_node:SimulatedSwitch"),
+KINDS: Final[dict[type[OnBusSection], Kind]] = {
+    DriveSection: Kind(_servo, "servo.servo_node:SimulatedDrive"),
+    ForceTorqueSection: Kind(_sensor, "sensors.force_torque_node:SimulatedForceTorque"),
+    GripperSection: Kind(_gripper, "io.gripper_node:SimulatedGripper"),
+    EnablingSwitchSection: Kind(_switch, "io.enabling_node:SimulatedSwitch"),
 }
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..config.schema.mechanism.mechanism import Drive
+from ..config.schema.mechanism.mechanism import DriveSection
 from ..drivers.device import Cause, Trouble
 from ..protocols.canopen.cia402 import DriveState
 from .control.joints import Joints
@@ -16,7 +16,7 @@ from .plant import PlantReading
 class FaultDetector:
     """Detects faults that call for a quick stop."""
 
-    def __init__(self, joints: Joints, drives: Sequence[Drive]) -> None:
+    def __init__(self, joints: Joints, drives: Sequence[DriveSection]) -> None:
         """Build it for all joints of a cell, and their drives in the same order."""
         self._joints, self._window = joints.names, joints.following_window
         self._nodes = tuple(drive.node for drive in drives)

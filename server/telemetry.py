@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from ..config.drives.joint_bounds import joint_bounds
 from ..config.load import Cell, joint_part
-from ..config.schema.joint_task import JointTask
+from ..config.schema.joint_task import JointTaskSection
 from ..config.schema.sources.sources import SOURCES
 from ..protocols.codec import encode
 from ..protocols.messages.messages import VERSION, Vector6
@@ -85,7 +85,7 @@ def _described(part: Cell) -> dict[str, Any]:
     }
 
 
-def _described_joint(cell: Cell, task: JointTask) -> dict[str, Any]:
+def _described_joint(cell: Cell, task: JointTaskSection) -> dict[str, Any]:
     """Return what is described of a task that several mechanisms hold: the first one's joints."""
     return {**_described(joint_part(cell, task)), "task": task.name}
 

@@ -7,7 +7,7 @@ from typing import Final
 from ..drives.joint_bounds import joint_bounds
 from ..errors import ConfigError, nearest
 from ..schema.cell import CellConfig
-from ..schema.mechanism.mechanism import Drive, Mechanism
+from ..schema.mechanism.mechanism import DriveSection, MechanismSection
 from ..urdf.robot import Robot, UrdfJoint
 from .cameras import camera_disagreements
 from .modes import mode_disagreements
@@ -62,7 +62,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
                 yield f"rig.drive.{key}: {count} values: must be 1, or {n}: one per joint"
 
 
-def _payloads(mechanism: Mechanism) -> Iterator[str]:
+def _payloads(mechanism: MechanismSection) -> Iterator[str]:
     rated = mechanism.rated_payload
     named = {f"payloads.{name}": p for name, p in mechanism.payloads.items()}
     if mechanism.force_torque is not None:
@@ -75,7 +75,7 @@ def _payloads(mechanism: Mechanism) -> Iterator[str]:
             )
 
 
-def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:
+def _pairing(drives: tuple[DriveSection, ...], robot: Robot) -> Iterator[str]:
     names = [j.name for j in robot.joints]
     seen: set[str] = set()
     for i, drive in enumerate(drives):
@@ -94,7 +94,7 @@ def _pairing(drives: tuple[Drive, ...], robot: Robot) -> Iterator[str]:
             yield f"mechanism.drives: joint '{name}' of {robot.urdf} has no drive"
 
 
-def _drive(where: str, drive: Drive, joint: UrdfJoint, endless: bool) -> Iterator[str]:
+def _drive(where: str, drive: DriveSection, joint: UrdfJoint, endless: bool) -> Iterator[str]:
     if drive.max_velocity > joint.velocity:
         yield (
             f"{where}.max_velocity: value {drive.max_velocity:g}: must be at most "

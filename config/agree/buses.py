@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ..errors import nearest
-from ..schema.bus.on_bus import CanOpenNode, Entry
+from ..schema.bus.on_bus import CanOpenNodeSection, Entry
 from ..schema.cell import CellConfig
-from ..schema.mechanism.mechanism import Drive, ForceTorque
+from ..schema.mechanism.mechanism import DriveSection, ForceTorqueSection
 
 MASTER_NODE: Final = 127
 """The daemon's own node id, which its heartbeat uses."""
@@ -64,7 +64,7 @@ def _identifiers(
 ) -> Iterator[str]:
     """Judge one device's identifiers against those of the devices before it."""
     section = entry.section
-    if isinstance(section, CanOpenNode):
+    if isinstance(section, CanOpenNodeSection):
         place = (entry.bus, section.node)
         if place in nodes:
             yield f"{entry.key}.node: value {section.node}: already the node of {nodes[place]}"
@@ -80,9 +80,9 @@ def _identifiers(
 
 def _without_drives(devices: Sequence[Entry]) -> Iterator[str]:
     """A sample is aged by the answers of a drive that shares the clock of its stamps."""
-    driven = {entry.bus for entry in devices if isinstance(entry.section, Drive)}
+    driven = {entry.bus for entry in devices if isinstance(entry.section, DriveSection)}
     for entry in devices:
-        if isinstance(entry.section, ForceTorque) and entry.bus not in driven:
+        if isinstance(entry.section, ForceTorqueSection) and entry.bus not in driven:
             yield (
                 f"{entry.key}.bus: value '{entry.bus}': no drive is on that bus, whose answers "
                 "tell how old a sample is"

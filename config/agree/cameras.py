@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from ..errors import nearest
 from ..schema.cell import CellConfig
-from ..schema.sensors.cameras import Camera, RigTag
+from ..schema.sensors.cameras import CameraSection, RigTagSection
 
 
 def camera_disagreements(config: CellConfig) -> Iterator[str]:
@@ -24,7 +24,9 @@ def camera_disagreements(config: CellConfig) -> Iterator[str]:
             yield from _rendered(f"cameras[{i}]", camera, config.rig is not None, tags)
 
 
-def _rendered(where: str, camera: Camera, rig: bool, tags: tuple[RigTag, ...]) -> Iterator[str]:
+def _rendered(
+    where: str, camera: CameraSection, rig: bool, tags: tuple[RigTagSection, ...]
+) -> Iterator[str]:
     if not rig:
         yield f"{where}.device: missing: without [rig] a camera is opened, not rendered"
     width, height = camera.size

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from ..schema.mechanism.mechanism import Drive
+from ..schema.mechanism.mechanism import DriveSection
 from ..urdf.robot import UrdfJoint
 
 
@@ -15,7 +15,7 @@ class JointBounds(NamedTuple):
 
 
 def joint_bounds(
-    joints: Iterable[UrdfJoint], drives: Iterable[Drive], further: float = 0.0
+    joints: Iterable[UrdfJoint], drives: Iterable[DriveSection], further: float = 0.0
 ) -> JointBounds:
     """Return the bounds of joints, `further` [rad] inside what they may be commanded to."""
     margins = {drive.joint: drive.position_margin + further for drive in drives}

@@ -6,7 +6,7 @@ from typing import Final
 
 from ..errors import ConfigError
 from ..schema.cell import CellConfig
-from ..schema.mechanism.mechanism import MOST_DRIVES, Drive
+from ..schema.mechanism.mechanism import MOST_DRIVES, DriveSection
 
 HIGHEST_NODE: Final = 126
 """The daemon's own is the next one."""
@@ -18,7 +18,7 @@ def expand(path: Path, config: CellConfig, place: str) -> CellConfig:
 
     Raises `ConfigError`.
     """
-    drives: list[Drive] = []
+    drives: list[DriveSection] = []
     for i, drive in enumerate(config.mechanism.drives):
         drives += _joints_of(f"{path}: {place}.drives[{i}]", i, drive)
     if len(drives) > MOST_DRIVES:
@@ -27,7 +27,7 @@ def expand(path: Path, config: CellConfig, place: str) -> CellConfig:
     return config.model_copy(update={"mechanism": mechanism})
 
 
-def _joints_of(where: str, index: int, drive: Drive) -> list[Drive]:
+def _joints_of(where: str, index: int, drive: DriveSection) -> list[DriveSection]:
     """Return the drives that a table means, in the order of counting."""
     names = [drive.joint] if ".." not in drive.joint else _names(where, drive.joint)
     last = drive.node + len(names) - 1

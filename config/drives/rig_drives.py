@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..schema.cell import CellConfig
-from ..schema.rig.rig import RigDrive
+from ..schema.rig.rig import RigDriveSection
 from ..urdf.robot import Robot
 
 Vector = NDArray[np.float64]
@@ -67,7 +67,7 @@ def _drives(config: CellConfig, robot: Robot) -> dict[str, tuple[float, ...]]:
     payload = 0.0 if rig is None else rig.payload_mass
     named = [q for q in config.mechanism.postures.values() if len(q) == len(robot.joints)]
     moved = greatest_inertias(robot, config.mechanism.tip_link, named, payload)
-    given = RigDrive() if rig is None else rig.drive
+    given = RigDriveSection() if rig is None else rig.drive
     n = len(moved)
     told = np.resize(np.array(given.armature), n) if given.armature else None
     rotors = np.maximum(ROTOR * moved, LEAST_ROTOR) if told is None else told

@@ -1,1 +1,1 @@
-"""The schema of a cell file: one module per section."""
+"""The schema of a cell file: a module for each subject, a class `…Section` for each table."""

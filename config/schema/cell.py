@@ -7,27 +7,27 @@ description; `check.py` in the tools judges what a schema cannot see.
 
 from pydantic import Field, model_validator
 
-from .bus.bus import Bus
-from .bus.enabling import EnablingSwitch
-from .mechanism.mechanism import Mechanism
-from .mechanism.torque import Torque
-from .mechanism.touch import Touch
-from .moving import Frames
-from .null_space.potential import PotentialField
-from .null_space.priority import Priority
-from .null_space.redundancy import Redundancy
-from .obstacles import Avoidance, Obstacle
-from .reflection import Reflection
-from .rig.rig import Rig
-from .section import Name, Pose, Section
-from .security import Zenoh
-from .sensors.cameras import Camera
-from .sensors.scanner import ContourReflex, Scanner
-from .sources.schedule import Schedule
-from .sources.sources import Sources
+from .bus.bus import BusSection
+from .bus.enabling import EnablingSwitchSection
+from .mechanism.mechanism import MechanismSection
+from .mechanism.torque import TorqueSection
+from .mechanism.touch import TouchSection
+from .moving import FramesSection
+from .null_space.potential import PotentialFieldSection
+from .null_space.priority import PrioritySection
+from .null_space.redundancy import RedundancySection
+from .obstacles import AvoidanceSection, ObstacleSection
+from .reflection import ReflectionSection
+from .rig.rig import RigSection
+from .section import Name, PoseSection, Section
+from .security import ZenohSection
+from .sensors.cameras import CameraSection
+from .sensors.scanner import ContourReflexSection, ScannerSection
+from .sources.schedule import ScheduleSection
+from .sources.sources import SourcesSection
 
 
-class Timing(Section):
+class TimingSection(Section):
     """The clockwork: T < tolerated overruns * T < setpoint < heartbeat < lease timeout."""
 
     period_s: float = Field(0.010, ge=0.001, le=0.1, description="control and SYNC period T [s]")
@@ -54,7 +54,7 @@ class Timing(Section):
     )
 
 
-class Limits(Section):
+class LimitsSection(Section):
     """Bounds of the tool's motion; joint bounds stand with the drives."""
 
     speed: float = Field(0.5, gt=0, le=10, description="MRF speed [m/s]")
@@ -68,7 +68,7 @@ class Limits(Section):
     )
 
 
-class Resolve(Section):
+class ResolveSection(Section):
     """Damped resolution of tool rates into joint rates near singularities."""
 
     characteristic_length: float = Field(
@@ -83,7 +83,7 @@ class Resolve(Section):
     )
 
     @model_validator(mode="after")
-    def _is_bounded(self) -> "Resolve":
+    def _is_bounded(self) -> "ResolveSection":
         # Joint rates are at most |ẋ| / (2 λm √(1 − λm²/σ0²)), the greatest damped gain there is.
         for name in ("damping", "floor"):
             value = getattr(self, name)
@@ -102,48 +102,62 @@ class CellConfig(Section):
     default_script: str = Field(
         description="path, from this file's folder, or the name of a script that is shipped"
     )
-    timing: Timing = Field(default_factory=Timing, description="periods and timeouts")
-    bus: Bus = Field(default_factory=Bus, description="the CAN bus of a cell with one")
-    buses: tuple[Bus, ...] = Field((), max_length=8, description="the CAN buses, instead of [bus]")
-    zenoh: Zenoh = Field(default_factory=Zenoh, description="the operators' network")
-    mechanism: Mechanism = Field(description="the arm")
-    enabling_switch: EnablingSwitch | None = Field(
+    timing: TimingSection = Field(default_factory=TimingSection, description="periods and timeouts")
+    bus: BusSection = Field(
+        default_factory=BusSection, description="the CAN bus of a cell with one"
+    )
+    buses: tuple[BusSection, ...] = Field(
+        (), max_length=8, description="the CAN buses, instead of [bus]"
+    )
+    zenoh: ZenohSection = Field(default_factory=ZenohSection, description="the operators' network")
+    mechanism: MechanismSection = Field(description="the arm")
+    enabling_switch: EnablingSwitchSection | None = Field(
         None, description="switch that is held while the arm may move; absent: there is none"
     )
-    cameras: tuple[Camera, ...] = Field((), description="cameras, each looking for one tag")
-    T_world_crf: Pose = Field(
-        default_factory=Pose, description="control reference frame in World, at start"
+    cameras: tuple[CameraSection, ...] = Field((), description="cameras, each looking for one tag")
+    T_world_crf: PoseSection = Field(
+        default_factory=PoseSection, description="control reference frame in World, at start"
     )
-    frames: Frames = Field(default_factory=Frames, description="frames that may move")
-    sources: Sources = Field(default_factory=Sources, description="who may ask for a tool rate")
-    schedules: tuple[Schedule, ...] = Field(
+    frames: FramesSection = Field(default_factory=FramesSection, description="frames that may move")
+    sources: SourcesSection = Field(
+        default_factory=SourcesSection, description="who may ask for a tool rate"
+    )
+    schedules: tuple[ScheduleSection, ...] = Field(
         (), max_length=16, description="gains that change with force, distance or time"
     )
-    reflection: Reflection | None = Field(
+    reflection: ReflectionSection | None = Field(
         None, description="force reflection to the operator; absent where there is none"
     )
-    limits: Limits = Field(default_factory=Limits, description="bounds of the tool's motion")
-    resolve: Resolve = Field(default_factory=Resolve, description="singularities")
-    redundancy: Redundancy = Field(default_factory=Redundancy, description="the null space")
-    torque: Torque = Field(default_factory=Torque, description="the law of drives in CST")
-    obstacles: tuple[Obstacle, ...] = Field(
+    limits: LimitsSection = Field(
+        default_factory=LimitsSection, description="bounds of the tool's motion"
+    )
+    resolve: ResolveSection = Field(default_factory=ResolveSection, description="singularities")
+    redundancy: RedundancySection = Field(
+        default_factory=RedundancySection, description="the null space"
+    )
+    torque: TorqueSection = Field(
+        default_factory=TorqueSection, description="the law of drives in CST"
+    )
+    obstacles: tuple[ObstacleSection, ...] = Field(
         (), max_length=64, description="what the arm keeps away from"
     )
-    avoidance: Avoidance = Field(default_factory=Avoidance, description="clearances that are kept")
-    potential: PotentialField = Field(
-        default_factory=PotentialField, description="what repels the links, softly"
+    avoidance: AvoidanceSection = Field(
+        default_factory=AvoidanceSection, description="clearances that are kept"
     )
-    touch: Touch | None = Field(None, description="collision detection; absent: off")
-    priority: Priority | None = Field(
+    potential: PotentialFieldSection = Field(
+        default_factory=PotentialFieldSection, description="what repels the links, softly"
+    )
+    touch: TouchSection | None = Field(None, description="collision detection; absent: off")
+    priority: PrioritySection | None = Field(
         None, description="virtual spheres that obstacles push, before a hand is followed"
     )
-    scanner: Scanner | None = Field(
+    scanner: ScannerSection | None = Field(
         None, description="laser scanner that looks ahead of the arm; absent: there is none"
     )
-    contour: ContourReflex | None = Field(
+    contour: ContourReflexSection | None = Field(
         None, description="obstacles ahead, and how the arm folds to pass them; needs a scanner"
     )
-    rig: Rig | None = Field(None, description="virtual hardware; absent where it is real")
+    rig: RigSection | None = Field(None, description="virtual hardware; absent where it is real")
 
     @property
     def keeps_clear(self) -> bool:
@@ -151,6 +165,6 @@ class CellConfig(Section):
         return bool({"avoidance", "obstacles"} & self.model_fields_set)
 
     @property
-    def fieldbuses(self) -> tuple[Bus, ...]:
+    def fieldbuses(self) -> tuple[BusSection, ...]:
         """The cell's CAN buses, one or several."""
         return self.buses or (self.bus,)

@@ -4,10 +4,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .mechanism.mechanism import Payload
-from .section import Name, Pose, Section
-from .sources.schedule import Schedule
-from .sources.sources import Sources
+from .mechanism.mechanism import PayloadSection
+from .section import Name, PoseSection, Section
+from .sources.schedule import ScheduleSection
+from .sources.sources import SourcesSection
 
 Weight = Annotated[float, Field(ge=1e-3, le=1e3)]
 """Beyond, one arm carries all: what is left of the others' shares is rounding."""
@@ -18,7 +18,7 @@ Weights = Annotated[
 ]
 
 
-class JointTask(Section):
+class JointTaskSection(Section):
     """One payload held by several mechanisms, each by a grasp of its own."""
 
     name: Name = Field(description="name of the task")
@@ -26,11 +26,11 @@ class JointTask(Section):
         min_length=2, max_length=8, description="mechanisms that hold the payload"
     )
     at_start: bool = Field(False, description="true: they hold it when the daemon starts")
-    T_wrist_mrf: tuple[Pose, ...] = Field(
+    T_wrist_mrf: tuple[PoseSection, ...] = Field(
         description="the shared MRF in each mechanism's Wrist; an operator moves it in the first's"
     )
-    payload: Payload = Field(
-        default_factory=Payload, description="what they carry; its centre of mass in the MRF"
+    payload: PayloadSection = Field(
+        default_factory=PayloadSection, description="what they carry; its centre of mass in the MRF"
     )
     shares: tuple[Weights, ...] = Field(
         (), description="diagonals of W, one row each: the dearer, the less one carries; none: 1"
@@ -52,16 +52,18 @@ class JointTask(Section):
         description="in_proportion: drives are told ramps by which all joints come to rest "
         "together (6085h by RPDO2); each: every joint by its own quick_stop_deceleration",
     )
-    T_world_crf: Pose = Field(
-        default_factory=Pose, description="control reference frame in World, at start"
+    T_world_crf: PoseSection = Field(
+        default_factory=PoseSection, description="control reference frame in World, at start"
     )
-    sources: Sources = Field(default_factory=Sources, description="who may ask for a rate")
-    schedules: tuple[Schedule, ...] = Field(
+    sources: SourcesSection = Field(
+        default_factory=SourcesSection, description="who may ask for a rate"
+    )
+    schedules: tuple[ScheduleSection, ...] = Field(
         (), max_length=16, description="gains that change with force, distance or time"
     )
 
     @model_validator(mode="after")
-    def _has_one_of_each(self) -> "JointTask":
+    def _has_one_of_each(self) -> "JointTaskSection":
         for i, name in enumerate(self.by):
             if name in self.by[:i]:
                 raise ValueError(f"by[{i}]: '{name}' holds it already")

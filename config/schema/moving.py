@@ -4,13 +4,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .section import Pose, Section, Vector6
+from .section import PoseSection, Section, Vector6
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
 
-class MovingFrame(Section):
+class MovingFrameSection(Section):
     """A frame whose pose comes in on `sensor/frame`; how far its news is believed."""
 
     timeout_s: float = Field(
@@ -36,21 +36,23 @@ class MovingFrame(Section):
     )
 
 
-class Frames(Section):
+class FramesSection(Section):
     """Frames that may move. A frame without its table here stands where the cell has it."""
 
-    base: MovingFrame | None = Field(None, description="Base moves: the arm is on a platform")
-    carrier: MovingFrame | None = Field(
+    base: MovingFrameSection | None = Field(
+        None, description="Base moves: the arm is on a platform"
+    )
+    carrier: MovingFrameSection | None = Field(
         None, description="what the CRF may ride on moves: a conveyor, a workpiece"
     )
-    T_world_carrier: Pose = Field(
-        default_factory=Pose, description="Carrier in World, until its first news"
+    T_world_carrier: PoseSection = Field(
+        default_factory=PoseSection, description="Carrier in World, until its first news"
     )
     crf_on: Literal["world", "base", "carrier"] = Field(
         "world", description="what the CRF is fixed to, at start"
     )
-    T_ground_crf: Pose = Field(
-        default_factory=Pose,
+    T_ground_crf: PoseSection = Field(
+        default_factory=PoseSection,
         description="CRF at start on the Base or Carrier that it is fixed to; in World it is "
         "T_world_crf",
     )
@@ -62,19 +64,19 @@ class Frames(Section):
     )
 
     @property
-    def moving(self) -> dict[str, MovingFrame]:
+    def moving(self) -> dict[str, MovingFrameSection]:
         """The frames that have news, by name."""
         both = {"base": self.base, "carrier": self.carrier}
         return {name: frame for name, frame in both.items() if frame is not None}
 
     @model_validator(mode="after")
-    def _ground_is_there(self) -> "Frames":
+    def _ground_is_there(self) -> "FramesSection":
         if self.crf_on == "carrier" and self.carrier is None:
             raise ValueError("crf_on is 'carrier': there is no [frames.carrier]")
         return self
 
 
-class RigMotion(Section):
+class RigMotionSection(Section):
     """How a thing of the virtual world moves: a constant twist, and a sway about its place."""
 
     twist: Vector6 = Field((0.0,) * 6, description="constant twist, in World [m/s, rad/s]")
@@ -82,14 +84,18 @@ class RigMotion(Section):
     period_s: float = Field(4.0, ge=0.2, le=600, description="period of the sway [s]")
 
 
-class RigFrames(Section):
+class RigFramesSection(Section):
     """Motion in the virtual world, and the news that its sensors give of it."""
 
     platform_mass: float = Field(
         2000.0, gt=0, le=1e6, description="of a platform that carries the arm [kg]"
     )
-    platform: RigMotion = Field(default_factory=RigMotion, description="its motion at start")
-    carrier: RigMotion = Field(default_factory=RigMotion, description="the Carrier's, at start")
+    platform: RigMotionSection = Field(
+        default_factory=RigMotionSection, description="its motion at start"
+    )
+    carrier: RigMotionSection = Field(
+        default_factory=RigMotionSection, description="the Carrier's, at start"
+    )
     acceleration: float = Field(
         0.5, gt=0, le=100, description="with which their twists change [m/s², rad/s²]"
     )
@@ -109,4 +115,4 @@ class RigFrames(Section):
     )
 
 
-__all__ = ["Frames", "MovingFrame", "RigFrames", "RigMotion"]
+__all__ = ["FramesSection", "MovingFrameSection", "RigFramesSection", "RigMotionSection"]

@@ -24,7 +24,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
 """Fields that each shape needs, beside those with a default."""
 
 
-class Obstacle(Section):
+class ObstacleSection(Section):
     """Something that the arm keeps away from: what the daemon knows, not what the physics holds.
 
     One with `max_speed` 0 stands still for ever. One that may move is known by messages on
@@ -75,7 +75,7 @@ class Obstacle(Section):
     )
 
     @model_validator(mode="after")
-    def _is_whole(self) -> "Obstacle":
+    def _is_whole(self) -> "ObstacleSection":
         missing = [key for key in NEEDED[self.shape] if getattr(self, key) is None]
         if missing:
             raise ValueError(f"a {self.shape} needs {' and '.join(missing)}")
@@ -88,7 +88,7 @@ class Obstacle(Section):
         return self
 
 
-class LinkCapsule(Section):
+class LinkCapsuleSection(Section):
     """A part of the arm: all points within `radius` of a segment in a link's frame."""
 
     link: LinkName = Field(description="link of the URDF that it is fixed to")
@@ -97,27 +97,27 @@ class LinkCapsule(Section):
     radius: float = Field(gt=0, le=2, description="around the segment [m]")
 
 
-class AllowedContact(Section):
+class AllowedContactSection(Section):
     """A link and an obstacle, or two links, that may touch: they are not kept apart."""
 
     link: LinkName = Field(description="link of the arm")
     other: LinkName = Field(description="obstacle, or another link")
 
 
-class Workspace(Section):
+class WorkspaceSection(Section):
     """The box, along the axes of World, that the MRF stays in."""
 
     low: Vector3 = Field(description="least x, y, z [m]")
     high: Vector3 = Field(description="greatest x, y, z [m]")
 
     @model_validator(mode="after")
-    def _is_a_box(self) -> "Workspace":
+    def _is_a_box(self) -> "WorkspaceSection":
         if any(a >= b for a, b in zip(self.low, self.high, strict=True)):
             raise ValueError("every coordinate of 'low' must be below that of 'high'")
         return self
 
 
-class Avoidance(Section):
+class AvoidanceSection(Section):
     """Clearances that are kept as barriers, and that the verified stop covers."""
 
     enabled: bool = Field(False, description="switch at start")
@@ -132,15 +132,23 @@ class Avoidance(Section):
     near_speed: float | None = Field(
         None, gt=0, le=10, description="MRF speed bound at the clearance; none: limits.speed [m/s]"
     )
-    workspace: Workspace | None = Field(None, description="where the MRF stays; none: everywhere")
-    capsules: tuple[LinkCapsule, ...] = Field(
+    workspace: WorkspaceSection | None = Field(
+        None, description="where the MRF stays; none: everywhere"
+    )
+    capsules: tuple[LinkCapsuleSection, ...] = Field(
         (), max_length=64, description="shape of links that have none in the URDF, or more of it"
     )
-    allowed_contacts: tuple[AllowedContact, ...] = Field(
+    allowed_contacts: tuple[AllowedContactSection, ...] = Field(
         (), max_length=64, description="who may touch whom"
     )
 
 
 __all__ = [
-    "AllowedContact", "Avoidance", "LinkCapsule", "Obstacle", "Shape", "Stale", "Workspace",
-]  # fmt: skip
+    "AllowedContactSection",
+    "AvoidanceSection",
+    "LinkCapsuleSection",
+    "ObstacleSection",
+    "Shape",
+    "Stale",
+    "WorkspaceSection",
+]

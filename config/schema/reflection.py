@@ -10,7 +10,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Gain = Annotated[float, Field(ge=0, le=10)]
 
 
-class Handle(Section):
+class HandleSection(Section):
     """The operator's force-reflecting device, as `check` and the simulated one take it."""
 
     mass: float = Field(0.4, gt=0, le=10, description="felt at the handle [kg]")
@@ -24,14 +24,14 @@ class Handle(Section):
     max_force: float = Field(8.0, gt=0, le=200, description="of the device's motors [N]")
 
 
-class Hand(Section):
+class HandSection(Section):
     """The softest hand that is expected to hold the handle."""
 
     stiffness: float = Field(200.0, ge=0, le=1e4, description="grasp and arm [N/m]")
     damping: float = Field(7.0, ge=0, le=500, description="the same [N·s/m]")
 
 
-class Reflection(Section):
+class ReflectionSection(Section):
     """Force reflection: the MRF's wrench, scaled, on the operator's handle (K_FR)."""
 
     gain: tuple[Gain, Gain, Gain, Gain, Gain, Gain] = Field(
@@ -55,8 +55,10 @@ class Reflection(Section):
         le=10,
         description="most energy that reflection may give the hand within seconds [J]",
     )
-    handle: Handle = Field(default_factory=Handle, description="the operator's device")
-    hand: Hand = Field(default_factory=Hand, description="the softest hand on it")
+    handle: HandleSection = Field(
+        default_factory=HandleSection, description="the operator's device"
+    )
+    hand: HandSection = Field(default_factory=HandSection, description="the softest hand on it")
 
 
-__all__ = ["Hand", "Handle", "Reflection"]
+__all__ = ["HandSection", "HandleSection", "ReflectionSection"]

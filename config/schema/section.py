@@ -44,7 +44,7 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Pose(Section):
+class PoseSection(Section):
     """A frame's pose in its parent: translation, then fixed-axis roll, pitch, yaw."""
 
     xyz: Vector3 = Field((0.0, 0.0, 0.0), description="translation [m]")

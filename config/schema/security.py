@@ -15,7 +15,7 @@ SECURE = "tls/"
 _LOCAL = ("unixsock-stream/", "unixpipe/")
 
 
-class Security(Section):
+class SecuritySection(Section):
     """Certificates, made by `telerobot certify`; without any, only this machine is spoken to."""
 
     directory: str | None = Field(
@@ -37,7 +37,7 @@ class Security(Section):
         return self
 
 
-class Zenoh(Section):
+class ZenohSection(Section):
     """Where operators reach the daemon. Loopback only unless said otherwise."""
 
     listen: str = Field(
@@ -51,7 +51,7 @@ class Zenoh(Section):
         description="endpoint of a common Zenoh router: daemon and operators dial it, and the "
         "daemon listens nowhere",
     )
-    security: Security = Field(default_factory=Security, description="who may speak")
+    security: SecuritySection = Field(default_factory=SecuritySection, description="who may speak")
 
     @property
     def endpoint(self) -> str:
@@ -94,7 +94,7 @@ def beyond_loopback(endpoint: str) -> bool:
         return True
 
 
-def refuse_exposure(zenoh: Zenoh, path: Path) -> None:
+def refuse_exposure(zenoh: ZenohSection, path: Path) -> None:
     """Raise `ConfigError` for a daemon that anybody may reach and command, and no word of it.
 
     `path` is the cell file's, for the message.

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from ..errors import ConfigError, nearest
-from ..schema.mechanism.mechanism import LinkInertial
+from ..schema.mechanism.mechanism import LinkInertialSection
 from .elements import MOMENTS
 
 _LOOKED_AT: Final = ("gazebo", "material", "transmission", "mujoco", "ros2_control", "sensor")
@@ -41,7 +41,7 @@ def mesh_links(root: ET.Element) -> list[str]:
     ]
 
 
-def give_inertials(root: ET.Element, urdf: Path, inertials: Iterable[LinkInertial]) -> None:
+def give_inertials(root: ET.Element, urdf: Path, inertials: Iterable[LinkInertialSection]) -> None:
     """Write inertials into their links, in place of what is there. Raises `ConfigError`."""
     links = {link.get("name", ""): link for link in root.findall("link")}
     for given in inertials:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from ..errors import ConfigError, nearest
-from ..schema.mechanism.mechanism import Drive, LinkInertial
+from ..schema.mechanism.mechanism import DriveSection, LinkInertialSection
 from .elements import check_bodies, check_elements, normalise, unshaped_links
 from .plain import balance, give_inertials, mesh_links, refuse_xacro, simplify
 
@@ -54,7 +54,7 @@ class Robot:
 
     urdf: Path
     joints: tuple[UrdfJoint, ...]
-    inertials: tuple[LinkInertial, ...] = ()
+    inertials: tuple[LinkInertialSection, ...] = ()
     """Of links for which the cell has others than the file, or the file none."""
 
     def links(self) -> list[str]:
@@ -109,8 +109,8 @@ def read_robot(
     urdf: Path,
     tip_link: str,
     asked_by: str,
-    drives: Mapping[str, Drive] | None = None,
-    inertials: tuple[LinkInertial, ...] = (),
+    drives: Mapping[str, DriveSection] | None = None,
+    inertials: tuple[LinkInertialSection, ...] = (),
 ) -> Robot:
     """Read the chain that ends in `tip_link`.
 
@@ -225,7 +225,7 @@ def _is_fixed(element: ET.Element, roots: list[str]) -> bool:
     return kind == "fixed" or (kind == "floating" and on_root)
 
 
-def _joint(element: ET.Element, urdf: Path, drive: Drive | None) -> UrdfJoint:
+def _joint(element: ET.Element, urdf: Path, drive: DriveSection | None) -> UrdfJoint:
     """Read a joint; what its limits leave out, its drive says."""
     name, kind = element.get("name", ""), element.get("type", "")
     where = f"{urdf}: joint '{name}'"
@@ -253,7 +253,9 @@ def _joint(element: ET.Element, urdf: Path, drive: Drive | None) -> UrdfJoint:
     return UrdfJoint(name, lower, upper, speed, effort, kind)
 
 
-def _range(where: str, lower: float, upper: float, drive: Drive | None) -> tuple[float, float]:
+def _range(
+    where: str, lower: float, upper: float, drive: DriveSection | None
+) -> tuple[float, float]:
     """Return least and greatest position: the file's, or the drive's inside of them."""
     low = None if drive is None else drive.lower
     high = None if drive is None else drive.upper

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ...config.schema.bus.enabling import EnablingSwitch
-from ...config.schema.cell import Timing
+from ...config.schema.bus.enabling import EnablingSwitchSection
+from ...config.schema.cell import TimingSection
 from ...protocols.canopen import can301, cia401
 from ...protocols.canopen.can301 import PDO_INVALID
 from ...protocols.canopen.can301 import CommunicationObject as Com
@@ -35,7 +35,12 @@ class EnablingInput(Device):
     """
 
     def __init__(
-        self, fieldbus: Fieldbus, switch: EnablingSwitch, timing: Timing, eds: Path, name: str
+        self,
+        fieldbus: Fieldbus,
+        switch: EnablingSwitchSection,
+        timing: TimingSection,
+        eds: Path,
+        name: str,
     ) -> None:
         self.name, self.bus = name, fieldbus.name
         self._bus, self._id = fieldbus, switch.node

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ...config.schema.cell import Timing
-from ...config.schema.mechanism.mechanism import Gripper
+from ...config.schema.cell import TimingSection
+from ...config.schema.mechanism.mechanism import GripperSection
 from ...protocols.canopen import can301, cia401
 from ...protocols.canopen.can301 import NmtState
 from ..device import Trouble
@@ -37,8 +37,8 @@ class GripperOutput(SwitchedOutput):
     def __init__(
         self,
         fieldbus: Fieldbus,
-        gripper: Gripper,
-        timing: Timing,
+        gripper: GripperSection,
+        timing: TimingSection,
         eds: Path,
         name: str = "gripper",
     ) -> None:

@@ -7,7 +7,7 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ...config.schema.cell import Timing
+from ...config.schema.cell import TimingSection
 from ...protocols.canopen import can301
 from ...protocols.canopen.can301 import CommunicationObject as Com
 from ...protocols.canopen.can301 import NmtState
@@ -22,7 +22,7 @@ class WatchedNode:
     """Configures a node without resetting it, and notices when it restarts or falls silent."""
 
     def __init__(
-        self, name: str, node_id: int, fieldbus: Fieldbus, timing: Timing, eds: Path
+        self, name: str, node_id: int, fieldbus: Fieldbus, timing: TimingSection, eds: Path
     ) -> None:
         self.name, self.node_id = name, node_id
         self.state: NmtState | None = None

@@ -8,7 +8,7 @@ import socket
 from contextlib import suppress
 from typing import Final
 
-from ...config.schema.sensors.scanner import Scanner
+from ...config.schema.sensors.scanner import ScannerSection
 from ...protocols.sick.cola import TelegramCutter, TelegramError, framed
 from ...protocols.sick.scan_data import SUBSCRIBE
 from ..device import DeviceError
@@ -51,7 +51,7 @@ class _Client:
 class ScannerServer:
     """Serves one simulated scanner. Raises `DeviceError` where its place is taken."""
 
-    def __init__(self, scanner: Scanner, node: SimulatedScanner) -> None:
+    def __init__(self, scanner: ScannerSection, node: SimulatedScanner) -> None:
         self._node = node
         host, port = host_and_port(scanner)
         try:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from ...config.schema.sensors.scanner import Scanner
+from ...config.schema.sensors.scanner import ScannerSection
 from ...protocols.sick import scan_data
 from ...protocols.sick.cola import TelegramCutter, TelegramError, fault_in, framed
 from .address import host_and_port
@@ -34,7 +34,7 @@ class ScannerClient:
 
     def __init__(
         self,
-        scanner: Scanner,
+        scanner: ScannerSection,
         told: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

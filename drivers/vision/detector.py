@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.sensors.cameras import Camera
+from ...config.schema.sensors.cameras import CameraSection
 from .opencv import cv2, dictionary
 
 Picture = NDArray[np.uint8]
@@ -65,7 +65,7 @@ NOTHING = Detection((), 0.0, None)
 class Detector:
     """Looks for the tag of one camera."""
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: CameraSection) -> None:
         self._id = camera.tag
         fx, fy = camera.focal
         cx, cy = camera.centre

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.sensors.cameras import Camera
+from ...config.schema.sensors.cameras import CameraSection
 from ..device import DeviceError
 from .opencv import cv2
 
@@ -14,7 +14,7 @@ class VideoCamera:
     Raises `DeviceError` when it cannot be opened, or gives pictures of another size.
     """
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: CameraSection) -> None:
         self._name, self._size = camera.name, camera.size
         device = camera.device or "0"
         self._capture = cv2.VideoCapture(int(device) if device.isdecimal() else device)

@@ -1,7 +1,7 @@
 """The command that drives a base on wheels: a stream of its speed ahead and about its axis."""
 
 from ...config.load import Cell
-from ...config.schema.mechanism.base import DifferentialBase
+from ...config.schema.mechanism.base import DifferentialBaseSection
 from ...protocols.messages.drive import Drive, Insert
 from ..control.mechanism.backbone.insertion import STILL, DriveRequest
 from ..control.spatial import Pose
@@ -13,7 +13,7 @@ from .streams import Stream
 class BaseCommands:
     """How the operator drives one base."""
 
-    def __init__(self, base: DifferentialBase, timeout_s: float) -> None:
+    def __init__(self, base: DifferentialBaseSection, timeout_s: float) -> None:
         """Build it; a drive is in force for `timeout_s` after it came."""
         self._base = base
         self._stream = Stream[Drive](timeout_s)

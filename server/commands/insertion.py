@@ -3,7 +3,7 @@
 from typing import Self
 
 from ...config.load import Cell
-from ...config.schema.mechanism.backbone import Backbone
+from ...config.schema.mechanism.backbone import BackboneSection
 from ...protocols.messages.drive import Drive, Insert
 from ..control.mechanism.backbone.chain import Chain
 from ..control.mechanism.backbone.insertion import STILL, DriveRequest
@@ -15,7 +15,7 @@ from .streams import Stream
 class InsertionCommands:
     """How the operator drives one arm; without a backbone every command is refused."""
 
-    def __init__(self, backbone: Backbone | None, length: float, timeout_s: float) -> None:
+    def __init__(self, backbone: BackboneSection | None, length: float, timeout_s: float) -> None:
         """Build it for an arm of a length from its first joint to its tip [m]."""
         self._backbone, self._length = backbone, length
         self._stream = Stream[Drive](timeout_s)
@@ -39,7 +39,7 @@ class InsertionCommands:
         else:
             self._take_goal(message, self._backbone)
 
-    def _take_drive(self, message: Drive, now_s: float, backbone: Backbone) -> None:
+    def _take_drive(self, message: Drive, now_s: float, backbone: BackboneSection) -> None:
         if len(message.rates) != 1:
             raise Refused(Why.OUT_OF_RANGE, f"rates: {len(message.rates)} values: one is expected")
         if abs(message.rates[0]) > backbone.speed * (1 + 1e-9):
@@ -51,7 +51,7 @@ class InsertionCommands:
             self._goal = None
         self._stream.take(message, now_s)
 
-    def _take_goal(self, message: Insert, backbone: Backbone) -> None:
+    def _take_goal(self, message: Insert, backbone: BackboneSection) -> None:
         deepest = self._length - backbone.least
         if message.depth > deepest + 1e-9:
             raise Refused(Why.OUT_OF_RANGE, f"depth: {message.depth:g} m: at most {deepest:.4f} m")

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from ...config.load import Cell
 from ...config.schema.cell import CellConfig
-from ...config.schema.null_space.redundancy import OBJECTIVES, Objectives
+from ...config.schema.null_space.redundancy import OBJECTIVES, ObjectivesSection
 from ...protocols.messages import requests
 from ...protocols.messages.motion import RedundancyRequest
 from ..control.mechanism.null_space.redundancy import ObjectiveGains
@@ -153,7 +153,7 @@ class OperatorSettings:
             known = ", ".join(OBJECTIVES)
             raise Refused(Why.UNKNOWN_OBJECTIVE, f"{name!r} is none of {known}")
         try:
-            Objectives.model_validate({name: request.gain})
+            ObjectivesSection.model_validate({name: request.gain})
         except ValidationError as error:
             complaint = error.errors()[0]["msg"]
             raise Refused(Why.OUT_OF_RANGE, f"{name}: gain {request.gain:g}: {complaint}") from None

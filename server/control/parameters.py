@@ -6,13 +6,13 @@ import numpy as np
 
 from ...config.drives.joint_bounds import joint_bounds
 from ...config.load import Cell
-from ...config.schema.cell import CellConfig, Limits, Resolve
-from ...config.schema.mechanism.torque import Torque
-from ...config.schema.mechanism.touch import Touch
-from ...config.schema.null_space.potential import PotentialField
-from ...config.schema.null_space.redundancy import Redundancy
-from ...config.schema.sources.schedule import Schedule
-from ...config.schema.sources.sources import Sources
+from ...config.schema.cell import CellConfig, LimitsSection, ResolveSection
+from ...config.schema.mechanism.torque import TorqueSection
+from ...config.schema.mechanism.touch import TouchSection
+from ...config.schema.null_space.potential import PotentialFieldSection
+from ...config.schema.null_space.redundancy import RedundancySection
+from ...config.schema.sources.schedule import ScheduleSection
+from ...config.schema.sources.sources import SourcesSection
 from .joints import Joints
 from .mechanism.null_space.priority import Priority
 from .mechanism.payload import Payload
@@ -40,13 +40,13 @@ class Parameters:
 
     period_s: float
     joints: Joints
-    limits: Limits
-    resolve: Resolve
-    redundancy: Redundancy
+    limits: LimitsSection
+    resolve: ResolveSection
+    redundancy: RedundancySection
     pull_posture: Array
     """Posture (n,) that the posture objective pulls to [rad]."""
-    schedules: tuple[Schedule, ...]
-    sources: Sources
+    schedules: tuple[ScheduleSection, ...]
+    sources: SourcesSection
     shaping: Shaping
     """Bounds of the sources' rates."""
     T_wrist_tool: Pose
@@ -61,14 +61,14 @@ class Parameters:
     wrench_inertia: bool
     wrench_smoothing: float
     """Share of the new sample in the filtered wrench, per tick [1]."""
-    potential: PotentialField
+    potential: PotentialFieldSection
     capsules: Capsules | None
     """The arm's shape; None where nothing asks for it."""
     priority: Priority | None
     """Virtual spheres; None where the cell has none."""
     operation_mode: str
     """Mode of the drives: "csp", "csv" or "cst"."""
-    torque: Torque
+    torque: TorqueSection
     rotor_inertia: Array
     """Inertia of the drives' rotors at the joints [kg·m²]."""
     friction: Array
@@ -159,4 +159,8 @@ def _retreat_leash(c: CellConfig) -> float | None:
     """
     if c.touch is not None:
         return c.touch.leash
-    return None if c.mechanism.force_torque is None else float(Touch.model_fields["leash"].default)
+    return (
+        None
+        if c.mechanism.force_torque is None
+        else float(TouchSection.model_fields["leash"].default)
+    )

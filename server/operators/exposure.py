@@ -2,20 +2,20 @@
 
 from typing import Literal
 
-from ...config.schema.security import Zenoh
+from ...config.schema.security import ZenohSection
 from ...drivers.network.certificates import known
 from ...drivers.network.identity import Identity
 from ..runtime.events import Events
 
 
-def network(zenoh: Zenoh) -> Literal["local", "certified", "insecure"]:
+def network(zenoh: ZenohSection) -> Literal["local", "certified", "insecure"]:
     """Return who may speak to a daemon: this machine, who shows a certificate, or anybody."""
     if zenoh.exposed:
         return "insecure"
     return "local" if zenoh.security.directory is None else "certified"
 
 
-def exposure(zenoh: Zenoh) -> list[str]:
+def exposure(zenoh: ZenohSection) -> list[str]:
     """Return in words that anybody who reaches the daemon may command; empty if not so."""
     if network(zenoh) != "insecure":
         return []
@@ -25,7 +25,7 @@ def exposure(zenoh: Zenoh) -> list[str]:
     ]
 
 
-def opening_events(zenoh: Zenoh) -> Events:
+def opening_events(zenoh: ZenohSection) -> Events:
     """Return the events of a run that begins; the first says that anybody may command."""
     events = Events()
     for words in exposure(zenoh):

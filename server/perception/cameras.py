@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 from ...config.load import Cell
-from ...config.schema.sensors.cameras import Camera
-from ...config.schema.sources.vision import Vision
+from ...config.schema.sensors.cameras import CameraSection
+from ...config.schema.sources.vision import VisionSection
 from ...protocols.messages.perception.sightings import Sighting
 from ..control.frame_tree import Mount
 from ..control.spatial import Pose
@@ -25,7 +25,7 @@ from .filters.sighting import KnownTarget, PictureRejection, SightingBounds, jud
 class _Track:
     """One camera, and what is known of its target."""
 
-    camera: Camera
+    camera: CameraSection
     T_lens: Pose
     """Lens in the Wrist, in World or in Base."""
     known: KnownTarget | None = None
@@ -65,7 +65,11 @@ class VisionTracker:
     """Tracks the targets of all cameras of a cell."""
 
     def __init__(
-        self, vision: Vision, cameras: tuple[Camera, ...], period_s: float, events: Events
+        self,
+        vision: VisionSection,
+        cameras: tuple[CameraSection, ...],
+        period_s: float,
+        events: Events,
     ) -> None:
         self._events = events
         self._timeout = round(vision.timeout_s / period_s)
@@ -218,5 +222,5 @@ class VisionTracker:
         tell(name, detail, camera=track.camera.name, reason=doubt, quality=quality)
 
 
-def _place(camera: Camera) -> Pose:
+def _place(camera: CameraSection) -> Pose:
     return Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)

@@ -12,9 +12,9 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.cell import Limits
-from ...config.schema.moving import Frames, MovingFrame
-from ...config.schema.section import Pose as Place
+from ...config.schema.cell import LimitsSection
+from ...config.schema.moving import FramesSection, MovingFrameSection
+from ...config.schema.section import PoseSection
 from ...protocols.messages.perception.moving import FrameNews
 from ..control.frame_tree import Body, Moved
 from ..control.rigid_body import rotate_twist
@@ -55,9 +55,9 @@ class FrameTracker:
 
     def __init__(
         self,
-        frames: Frames,
-        T_world_base: Place,
-        limits: Limits,
+        frames: FramesSection,
+        T_world_base: PoseSection,
+        limits: LimitsSection,
         period: float,
         events: Events,
         base: BaseTracker | None = None,
@@ -172,7 +172,9 @@ class FrameTracker:
         return Body.standing(self._standing[name]) if tracked is None else tracked.followed.now
 
     @staticmethod
-    def _track_of(config: MovingFrame, home: Pose, limits: Limits, period: float) -> _Tracked:
+    def _track_of(
+        config: MovingFrameSection, home: Pose, limits: LimitsSection, period: float
+    ) -> _Tracked:
 
         def bounds(linear: float, angular: float) -> np.ndarray:
             return np.repeat([linear, angular], 3)

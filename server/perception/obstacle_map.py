@@ -11,8 +11,8 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.obstacles import Obstacle, Shape, Stale
-from ...config.schema.sensors.cameras import Camera
+from ...config.schema.obstacles import ObstacleSection, Shape, Stale
+from ...config.schema.sensors.cameras import CameraSection
 from ...protocols.messages.perception.obstacles import ObstacleNews
 from ..control.scene import UNBOUNDED, Boxes, Rounds, Scene
 from ..control.spatial import Array, rotation_rpy
@@ -64,8 +64,8 @@ class ObstacleMap:
 
     def __init__(
         self,
-        obstacles: tuple[Obstacle, ...],
-        cameras: tuple[Camera, ...],
+        obstacles: tuple[ObstacleSection, ...],
+        cameras: tuple[CameraSection, ...],
         clearance: float,
         period_s: float,
         events: Events,
@@ -258,7 +258,7 @@ class ObstacleMap:
     def _age(self, known: TrackedObstacle, tick: int) -> float:
         return max(0, tick - known.tick) * self._period_s
 
-    def _of_cell(self, obstacle: Obstacle) -> TrackedObstacle:
+    def _of_cell(self, obstacle: ObstacleSection) -> TrackedObstacle:
         xyz = obstacle.xyz or _ZERO
         carried = False
         if obstacle.camera is not None:

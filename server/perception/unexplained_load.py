@@ -13,7 +13,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from ...config.schema.mechanism.mechanism import ForceTorque
+from ...config.schema.mechanism.mechanism import ForceTorqueSection
 from ..commands.settings import WRENCH_SOURCES, OperatorSettings
 from ..control.spatial import Array, rotation_log
 from ..control.state import Output
@@ -66,7 +66,7 @@ class LoadMonitor:
 
     def __init__(
         self,
-        sensor: ForceTorque | None,
+        sensor: ForceTorqueSection | None,
         read: ForceTorqueMonitor,
         damping: float,
         period_s: float,

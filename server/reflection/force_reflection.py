@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ...config.schema.reflection import Reflection as ReflectionSection
+from ...config.schema.reflection import ReflectionSection
 from ...protocols.messages.reflection import Reflection
 from ..control.rigid_body import rotate_twist
 from ..control.spatial import Array

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ...config.load import Cell
-from ...config.schema.sources.source import Source
+from ...config.schema.sources.source import SourceSection
 from .following import following_refusal
 from .force_loop import BUS_PERIODS, DRIVE_PERIODS, bound, force_axis, vision_periods
 
@@ -38,6 +38,6 @@ def gain_check(cell: Cell) -> Callable[[str, tuple[float, ...]], str | None]:
     return judge
 
 
-def error_delay_periods(cell: Cell, section: Source) -> float:
+def error_delay_periods(cell: Cell, section: SourceSection) -> float:
     """Return the delay of the loop that a gain of the pose's error closes [periods]."""
     return vision_periods(cell) if section.NEEDS == "camera" else BUS_PERIODS + DRIVE_PERIODS

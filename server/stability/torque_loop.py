@@ -7,7 +7,7 @@ and the momentum observer.
 
 import numpy as np
 
-from ...config.schema.mechanism.torque import Torque
+from ...config.schema.mechanism.torque import TorqueSection
 from ..control.spatial import Array
 
 RATIOS = (0.5, 1.0, 2.0)
@@ -18,7 +18,7 @@ _HALVINGS = 12
 """Bisections of the stable range [1]."""
 
 
-def spectral_radius(gains: Torque, period_s: float, ratio: float) -> float:
+def spectral_radius(gains: TorqueSection, period_s: float, ratio: float) -> float:
     """Return the greatest magnitude of the sampled loop's poles: stable below 1.
 
     The pole at 1 that an observer of bandwidth 0 leaves is not counted.
@@ -29,7 +29,7 @@ def spectral_radius(gains: Torque, period_s: float, ratio: float) -> float:
     return float(np.abs(np.linalg.eigvals(A)).max())
 
 
-def lightest_ratio(gains: Torque, period_s: float) -> float:
+def lightest_ratio(gains: TorqueSection, period_s: float) -> float:
     """Return the least true inertia over the modelled one with which the loop is stable [1]."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
@@ -39,7 +39,7 @@ def lightest_ratio(gains: Torque, period_s: float) -> float:
     return high
 
 
-def _step(s: Array, gains: Torque, T: float, ratio: float) -> Array:
+def _step(s: Array, gains: TorqueSection, T: float, ratio: float) -> Array:
     """Return error, rate, torque that acts, torque that acted, momentum: one period later."""
     x, v, sent, acted, expected = s
     expected = expected + T * acted

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ...config.load import Cell, grasp_part, joint_part
-from ...config.schema.joint_task import JointTask
+from ...config.schema.joint_task import JointTaskSection
 from ...protocols.messages import messages as m
 from ...protocols.messages import motion, requests
 from ...protocols.messages.reflection import ReflectionRequest
@@ -40,7 +40,7 @@ class JointUnit:
     def __init__(
         self,
         cell: Cell,
-        section: JointTask,
+        section: JointTaskSection,
         units: Sequence[Unit],
         settings: CellSettings,
         events: Events,

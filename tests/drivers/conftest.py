@@ -6,8 +6,8 @@ from typing import Any
 
 import can
 import pytest
-from telerobot.config.schema.cell import Timing
-from telerobot.config.schema.mechanism.mechanism import Drive, ForceTorque
+from telerobot.config.schema.cell import TimingSection
+from telerobot.config.schema.mechanism.mechanism import DriveSection, ForceTorqueSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.servo.servo import Sent, ServoDrive, ServoReading
 from telerobot.drivers.fieldbus import Fieldbus
@@ -125,7 +125,7 @@ class PlayedDrive:
 class PlayedSensor:
     """A Robotous sensor that sends one sample when told to start, then when a test says so."""
 
-    def __init__(self, hub: Hub, config: ForceTorque) -> None:
+    def __init__(self, hub: Hub, config: ForceTorqueSection) -> None:
         self.hub, self.config = hub, config
         self.bus = InProcessBus(hub, self.on_message)
         self.commands: list[tuple[robotous.SensorCommand, int]] = []
@@ -157,8 +157,8 @@ class Cell:
 
     def __init__(self, direction: int = 1, mode: OperationMode = OperationMode.CSP) -> None:
         self.hub = Hub()
-        self.timing = Timing()
-        self.drive = Drive(
+        self.timing = TimingSection()
+        self.drive = DriveSection(
             joint="j1",
             node=NODE,
             counts_per_radian=10_000,
@@ -170,7 +170,7 @@ class Cell:
             max_acceleration=5,
             max_jerk=50,
         )
-        self.ft = ForceTorque()
+        self.ft = ForceTorqueSection()
         self.fieldbus = Fieldbus(InProcessBus(self.hub), clock=lambda: self.hub.time_s)
         self.servo = ServoDrive(
             self.fieldbus, self.drive, self.timing, lower=-2.0, upper=3.0, mode=mode

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import can
 import msgpack
 import pytest
-from telerobot.config.schema.bus.bus import Bus
+from telerobot.config.schema.bus.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, open_bus
 from telerobot.drivers.device import DeviceError
 
@@ -178,12 +178,12 @@ def test_who_waits_lets_the_others_run_and_never_the_wall_clock() -> None:
 
 
 def test_a_cell_names_its_bus(address: tuple[str, int]) -> None:
-    loopback = open_bus(Bus(channel=address[0], port=address[1]))
+    loopback = open_bus(BusSection(channel=address[0], port=address[1]))
     assert isinstance(loopback, LoopbackBus)
     hub = Hub()
-    inside = open_bus(Bus(interface="in_process"), hub)
+    inside = open_bus(BusSection(interface="in_process"), hub)
     assert isinstance(inside, InProcessBus)
-    other = open_bus(Bus(interface="virtual", channel="test_a_cell_names_its_bus"))
+    other = open_bus(BusSection(interface="virtual", channel="test_a_cell_names_its_bus"))
     assert isinstance(other, can.BusABC)
     for bus in (loopback, inside, other):
         bus.shutdown()
@@ -192,14 +192,14 @@ def test_a_cell_names_its_bus(address: tuple[str, int]) -> None:
 @pytest.mark.parametrize(
     ("config", "words"),
     [
-        (Bus(interface="in_process"), "only inside one process"),
-        (Bus(interface="no_such_thing"), "no_such_thing"),
-        (Bus(channel="10.0.0.1"), "loopback 10.0.0.1"),
-        (Bus(interface="socketcan", channel="can_that_is_not"), "socketcan can_that_is_not"),
-        (Bus(interface="virtual", options={"receive_own_messages": True}), "second master"),
+        (BusSection(interface="in_process"), "only inside one process"),
+        (BusSection(interface="no_such_thing"), "no_such_thing"),
+        (BusSection(channel="10.0.0.1"), "loopback 10.0.0.1"),
+        (BusSection(interface="socketcan", channel="can_that_is_not"), "socketcan can_that_is_not"),
+        (BusSection(interface="virtual", options={"receive_own_messages": True}), "second master"),
     ],
 )
-def test_a_bus_that_cannot_be_opened_says_so_in_one_line(config: Bus, words: str) -> None:
+def test_a_bus_that_cannot_be_opened_says_so_in_one_line(config: BusSection, words: str) -> None:
     with pytest.raises(DeviceError, match=words) as refused:
         open_bus(config)
     assert "\n" not in str(refused.value)
@@ -221,7 +221,7 @@ def vcan() -> Iterator[str]:
 
 
 def test_frames_cross_the_kernels_virtual_can(vcan: str) -> None:
-    config = Bus(interface="socketcan", channel=vcan)
+    config = BusSection(interface="socketcan", channel=vcan)
     a, b = open_bus(config), open_bus(config)
     a.send(frame(0x205, b"\x01\x02"))
     got = b.recv(2.0)

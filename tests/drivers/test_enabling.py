@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.bus.enabling import EnablingSwitch
-from telerobot.config.schema.cell import Timing
+from telerobot.config.schema.bus.enabling import EnablingSwitchSection
+from telerobot.config.schema.cell import TimingSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.enabling import EnablingInput
 from telerobot.drivers.device import Cause, DeviceError
@@ -23,11 +23,11 @@ NODE = 30
 def bench():
     """A driver and the module that it hears, with two contacts."""
     found, hub = SimpleNamespace(now=0.0), Hub()
-    config = EnablingSwitch(node=NODE, inputs=(2, 5))
+    config = EnablingSwitchSection(node=NODE, inputs=(2, 5))
     bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
     link = NodeLink(bus, lambda: found.now, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), lambda: found.now)
-    found.driver = EnablingInput(found.fieldbus, config, Timing(), EDS, "enabling_switch")
+    found.driver = EnablingInput(found.fieldbus, config, TimingSection(), EDS, "enabling_switch")
     found.node = SimulatedSwitch(config, link, lambda: found.now)
     found.node.boot()
     found.fieldbus.receive(0.0)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import can
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.bus.bus import Bus
+from telerobot.config.schema.bus.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.servo.servo import ServoDrive
 from telerobot.drivers.device import Cause, DeviceError
@@ -119,7 +119,9 @@ def test_a_second_master_on_the_second_bus_keeps_every_drive_from_being_opened(p
 def test_waiting_ends_when_any_bus_has_something(tmp_path):
     base = load_cell("pa10")
     names = ("239.74.163.77", "239.74.163.78")
-    buses = tuple(Bus(name=f"b{i}", channel=name, port=43977) for i, name in enumerate(names))
+    buses = tuple(
+        BusSection(name=f"b{i}", channel=name, port=43977) for i, name in enumerate(names)
+    )
     config = base.config.model_copy(update={"buses": buses})
     cell = SimpleNamespace(config=config)
     ours, others = (open_buses(cell, lambda: 0.0) for _ in range(2))
@@ -137,7 +139,7 @@ def test_waiting_ends_when_any_bus_has_something(tmp_path):
 
 
 def test_a_bus_that_cannot_be_opened_closes_those_before_it():
-    gone = Bus(name="gone", interface="socketcan", channel="can_that_is_not")
-    config = SimpleNamespace(fieldbuses=(Bus(channel="239.74.163.79", port=43979), gone))
+    gone = BusSection(name="gone", interface="socketcan", channel="can_that_is_not")
+    config = SimpleNamespace(fieldbuses=(BusSection(channel="239.74.163.79", port=43979), gone))
     with pytest.raises(DeviceError, match="socketcan can_that_is_not"):
         open_buses(SimpleNamespace(config=config), lambda: 0.0)

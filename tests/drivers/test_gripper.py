@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.cell import Timing
-from telerobot.config.schema.mechanism.mechanism import Gripper
+from telerobot.config.schema.cell import TimingSection
+from telerobot.config.schema.mechanism.mechanism import GripperSection
 from telerobot.drivers import rig
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.gripper import REPEAT, GripperOutput
@@ -37,12 +37,12 @@ def bench(hub):
 
 def make(hub, closed):
     found = SimpleNamespace(grasps=[], sent=[], now=0.0)
-    config = Gripper(node=NODE, output=OUTPUT, closed=closed)
+    config = GripperSection(node=NODE, output=OUTPUT, closed=closed)
     clock = lambda: found.now  # noqa: E731
     bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
     link = NodeLink(bus, clock, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), clock)
-    found.driver = GripperOutput(found.fieldbus, config, Timing(), EDS)
+    found.driver = GripperOutput(found.fieldbus, config, TimingSection(), EDS)
     found.node = SimulatedGripper(config, link, found.grasps.append, clock)
     found.node.boot()
     found.fieldbus.receive(0.0)

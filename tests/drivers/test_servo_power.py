@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from telerobot.config.schema.cell import Timing
+from telerobot.config.schema.cell import TimingSection
 from telerobot.drivers.canopen.servo import servo_setup
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.servo_status import OBEYED_SYNCS, SWITCH_OFF_S
@@ -18,7 +18,7 @@ from telerobot.protocols.canopen.cia402 import (
     Status,
 )
 
-SWITCH_OFF_SYNCS = round(SWITCH_OFF_S / Timing().period_s)
+SWITCH_OFF_SYNCS = round(SWITCH_OFF_S / TimingSection().period_s)
 ENABLED = DriveState.OPERATION_ENABLED
 DISABLED = DriveState.SWITCH_ON_DISABLED
 

@@ -8,8 +8,8 @@ import canopen
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from telerobot.config.schema.cell import Timing
-from telerobot.config.schema.mechanism.mechanism import Drive
+from telerobot.config.schema.cell import TimingSection
+from telerobot.config.schema.mechanism.mechanism import DriveSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.servo import servo_setup
 from telerobot.drivers.canopen.servo.servo import ServoDrive
@@ -19,8 +19,8 @@ from telerobot.protocols.canopen.can301 import NmtState
 from telerobot.protocols.canopen.cia402 import OperationMode
 
 
-def drive(**changes: Any) -> Drive:
-    return Drive.model_validate(
+def drive(**changes: Any) -> DriveSection:
+    return DriveSection.model_validate(
         {
             "joint": "j1",
             "node": 5,
@@ -143,7 +143,7 @@ def test_limits_beyond_32_bits_are_refused() -> None:
     with pytest.raises(ValueError, match=r"j1: -300\.0 rad is beyond"):
         list(
             servo_setup.steps(
-                drive(counts_per_radian=1e7), Timing(), -300.0, 300.0, OperationMode.CSP
+                drive(counts_per_radian=1e7), TimingSection(), -300.0, 300.0, OperationMode.CSP
             )
         )
 
@@ -192,6 +192,6 @@ def test_a_drive_is_opened_with_its_eds(cell: Any, tmp_path: Any) -> None:
     with path.open("w") as file:
         canopen.export_od(dictionary, file, doc_type="eds")
     fieldbus = Fieldbus(InProcessBus(Hub()))
-    servo = ServoDrive(fieldbus, drive(), Timing(), lower=-1, upper=1, eds=path)
+    servo = ServoDrive(fieldbus, drive(), TimingSection(), lower=-1, upper=1, eds=path)
     assert servo.name == "j1"
     fieldbus.close()

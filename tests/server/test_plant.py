@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from telerobot.config.schema import cell as schema
-from telerobot.config.schema.bus.on_bus import CanOpenNode, OnBus
+from telerobot.config.schema.bus.on_bus import CanOpenNodeSection, OnBusSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.device import Cause, Device, DeviceError, Trouble
 from telerobot.drivers.fieldbus import Fieldbus
@@ -119,12 +119,12 @@ def test_outputs_are_switched_by_name_and_others_left_alone(plant):
 def tables(section):
     """Yield the classes of all devices' tables."""
     for kind in section.__subclasses__():
-        yield from [kind] if kind is not CanOpenNode else tables(kind)
+        yield from [kind] if kind is not CanOpenNodeSection else tables(kind)
 
 
 def test_every_devices_table_has_a_driver_and_a_simulated_node():
     assert schema  # its import brings all of them in
-    assert set(tables(OnBus)) == set(KINDS)
+    assert set(tables(OnBusSection)) == set(KINDS)
     for kind in KINDS.values():
         module, name = kind.node.split(":")
         node = getattr(import_module(f"telerobot.drivers.rig.nodes.{module}"), name)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.rig.bridge import RigBridge, RigPerson
+from telerobot.config.schema.rig.bridge import RigBridgeSection, RigPersonSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -14,8 +14,8 @@ from telerobot.tools.simulation.simulation import Simulation
 def rover(
     *drives: tuple[float, float],
     seconds: float,
-    bridge: RigBridge | None = None,
-    person: RigPerson | None = None,
+    bridge: RigBridgeSection | None = None,
+    person: RigPersonSection | None = None,
     news: dict[str, object] | None = None,
 ) -> Simulation:
     """A run in which the base is driven at speeds [m/s], each from a time [s] on.
@@ -66,7 +66,7 @@ def test_a_tilt_drive_that_sticks_ends_in_a_fault_by_name_and_the_base_stands() 
 
 
 def test_a_bridge_that_is_too_low_is_refused_by_name_and_backed_away_from_at_once() -> None:
-    low = RigBridge(height=0.86, distance=1.5)
+    low = RigBridgeSection(height=0.86, distance=1.5)
     run = rover((0.3, 0.3), (5.7, -0.3), seconds=6.6, bridge=low)
     result = run.run()
     (refused,) = [event for event in run.events if event.name == "passage_refused"]
@@ -107,7 +107,7 @@ def test_a_base_that_clearances_hold_where_nothing_is_seen_is_told_of_and_backs_
 
 def test_a_beam_that_sinks_ahead_is_stood_still_before_and_backed_away_from_at_once() -> None:
     """High enough to pass at first, it comes down where the scanner sees it."""
-    high = RigBridge(height=1.6, distance=1.8)
+    high = RigBridgeSection(height=1.6, distance=1.8)
     run = rover((0.3, 0.3), (4.6, -0.3), seconds=5.2, bridge=high)
     at = [high.height + 0.05]
 
@@ -134,7 +134,7 @@ def test_a_beam_that_sinks_ahead_is_stood_still_before_and_backed_away_from_at_o
 @pytest.mark.slow
 def test_the_operator_backs_out_from_under_a_bridge_at_once() -> None:
     """Half of it is passed, and neither what is ahead nor what is behind is waited for."""
-    made = RigBridge(height=1.0, distance=1.3)
+    made = RigBridgeSection(height=1.0, distance=1.3)
     run = rover((0.3, 0.3), (TURNS_S, -0.3), seconds=TURNS_S + 3.5, bridge=made)
     result = run.run()
     at = {round(t.time_s - TURNS_S, 2): t.frames["base"][0] for t in result.truths}
@@ -148,7 +148,7 @@ def test_the_operator_backs_out_from_under_a_bridge_at_once() -> None:
 
 def test_a_beam_that_sinks_onto_the_arm_from_where_nobody_looks_ends_in_a_fault() -> None:
     """Its scanner does not see what is right above it: the drives feel the beam, and stop."""
-    above = RigBridge(height=1.45, distance=0.15, thickness=0.2)
+    above = RigBridgeSection(height=1.45, distance=0.15, thickness=0.2)
     run = rover(seconds=4.0, bridge=above)
     at = [above.height + 0.05]
 
@@ -167,7 +167,7 @@ def test_a_beam_that_sinks_onto_the_arm_from_where_nobody_looks_ends_in_a_fault(
 
 
 def test_somebody_who_walks_in_ahead_is_stood_still_before() -> None:
-    run = rover((0.3, 0.3), seconds=3.6, person=RigPerson(xyz=(6.0, 3.0, 0.0)))
+    run = rover((0.3, 0.3), seconds=3.6, person=RigPersonSection(xyz=(6.0, 3.0, 0.0)))
 
     def walk_in() -> None:
         place = (x(run) + 1.6, 0.0, 0.85)

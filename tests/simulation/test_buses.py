@@ -7,7 +7,7 @@ import can
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.bus.bus import Bus
+from telerobot.config.schema.bus.bus import BusSection
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.script import Script, load_script
@@ -17,7 +17,10 @@ from telerobot.tools.simulation.simulation import Simulation, simulate
 from .conftest import STICK, Run
 
 MOVING = {"at_s": 0.3, "cmd/joystick": STICK}
-BUSES = (Bus(name="left", channel="239.0.0.1"), Bus(name="right", channel="239.0.0.2"))
+BUSES = (
+    BusSection(name="left", channel="239.0.0.1"),
+    BusSection(name="right", channel="239.0.0.2"),
+)
 
 
 @pytest.fixture(scope="module")

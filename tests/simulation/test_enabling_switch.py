@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.bus.enabling import EnablingSwitch
+from telerobot.config.schema.bus.enabling import EnablingSwitchSection
 from telerobot.server.telemetry import describe
 from telerobot.tools.checks.bus_load import bus_load, worst_case_bits
 
@@ -17,7 +17,7 @@ HELD = {"kind": "push", "target": "enabling_switch"}
 
 @pytest.fixture(scope="module")
 def guarded(pa10):
-    config = pa10.config.model_copy(update={"enabling_switch": EnablingSwitch(node=40)})
+    config = pa10.config.model_copy(update={"enabling_switch": EnablingSwitchSection(node=40)})
     return dataclasses.replace(pa10, config=config)
 
 

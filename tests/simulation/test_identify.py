@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.mechanism import Payload
-from telerobot.config.schema.section import Pose
+from telerobot.config.schema.mechanism.mechanism import PayloadSection
+from telerobot.config.schema.section import PoseSection
 from telerobot.server.control import spatial
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.rigid_body import wrench_to
@@ -47,7 +47,7 @@ def unknown_tool(pa10):
     """A cell that knows nothing of its 2 kg tool nor of what is wrong with its sensor."""
     return changed(
         pa10,
-        sensor={"payload": Payload(), "bias": (0.0,) * 6},
+        sensor={"payload": PayloadSection(), "bias": (0.0,) * 6},
         rig={"payload_mass": ADDED[0], "payload_com": tuple(ADDED[1])},
         truth={"mounting_rpy": tuple(MOUNTING), "cross_talk": 0.02, "bias": BIAS},
     )
@@ -56,8 +56,8 @@ def unknown_tool(pa10):
 def told(cell, found, **sections):
     """The cell with what was found written into it."""
     sensor = {
-        "T_wrist_sensor": Pose(rpy=found.rpy()),
-        "payload": Payload(mass=found.mass, com=tuple(found.com)),
+        "T_wrist_sensor": PoseSection(rpy=found.rpy()),
+        "payload": PayloadSection(mass=found.mass, com=tuple(found.com)),
         "bias": tuple(found.bias),
         "calibration": None if found.calibration is None else tuple(map(tuple, found.calibration)),
     }
@@ -106,7 +106,7 @@ def askew(cell, mass, degrees, bias=BIAS):
     com = np.array([0.03, -0.02, 0.12])
     spoilt = changed(
         cell,
-        sensor={"payload": Payload(), "bias": (0.0,) * 6},
+        sensor={"payload": PayloadSection(), "bias": (0.0,) * 6},
         rig={"payload_mass": mass - hand, "payload_com": tuple(com)},
         truth={"mounting_rpy": rpy, "cross_talk": 0.0, "bias": bias},
     )

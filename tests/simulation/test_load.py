@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.mechanism import Payload
+from telerobot.config.schema.mechanism.mechanism import PayloadSection
 
 HAND = {"mass": 0.98, "com": (0.0, 0.0, 0.051)}
-HEAVIER = Payload(mass=5.98, com=(0.0, 0.0, 0.051))
+HEAVIER = PayloadSection(mass=5.98, com=(0.0, 0.0, 0.051))
 BIAS = (50.4, -0.3, 0.6, 0.01, -0.02, 0.01)
 PUSH = {"kind": "push", "target": "force_torque", "vector": [0.0, 20.0, 0.0]}
 REST = {"twist": [0.0] * 6}

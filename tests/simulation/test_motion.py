@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.schedule import Schedule
+from telerobot.config.schema.sources.schedule import ScheduleSection
 
 AT_REST = 1e-3
 """A tool is at rest below this speed of any joint [rad/s]."""
@@ -81,7 +81,7 @@ def test_a_posture_that_the_cell_lacks_is_refused_by_name(play):
 
 
 def test_a_stick_pushes_the_wall_with_the_force_that_its_schedule_leaves(play, pa10):
-    soft = Schedule(source="joystick", by="contact_force", at=(0.0, 10.0), factor=(1.0, 0.0))
+    soft = ScheduleSection(source="joystick", by="contact_force", at=(0.0, 10.0), factor=(1.0, 0.0))
     cell = configured(pa10, schedules=(soft,))
     rate, gain = 0.0075, pa10.config.sources.force.gain[0]
     run = clean(

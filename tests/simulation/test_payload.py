@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.mechanism.mechanism import Gripper, Payload
-from telerobot.config.schema.rig.rig import RigGripper
+from telerobot.config.schema.mechanism.mechanism import GripperSection, PayloadSection
+from telerobot.config.schema.rig.rig import RigGripperSection
 from telerobot.server.control.task.gains import GAIN_TIME_S
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
-HAND = Payload(mass=0.98, com=(0.0, 0.0, 0.051))
+HAND = PayloadSection(mass=0.98, com=(0.0, 0.0, 0.051))
 
 
 def of_mechanism(cell, **update):
@@ -24,7 +24,7 @@ def with_payloads(pa10, at_start):
 
 
 def test_a_payload_that_is_told_by_name_ends_the_drift_without_a_jump(pa10, play):
-    cell = with_payloads(pa10, Payload())
+    cell = with_payloads(pa10, PayloadSection())
     run = play({"at_s": 1.0, "operator/payload": {"name": "hand"}}, cell=cell, seconds=3.0)
     before, after = run.at(0.99), run.at(2.9)
     assert before.payload[0] == 0.0
@@ -69,7 +69,7 @@ def test_gains_that_bounce_are_refused_unless_forced(pa10, play):
 # --- a gripper ------------------------------------------------------------------------------------
 
 PART = 1.0, np.array([0.02, 0.0, 0.13])
-BOTH = Payload(
+BOTH = PayloadSection(
     mass=HAND.mass + PART[0],
     com=tuple((HAND.mass * np.array(HAND.com) + PART[0] * PART[1]) / (HAND.mass + PART[0])),
 )
@@ -83,12 +83,12 @@ def with_gripper(pa10, told=True, **gripper):
     """A PA-10 whose gripper picks up 1 kg; `told`: and whose daemon knows how much that is."""
     names = {"open_payload": "hand", "closed_payload": "both"} if told else {}
     rig = pa10.config.rig.model_copy(
-        update={"gripper": RigGripper(mass=PART[0], com=tuple(PART[1]))}
+        update={"gripper": RigGripperSection(mass=PART[0], com=tuple(PART[1]))}
     )
     cell = of_mechanism(
         pa10,
         payloads={"hand": HAND, "both": BOTH},
-        gripper=Gripper(node=20, output=3, **names, **gripper),
+        gripper=GripperSection(node=20, output=3, **names, **gripper),
     )
     return dataclasses.replace(cell, config=cell.config.model_copy(update={"rig": rig}))
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 from telerobot.config.load import load_cell
-from telerobot.config.schema.moving import MovingFrame
-from telerobot.config.schema.obstacles import Obstacle
+from telerobot.config.schema.moving import MovingFrameSection
+from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.tools.simulation.simulation import simulate
 
 
@@ -77,7 +77,9 @@ def with_config(cell, **sections):
 
 def with_frames(cell, rig=None, **frames):
     """Return the rover with news of where it is."""
-    told = MovingFrame(speed=1.0, angular_speed=2.0, acceleration=3.0, angular_acceleration=6.0)
+    told = MovingFrameSection(
+        speed=1.0, angular_speed=2.0, acceleration=3.0, angular_acceleration=6.0
+    )
     section = cell.config.frames.model_copy(update={"base": told, **frames})
     update = {"frames": section}
     if rig is not None:
@@ -168,7 +170,7 @@ def test_a_base_that_drives_at_a_box_stops_short_of_it(play, rover):
         "name": "crate", "shape": "box", "xyz": [2.0, 0.1, 0.3], "half_size": [0.2, 0.4, 0.3],
         "clearance": 0.05,
     }  # fmt: skip
-    obstacle = TypeAdapter(Obstacle).validate_python(box)
+    obstacle = TypeAdapter(ObstacleSection).validate_python(box)
     avoidance = rover.config.avoidance.model_copy(update={"enabled": True})
     cell = with_config(rover, obstacles=(obstacle,), avoidance=avoidance)
     run = play(

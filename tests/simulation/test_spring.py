@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.spring import Spring
+from telerobot.config.schema.sources.spring import SpringSection
 
 
 def test_a_tool_on_its_fixture_glides_along_a_line_and_an_operator_lets_go_of_it(play, pa10):
     ready = play(seconds=0.3).truths[-1].pose_mrf[:3]
-    line = Spring(gain=(2.0,) * 3 + (0.0,) * 3, point=ready, direction=(0.0, 1.0, 0.0))
+    line = SpringSection(gain=(2.0,) * 3 + (0.0,) * 3, point=ready, direction=(0.0, 1.0, 0.0))
     sources = pa10.config.sources.model_copy(update={"spring": line})
     rig = pa10.config.rig.model_copy(update={"wall": None, "boxes": ()})
     config = pa10.config.model_copy(update={"sources": sources, "rig": rig})

@@ -6,7 +6,7 @@ import struct
 
 import can
 import pytest
-from telerobot.config.schema.bus.bus import Bus
+from telerobot.config.schema.bus.bus import BusSection
 from telerobot.drivers.bus import open_bus
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
@@ -14,7 +14,7 @@ from telerobot.drivers.rig.nodes.wire import Wire
 
 pytestmark = pytest.mark.hil  # one after the other: the interface goes down in one of them
 
-KERNEL = Bus(interface="socketcan", channel="vcan0")
+KERNEL = BusSection(interface="socketcan", channel="vcan0")
 FLOOD = 5000
 FOREIGN, ANSWER = 0x555, 0x190
 BUS_OFF = 0x20000040  # linux/can/error.h

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.schema.obstacles import Avoidance, Obstacle, Workspace
+from ...config.schema.obstacles import AvoidanceSection, ObstacleSection, WorkspaceSection
 from ...config.urdf.robot import read_robot
 from ...server.control.spatial import Array
 from .peers.geometry import PeerGeometry
@@ -41,7 +41,7 @@ def among(cell: Cell, count: int) -> Cell:
     ready = [np.array(part.config.mechanism.postures["ready"]) for part in cell.parts]
     tools = [PeerGeometry(part, ()).tool(q).p for part, q in zip(cell.parts, ready, strict=True)]
     draw = np.random.default_rng(1)
-    found: list[Obstacle] = []
+    found: list[ObstacleSection] = []
     while len(found) < count:
         way = draw.normal(0.0, 1.0, 3)
         centre = tools[len(found) % len(tools)] + draw.uniform(*REACH) * way / np.linalg.norm(way)
@@ -51,10 +51,10 @@ def among(cell: Cell, count: int) -> Cell:
             for part, q in zip(cell.parts, ready, strict=True)
         ):
             found.append(obstacle)
-    avoidance = Avoidance(
+    avoidance = AvoidanceSection(
         enabled=True,
         near_speed=0.1,
-        workspace=Workspace(low=(-3.0, -3.0, -1.0), high=(3.0, 3.0, 3.0)),
+        workspace=WorkspaceSection(low=(-3.0, -3.0, -1.0), high=(3.0, 3.0, 3.0)),
     )
     told = {"obstacles": tuple(found), "avoidance": avoidance}
     first, *others = (
@@ -91,7 +91,7 @@ def on_one_payload() -> Cell:
     return replace(cell, joint_tasks=(light,))
 
 
-def _drawn(draw: Draw, i: int, centre: Array) -> tuple[Obstacle, Thing]:
+def _drawn(draw: Draw, i: int, centre: Array) -> tuple[ObstacleSection, Thing]:
     """Return an obstacle, and a thing that fills at least the same space."""
     kind, name = KINDS[i % len(KINDS)], f"obstacle_{i}"
     x, y, z = centre.tolist()
@@ -99,7 +99,7 @@ def _drawn(draw: Draw, i: int, centre: Array) -> tuple[Obstacle, Thing]:
     match kind:
         case "box":
             a, b, c = draw.uniform(0.03, 0.08, 3).tolist()
-            obstacle = Obstacle(name=name, shape="box", xyz=(x, y, z), half_size=(a, b, c))
+            obstacle = ObstacleSection(name=name, shape="box", xyz=(x, y, z), half_size=(a, b, c))
             return obstacle, Thing(name=name, shape="box", xyz=(x, y, z), half_size=(a, b, c))
         case "capsule" | "sight_line":
             half = float(draw.uniform(0.05, 0.2))
@@ -108,14 +108,14 @@ def _drawn(draw: Draw, i: int, centre: Array) -> tuple[Obstacle, Thing]:
             thing = Thing(
                 name=name, shape="capsule", xyz=(x, y, z), radius=radius, half_length=half
             )
-            return Obstacle.model_validate({"name": name, "shape": kind, **ends}), thing
+            return ObstacleSection.model_validate({"name": name, "shape": kind, **ends}), thing
         case _:
             radius = radius if kind == "sphere" else 0.001
             told: dict[str, object] = {"name": name, "shape": kind, "xyz": (x, y, z)}
             if kind == "sphere":
                 told["radius"] = radius
             thing = Thing(name=name, shape="sphere", xyz=(x, y, z), radius=radius)
-            return Obstacle.model_validate(told), thing
+            return ObstacleSection.model_validate(told), thing
 
 
 def chain(cell: Cell, joints: int, folder: Path) -> Cell:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.schema.section import Pose
+from ...config.schema.section import PoseSection
 from ...drivers.rig.physics.world import World
 from ...protocols import topics as t
 from ...protocols.messages.messages import MechanismCommand, TaskCommand
@@ -93,7 +93,7 @@ def placed(cell: Cell, draw: Draw) -> Cell:
         for part, side in zip(cell.parts, (1.0, -1.0), strict=True):
             xyz = (float(draw.uniform(-ahead, ahead)), side * float(draw.uniform(*beside)), 0.0)
             rpy = (0.0, 0.0, float(draw.uniform(-turned, turned)))
-            base = Pose(xyz=xyz, rpy=rpy)
+            base = PoseSection(xyz=xyz, rpy=rpy)
             mechanism = part.config.mechanism.model_copy(update={"T_world_base": base})
             config = part.config.model_copy(update={"mechanism": mechanism})
             parts.append(replace(part, config=config))

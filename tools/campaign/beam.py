@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.schema.joint_task import JointTask
-from ...config.schema.mechanism.mechanism import Payload
+from ...config.schema.joint_task import JointTaskSection
+from ...config.schema.mechanism.mechanism import PayloadSection
 from ...protocols.messages.rig import RigTruth
 from ..scripts.script import Script
 from ..scripts.step import Step
@@ -113,7 +113,9 @@ def drawn(cell: Cell, draw: Draw) -> Cell:
     return replace(cell, config=config, joint_tasks=(_task(task, mass, com, draw),))
 
 
-def _task(task: JointTask, mass: float, com: tuple[float, float, float], draw: Draw) -> JointTask:
+def _task(
+    task: JointTaskSection, mass: float, com: tuple[float, float, float], draw: Draw
+) -> JointTaskSection:
     loop = float(draw.uniform(*LOOP_GAIN))
     linear, turning = (
         loop / (PERIOD_S * stiffness)
@@ -122,7 +124,7 @@ def _task(task: JointTask, mass: float, com: tuple[float, float, float], draw: D
     gain = (linear,) * 3 + (turning,) * 3
     force = task.sources.force.model_copy(update={"gain": gain})
     update = {
-        "payload": Payload(mass=mass, com=com),
+        "payload": PayloadSection(mass=mass, com=com),
         "sources": task.sources.model_copy(update={"force": force}),
     }
     return task.model_copy(update=update)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.schema.rig.bridge import RigBridge
+from ...config.schema.rig.bridge import RigBridgeSection
 from ...server.perception.ahead.headway import REASONS
 from ..oracle.duck import FoldingArm, gate_of, passable
 from ..scripts.script import Script
@@ -88,10 +88,10 @@ class Bridges(Runs[Ducked]):
         ]
 
 
-def bridge(seed: int) -> tuple[RigBridge, float]:
+def bridge(seed: int) -> tuple[RigBridgeSection, float]:
     """Return the bridge of a seed, and the speed of the base [m/s]."""
     draw = np.random.default_rng([seed, 12])
-    made = RigBridge(
+    made = RigBridgeSection(
         height=round(float(draw.uniform(0.90, 1.30)), 3),
         width=round(float(draw.uniform(0.7, 1.7)), 3),
         thickness=round(float(draw.uniform(0.05, 0.4)), 3),
@@ -103,7 +103,7 @@ def bridge(seed: int) -> tuple[RigBridge, float]:
     return made, round(float(draw.uniform(0.05, 0.3)), 3)
 
 
-def oracle(cell: Cell, made: RigBridge) -> bool:
+def oracle(cell: Cell, made: RigBridgeSection) -> bool:
     """Return whether the search of other means finds a posture."""
     foot = 0.0 if cell.config.contour is None else cell.config.contour.foot[2]
     arm = FoldingArm(0.300, 0.328, 0.276, 0.2195, (3.0, 1.95, 2.8, 2.0944), 0.06, 0.30)

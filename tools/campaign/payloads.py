@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...config.schema.mechanism.mechanism import Payload
+from ...config.schema.mechanism.mechanism import PayloadSection
 from ..checks.findings import Severity
 from ..checks.loops.following import following
 from ..scripts.script import Script
@@ -60,7 +60,7 @@ def laden(more: float, mode: Mode = "csp", rate_hz: int | None = None, **impedan
     x, y, z = (
         (own.mass * a + more * b) / mass for a, b in zip(own.com, (0, 0, MORE_AT), strict=True)
     )
-    told: dict[str, Any] = {"payload": Payload(mass=mass, com=(x, y, z))}
+    told: dict[str, Any] = {"payload": PayloadSection(mass=mass, com=(x, y, z))}
     if rate_hz is not None:
         told["rate_hz"] = rate_hz
     mechanism = c.mechanism.model_copy(

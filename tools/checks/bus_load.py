@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...config.schema.bus.bus import Bus
-from ...config.schema.bus.on_bus import CanOpenNode, Entry
-from ...config.schema.mechanism.mechanism import Drive
+from ...config.schema.bus.bus import BusSection
+from ...config.schema.bus.on_bus import CanOpenNodeSection, Entry
+from ...config.schema.mechanism.mechanism import DriveSection
 from .findings import Finding, graded
 
 LIMIT = 0.80
@@ -29,19 +29,19 @@ def bus_load(cell: Cell) -> Iterator[Finding]:
         yield from _load(cell, bus, on_it)
 
 
-def _load(cell: Cell, bus: Bus, devices: list[Entry]) -> Iterator[Finding]:
+def _load(cell: Cell, bus: BusSection, devices: list[Entry]) -> Iterator[Finding]:
     timing, bitrate = cell.config.timing, bus.bitrate
     burst, free = worst_case_bits(0), {}
     for entry in devices:
         arm = cell.parts[entry.part or 0].config.mechanism
-        drive = entry.section if isinstance(entry.section, Drive) else None
+        drive = entry.section if isinstance(entry.section, DriveSection) else None
         frames = entry.section.frames(arm.mode_of(drive) if drive else arm.operation_mode)
         bits = [(f.rate_hz, f.count * worst_case_bits(f.data_bytes)) for f in frames]
         burst += sum(b for rate, b in bits if rate is None)
         paced = sum(rate * b for rate, b in bits if rate is not None)
         if paced:
             free[entry.name] = paced / bitrate
-    nodes = 1 + sum(isinstance(entry.section, CanOpenNode) for entry in devices)
+    nodes = 1 + sum(isinstance(entry.section, CanOpenNodeSection) for entry in devices)
     heartbeats = nodes * worst_case_bits(HEARTBEAT_BYTES) / timing.heartbeat_period_s / bitrate
     cyclic = burst / timing.period_s / bitrate
     load = cyclic + sum(free.values()) + heartbeats
@@ -53,7 +53,7 @@ def _load(cell: Cell, bus: Bus, devices: list[Entry]) -> Iterator[Finding]:
         + ", ".join([f"PDOs and SYNC {cyclic:.1%}", *shares, f"heartbeats {heartbeats:.1%}"]),
         {"load": load, "limit": LIMIT, "cyclic": cyclic, **free, "heartbeats": heartbeats},
     )
-    n = sum(isinstance(entry.section, Drive) for entry in devices)
+    n = sum(isinstance(entry.section, DriveSection) for entry in devices)
     burst_s = burst / bitrate
     yield Finding(
         f"{bus.label} cycle",

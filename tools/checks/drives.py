@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism.base import DifferentialBase
-from ...config.schema.mechanism.mechanism import Drive
+from ...config.schema.mechanism.base import DifferentialBaseSection
+from ...config.schema.mechanism.mechanism import DriveSection
 from ...config.urdf.robot import UrdfJoint
 from ...drivers.servo_status import MOST_MISSED_SYNCS
 from ...protocols.canopen.counter import HALF, SPAN
@@ -39,7 +39,7 @@ def drives(cell: Cell) -> Iterator[Finding]:
             yield _wraps(drive, cell.config.mechanism.base, cell.config.timing.period_s)
 
 
-def _speed(drive: Drive, joint: UrdfJoint) -> Finding:
+def _speed(drive: DriveSection, joint: UrdfJoint) -> Finding:
     return Finding(
         f"{joint.name} speed",
         graded(drive.max_velocity, joint.velocity, joint.velocity),
@@ -48,7 +48,7 @@ def _speed(drive: Drive, joint: UrdfJoint) -> Finding:
     )
 
 
-def _torque(drive: Drive, joint: UrdfJoint, weight: float) -> Finding:
+def _torque(drive: DriveSection, joint: UrdfJoint, weight: float) -> Finding:
     per_mille = 1000.0 * drive.max_torque / drive.rated_torque
     status = graded(drive.max_torque, joint.effort, joint.effort)
     text = f"{drive.max_torque:g} N·m, URDF {joint.effort:g}"
@@ -66,7 +66,7 @@ def _torque(drive: Drive, joint: UrdfJoint, weight: float) -> Finding:
     )
 
 
-def _encoder(drive: Drive, period_s: float) -> Finding:
+def _encoder(drive: DriveSection, period_s: float) -> Finding:
     apparent = 4.0 / (drive.counts_per_radian * period_s**3)
     share = apparent / drive.max_jerk
     return Finding(
@@ -78,7 +78,7 @@ def _encoder(drive: Drive, period_s: float) -> Finding:
     )
 
 
-def _stop(drive: Drive) -> Finding:
+def _stop(drive: DriveSection) -> Finding:
     """Judge how long a stop from full speed takes: on the drive's own ramp, and verified."""
     V, A, J = drive.max_velocity, drive.max_acceleration, drive.max_jerk
     ramp_s = V / drive.quick_stop_deceleration
@@ -107,7 +107,7 @@ def _stop(drive: Drive) -> Finding:
     )
 
 
-def _wraps(drive: Drive, base: DifferentialBase, period_s: float) -> Finding:
+def _wraps(drive: DriveSection, base: DifferentialBaseSection, period_s: float) -> Finding:
     """Judge the counts of a wheel, which wrap: between two answers it goes the shorter way.
 
     A drive may miss some SYNCs before it is lost.

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism.mechanism import Payload
+from ...config.schema.mechanism.mechanism import PayloadSection
 from ...server.control.mechanism.dynamics import Dynamics
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.spatial import Pose
@@ -25,7 +25,7 @@ def holding(cell: Cell) -> Iterator[Finding]:
     place = None if sensor is None else sensor.T_wrist_sensor
     T_wrist_sensor = None if place is None else Pose.from_xyz_rpy(place.xyz, place.rpy)
     dynamics = Dynamics(mechanism, np.array([d.rotor_inertia for d in drives]), T_wrist_sensor)
-    payloads: dict[str, Payload | None] = {"the URDF's tool": None}
+    payloads: dict[str, PayloadSection | None] = {"the URDF's tool": None}
     if sensor is not None:
         payloads |= {"its payload": sensor.payload} if sensor.payload.mass else {}
         payloads |= {f"payload {name}": p for name, p in section.payloads.items()}

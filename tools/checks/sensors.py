@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.moving import MovingFrame
+from ...config.schema.moving import MovingFrameSection
 from ...server.control.mechanism.kinematics import Mechanism
 from .findings import Finding, Severity, Value
 
@@ -32,7 +32,7 @@ def reach(cell: Cell) -> float:
     return float(sum(np.linalg.norm(way) for way in ways))
 
 
-def _frame(cell: Cell, name: str, frame: MovingFrame) -> Finding:
+def _frame(cell: Cell, name: str, frame: MovingFrameSection) -> Finding:
     limits = cell.config.limits
     far, turned = frame.extent or (math.inf, math.inf)
     lever = reach(cell)

@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic.fields import FieldInfo
 
 from ...config.schema import cell as schema
-from ...config.schema.section import Pose, Section
+from ...config.schema.section import PoseSection, Section
 
 BEGIN: Final = "<!-- begin: made by `python -m telerobot.tools.commands.reference` -->"
 END: Final = "<!-- end -->"
@@ -65,7 +65,7 @@ def _section(section: type[Section], path: str, is_list: bool) -> Iterator[str]:
 def _inner(annotation: object) -> type[Section] | None:
     """Return the section that a key opens; poses are written in one line and open none."""
     if isinstance(annotation, type) and issubclass(annotation, Section):
-        return None if annotation is Pose else annotation
+        return None if annotation is PoseSection else annotation
     return next((s for s in map(_inner, get_args(annotation)) if s is not None), None)
 
 
@@ -92,7 +92,7 @@ def _number(bound: object) -> str:
 
 def _type(annotation: object) -> str:
     origin, args = get_origin(annotation), get_args(annotation)
-    if annotation is Pose:
+    if annotation is PoseSection:
         return "`{ xyz = […], rpy = […] }`"
     if isinstance(annotation, type) and annotation in _WORDS:
         return _WORDS[annotation]

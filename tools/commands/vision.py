@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ...config.load import Cell, ConfigError
-from ...config.schema.sensors.cameras import Camera
+from ...config.schema.sensors.cameras import CameraSection
 from ...drivers.network.identity import identity_of
 from ...drivers.vision.detector import Detection, Detector, Picture
 from ...drivers.vision.device import VideoCamera
@@ -47,7 +47,7 @@ class _PictureSource(Protocol):
 class _Rendered:
     """A camera of the virtual world."""
 
-    def __init__(self, world: "_World", camera: Camera) -> None:
+    def __init__(self, world: "_World", camera: CameraSection) -> None:
         self._world, self._name = world, camera.name
 
     def picture(self) -> Picture | None:
@@ -78,7 +78,7 @@ class _World:
 class Looker:
     """Looks through one camera at its rate, and sends what it sees."""
 
-    def __init__(self, camera: Camera, eye: _PictureSource, period_s: float) -> None:
+    def __init__(self, camera: CameraSection, eye: _PictureSource, period_s: float) -> None:
         self.camera = camera
         self.due_s = 0.0
         self.pictures = self.seen = 0
@@ -189,5 +189,5 @@ class _PictureWork:
             self._session.put(t.PICTURE, encode(CameraPicture(camera=name, tick=tick, jpeg=jpeg)))
 
 
-def _eye(camera: Camera, world: _World | None) -> _PictureSource:
+def _eye(camera: CameraSection, world: _World | None) -> _PictureSource:
     return VideoCamera(camera) if world is None or camera.device else _Rendered(world, camera)

@@ -14,8 +14,8 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from ...config.load import Cell, ConfigError, load_cell
-from ...config.schema.security import Security, Zenoh
-from ...config.schema.sensors.scanner import Scanner
+from ...config.schema.security import SecuritySection, ZenohSection
+from ...config.schema.sensors.scanner import ScannerSection
 
 SectionT = TypeVar("SectionT", bound=BaseModel)
 
@@ -103,7 +103,7 @@ def moved(
             buses[name] = _with(buses[name], **{key: value})
     zenoh = _with(config.zenoh, **{config.zenoh.key: endpoint})
     if identity is not None:
-        security = Security(directory=str(Path(identity).absolute()))
+        security = SecuritySection(directory=str(Path(identity).absolute()))
         zenoh = zenoh.model_copy(update={"security": security})
     moved_to: dict[str, object] = {"zenoh": zenoh}
     moved_to |= {"buses": tuple(buses.values())} if config.buses else {"bus": buses["bus"]}
@@ -141,7 +141,7 @@ def _addressed(key: str, text: str, names: tuple[str, ...]) -> tuple[str, str]:
     return name, value
 
 
-_OPTIONS: dict[type[BaseModel], str] = {Zenoh: "endpoint", Scanner: "scanner"}
+_OPTIONS: dict[type[BaseModel], str] = {ZenohSection: "endpoint", ScannerSection: "scanner"}
 """The option of a section of which one alone changes."""
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from ...config.load import load_cell
-from ...config.schema.bus.bus import Bus
+from ...config.schema.bus.bus import BusSection
 from ...drivers.bus import open_bus
 from ...drivers.device import DeviceError
 from ...drivers.fieldbus import Fieldbus
@@ -19,7 +19,7 @@ from ...drivers.fieldbus import Fieldbus
 PRIORITY: Final = 50
 _MCL_CURRENT: Final = 1
 _ARPHRD_CAN: Final = "280"
-_PROBE: Final = Bus(channel="239.74.163.250", port=43999)
+_PROBE: Final = BusSection(channel="239.74.163.250", port=43999)
 _PROBE_ID: Final = 0x123
 _PROBE_DATA: Final = b"telerobo"
 
@@ -113,7 +113,7 @@ def vcan_available(root: Path = Path("/sys/module"), modules: Path = Path("/lib/
     return (root / "vcan").exists() or any(here.glob("vcan.ko*"))
 
 
-def loopback_refusal(bus: Bus = _PROBE, timeout_s: float = 0.5) -> str:
+def loopback_refusal(bus: BusSection = _PROBE, timeout_s: float = 0.5) -> str:
     """Send a frame over the loopback CAN bus; return why it did not arrive, or nothing."""
     got: list[bytes] = []
     try:

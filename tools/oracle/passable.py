@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ...config.schema.mechanism.backbone import Backbone
+from ...config.schema.mechanism.backbone import BackboneSection
 from .gap import crossing, sharpest_of
 from .poses import Array, matrix
 from .tunnel import STEP, Tunnel
@@ -26,7 +26,7 @@ APART = 0.12
 
 
 def passable(
-    section: Backbone, link: float, length: float, most: float, thickness: float, base: Array
+    section: BackboneSection, link: float, length: float, most: float, thickness: float, base: Array
 ) -> bool:
     """Return whether an arm of links [m] with joints up to `most` [rad] goes through a tunnel.
 
@@ -58,7 +58,7 @@ def passable(
     return True
 
 
-def _whole(section: Backbone, sharpest: float) -> Array | None:
+def _whole(section: BackboneSection, sharpest: float) -> Array | None:
     """Return points (k, 3) of tunnels and of what crosses their gaps; None where nothing does."""
     rows: list[Array] = []
     for i, piece in enumerate(section.tunnel):
@@ -77,7 +77,7 @@ def _whole(section: Backbone, sharpest: float) -> Array | None:
     return np.vstack([row for row in between if row is not None])
 
 
-def _free(section: Backbone, base: Array, s1: float, h: float) -> Array:
+def _free(section: BackboneSection, base: Array, s1: float, h: float) -> Array:
     """Return points (k, 3) of the free curve, whose amplitude is found by bisection."""
     share = np.arange(0.5 * STEP, s1, STEP) / s1
     modes = (1.0,) if section.exterior == "bessel" else section.modes

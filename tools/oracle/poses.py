@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.section import Pose
+from ...config.schema.section import PoseSection
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def difference(T_to: Array, T_from: Array) -> Array:
     return np.concatenate([T_to[:3, 3] - T_from[:3, 3], turn])
 
 
-def matrix(pose: Pose) -> Array:
+def matrix(pose: PoseSection) -> Array:
     """Return a pose of the cell file as a homogeneous matrix (4, 4)."""
     return matrix_of(np.array(pose.xyz), np.array(pose.rpy))
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ...config.schema.mechanism.backbone import Backbone
+from ...config.schema.mechanism.backbone import BackboneSection
 from .poses import Array, matrix, skew
 
 STEP = 0.004
@@ -16,7 +16,7 @@ INSIDE = 2.0
 class Tunnel:
     """Where the centre line of what has walls is."""
 
-    def __init__(self, backbone: Backbone) -> None:
+    def __init__(self, backbone: BackboneSection) -> None:
         T = matrix(backbone.entrance)
         R, p, points, tangents = T[:3, :3], T[:3, 3], [T[:3, 3]], [T[:3, 0]]
         begins: list[int] = []

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...config.schema.reflection import Reflection as Config
+from ...config.schema.reflection import ReflectionSection
 from ...protocols.messages import messages as m
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.telemetry import State
@@ -41,7 +41,7 @@ LONGEST_LAPSE_S = 0.25
 class ReflectingClient:
     """One handle, and the protection of its loop."""
 
-    def __init__(self, config: Config, now_s: float) -> None:
+    def __init__(self, config: ReflectionSection, now_s: float) -> None:
         self._config = config
         self.device = SimulatedHandle(config.handle, config.hand)
         self.trip = RoundTrip()

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ...config.schema.reflection import Hand, Handle
+from ...config.schema.reflection import HandleSection, HandSection
 from .linkage import Array, jacobian, place
 
 STEP_S = 0.001
@@ -44,7 +44,7 @@ class HandPath:
 class SimulatedHandle:
     """One handle, held or let go; `spring`: whether it is drawn to its centre, as a stick is."""
 
-    def __init__(self, handle: Handle, hand: Hand) -> None:
+    def __init__(self, handle: HandleSection, hand: HandSection) -> None:
         self._handle, self._hand = handle, hand
         self.q, self.dq = np.zeros(3), np.zeros(3)
         self.path = HandPath()

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-from ...config.schema.reflection import Hand, Handle
+from ...config.schema.reflection import HandleSection, HandSection
 
 WELL_DAMPED = 0.7
 """Damping ratio from which a held stick counts as without resonance [1]."""
@@ -37,7 +37,7 @@ class HeldStick:
     """Delay of its response to a force [s]."""
 
     @classmethod
-    def of(cls, handle: Handle, hand: Hand) -> Self:
+    def of(cls, handle: HandleSection, hand: HandSection) -> Self:
         """Take it from the springs and dampers of handle and hand."""
         stiffness = handle.spring + hand.stiffness
         damping = handle.damping + handle.spring_damping + hand.damping

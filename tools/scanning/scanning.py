@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ...config.load import Cell, ConfigError
-from ...config.schema.sensors.scanner import ContourReflex, Scanner
+from ...config.schema.sensors.scanner import ContourReflexSection, ScannerSection
 from ...protocols.messages.perception.contour import NOTHING, ContourNews
 from ...protocols.messages.perception.obstacles import ObstacleNews
 from ...protocols.sick.cola import TelegramError
@@ -262,13 +262,13 @@ def _near(a: tuple[Array, Array, float], b: tuple[Array, Array, float]) -> bool:
     return bool(moved < BOX_MOVED) and abs(a[2] - b[2]) * float(a[1].max()) < BOX_MOVED
 
 
-def reach_of(contour: ContourReflex) -> Reach:
+def reach_of(contour: ContourReflexSection) -> Reach:
     """Return the distances of a cell's contour: beyond the links' radius, noise and hysteresis."""
     r = contour.link_radius
     return Reach(choose=r + 0.05, trigger=r + 0.04, give_up=r + 0.01, column=r + 0.02)
 
 
-def unlike(scanner: Scanner, scan: Scan) -> str | None:
+def unlike(scanner: ScannerSection, scan: Scan) -> str | None:
     """Return why a scan is not one of a cell's scanner, or None."""
     if scan.faulty:
         return "the scanner tells that it is faulty"

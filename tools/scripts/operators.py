@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from ...config.schema.reflection import Reflection as ReflectionConfig
+from ...config.schema.reflection import ReflectionSection
 from ...protocols import topics as t
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.telemetry import State
@@ -24,7 +24,7 @@ class Operators:
         put: Put,
         ask: Ask,
         network: Network,
-        reflection: ReflectionConfig | None,
+        reflection: ReflectionSection | None,
         new_key: Callable[[], bytes],
     ) -> None:
         self.handles = Handles(reflection)

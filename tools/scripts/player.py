@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from enum import Enum, auto
 
-from ...config.schema.reflection import Reflection as ReflectionConfig
+from ...config.schema.reflection import ReflectionSection
 from ...protocols import topics as t
 from ...protocols.agreement import random_key
 from ...protocols.codec import encode
@@ -52,7 +52,7 @@ class Player:
         put: Put,
         ask: Ask,
         inject: Inject,
-        reflection: ReflectionConfig | None = None,
+        reflection: ReflectionSection | None = None,
         new_key: Callable[[], bytes] = random_key,
     ) -> None:
         self.script = script

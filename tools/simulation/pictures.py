@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.sensors.cameras import Camera
+from ...config.schema.sensors.cameras import CameraSection
 from ...drivers.rig.physics.sensors.camera import RigCameras
 from ...drivers.rig.rig import Rig
 from ...drivers.vision.detector import Detection, Detector
@@ -23,7 +23,7 @@ from ...server.control.spatial import Pose
 Put = Callable[[Topic, bytes], None]
 
 
-def told(camera: Camera, tick: int, sight: Detection) -> Sighting:
+def told(camera: CameraSection, tick: int, sight: Detection) -> Sighting:
     """Return the message of what a picture showed."""
     poses: list[PoseVector] = [Pose(c.R, c.p).to_xyz_rpy() for c in sight.candidates]
     return Sighting(
@@ -39,7 +39,7 @@ def told(camera: Camera, tick: int, sight: Detection) -> Sighting:
 class _RenderedCamera:
     """One camera at work."""
 
-    camera: Camera
+    camera: CameraSection
     detector: Detector
     due_s: float = 0.0
     underway: deque[tuple[float, bytes]] = field(default_factory=deque)

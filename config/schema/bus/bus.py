@@ -5,7 +5,7 @@ from pydantic import Field
 from ..section import Name, Section
 
 
-class Bus(Section):
+class BusSection(Section):
     """A CAN bus: any python-can interface, or one of the two that need no hardware."""
 
     name: Name = Field("bus", description="what devices, events and faults call it")

@@ -4,10 +4,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .on_bus import BusFrames, CanOpenNode
+from .on_bus import BusFrames, CanOpenNodeSection
 
 
-class EnablingSwitch(CanOpenNode):
+class EnablingSwitchSection(CanOpenNodeSection):
     """A hold-to-run switch on digital inputs of a CiA 401 module: released, the arm stands."""
 
     inputs: tuple[Annotated[int, Field(ge=0, le=7)], ...] = Field(

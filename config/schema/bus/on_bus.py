@@ -27,7 +27,7 @@ class BusFrames:
     count: int = 1
 
 
-class OnBus(Section, ABC):
+class OnBusSection(Section, ABC):
     """Base of a device's table."""
 
     bus: Name | None = Field(
@@ -43,7 +43,7 @@ class OnBus(Section, ABC):
         """Return its process data; `operation_mode` is that of the mechanism's drives."""
 
 
-class NodeIdentity(Section):
+class NodeIdentitySection(Section):
     """Identity of a CANopen node, 1018h, which `telerobot check CELL --bus` compares."""
 
     vendor: Unsigned32 | None = Field(None, description="vendor-ID, 1018h:1")
@@ -52,11 +52,11 @@ class NodeIdentity(Section):
     serial: Unsigned32 | None = Field(None, description="serial number, 1018h:4")
 
 
-class CanOpenNode(OnBus):
+class CanOpenNodeSection(OnBusSection):
     """Base of the table of a CANopen node, which has a heartbeat, too."""
 
     node: NodeId = Field(description="CANopen node id [1]")
-    identity: NodeIdentity | None = Field(
+    identity: NodeIdentitySection | None = Field(
         None, description="who it is, where that is to be compared; none: anybody"
     )
 
@@ -73,7 +73,7 @@ class Entry:
     """Place in the cell file, for errors."""
     name: str
     """Name that events, faults and telemetry use, unique in the cell."""
-    section: OnBus
+    section: OnBusSection
     bus: str
     """Bus that it is on."""
     owner: str

@@ -5,18 +5,18 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ..section import Pose, Section
+from ..section import PoseSection, Section
 
 _Turn = Annotated[float, Field(ge=-math.pi, le=math.pi)]
 
 
-class Segment(Section):
+class SegmentSection(Section):
     """A straight or circular piece of a tunnel; x of its frame is the tangent."""
 
     length: float = Field(gt=1e-3, le=20, description="along the centre line [m]")
     bend: _Turn = Field(0.0, description="turn to the left, about its own z [rad]")
     climb: _Turn = Field(0.0, description="turn upward, about its own -y [rad]")
-    to: Pose | None = Field(
+    to: PoseSection | None = Field(
         None,
         description="entrance of the next tunnel in World: the piece is the gap before it, of this "
         "length, without walls; its curve is solved once",
@@ -26,7 +26,7 @@ class Segment(Section):
     )
 
 
-class Backbone(Section):
+class BackboneSection(Section):
     """The arm is a curve through tunnels; its joints follow (Chirikjian & Burdick 1990)."""
 
     axes: Literal["planar", "universal", "alternating"] = Field(
@@ -50,7 +50,7 @@ class Backbone(Section):
         description="where it bows out to, about the entrance's x from its y; none: away from the "
         "first bend, and 0.79 off it unless planar [rad]",
     )
-    entrance: Pose = Field(
+    entrance: PoseSection = Field(
         description="of the tunnel in World: x points into it, straight ahead of the first joint"
     )
     start: float = Field(gt=0, le=50, description="free length s1 of the posture 'start' [m]")
@@ -75,7 +75,7 @@ class Backbone(Section):
         "together, along the curve (6085h by RPDO2); each: every joint by its own "
         "quick_stop_deceleration",
     )
-    tunnel: tuple[Segment, ...] = Field(
+    tunnel: tuple[SegmentSection, ...] = Field(
         min_length=1, max_length=64, description="its pieces, from the entrance on"
     )
 

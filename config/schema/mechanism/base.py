@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from ..section import Name, Positive, Section
 
 
-class Wheels(Section):
+class WheelsSection(Section):
     """The two driven wheels of a base: joints of the URDF that turn for ever."""
 
     left: Name = Field(description="joint of the left wheel; it turns about the Base's y axis")
@@ -16,20 +16,20 @@ class Wheels(Section):
     track: float = Field(gt=0.05, le=5, description="between their points of contact [m]")
 
     @model_validator(mode="after")
-    def _two(self) -> "Wheels":
+    def _two(self) -> "WheelsSection":
         if self.left == self.right:
             raise ValueError(f"left and right are one joint: '{self.left}'")
         return self
 
 
-class DifferentialBase(Section):
+class DifferentialBaseSection(Section):
     """A base with two driven wheels on one axle; Base is on the floor, midway between them.
 
     Its x axis points ahead, its z axis up. The wheels' drives are in CSV, whatever the arm's are.
     """
 
     kind: Literal["differential"] = Field(description="how the base moves")
-    wheels: Wheels = Field(description="what it rolls on")
+    wheels: WheelsSection = Field(description="what it rolls on")
     weight: float = Field(
         6.0, ge=0.1, le=100, description="cost of arm motion over wheel motion, in radians [1]"
     )

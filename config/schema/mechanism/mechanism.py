@@ -4,11 +4,11 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from ..bus.on_bus import BusFrames, CanId, CanOpenNode, OnBus
-from ..section import Name, Pose, Section, UrdfName, Vector3, Vector6
-from .backbone import Backbone
-from .base import DifferentialBase
-from .sweep import Sweep
+from ..bus.on_bus import BusFrames, CanId, CanOpenNodeSection, OnBusSection
+from ..section import Name, PoseSection, Section, UrdfName, Vector3, Vector6
+from .backbone import BackboneSection
+from .base import DifferentialBaseSection
+from .sweep import SweepSection
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
 """Controlword, and the setpoint of each operation mode."""
@@ -19,7 +19,7 @@ TPDO_BYTES: Final = 8
 """Statusword, position and torque."""
 
 
-class Drive(CanOpenNode):
+class DriveSection(CanOpenNodeSection):
     """One CAN servo drive and the joint it moves; what differs from arm to arm stands here."""
 
     joint: JointName = Field(
@@ -76,7 +76,7 @@ class Drive(CanOpenNode):
     _table: int | None = PrivateAttr(None)
 
     @model_validator(mode="after")
-    def _leash_inside_window(self) -> "Drive":
+    def _leash_inside_window(self) -> "DriveSection":
         if self.leash >= self.following_window:
             raise ValueError(
                 f"leash {self.leash} must be below following_window {self.following_window}"
@@ -102,7 +102,7 @@ Lever = Annotated[float, Field(ge=-2, le=2)]
 """From the sensor to a payload's centre of mass along an axis [m]; farther is on no arm."""
 
 
-class Payload(Section):
+class PayloadSection(Section):
     """Everything outboard of the force/torque sensor: its weight is taken off the reading."""
 
     mass: float = Field(0.0, ge=0, le=500, description="mass [kg]")
@@ -115,7 +115,7 @@ Moment = Annotated[float, Field(ge=-1e6, le=1e6)]
 """Of inertia [kg·m²]."""
 
 
-class LinkInertial(Section):
+class LinkInertialSection(Section):
     """Mass and inertia of a link, where the URDF has none or one that no body can have."""
 
     link: UrdfName = Field(description="link of the URDF")
@@ -126,7 +126,7 @@ class LinkInertial(Section):
     )
 
 
-class ForceTorque(OnBus):
+class ForceTorqueSection(OnBusSection):
     """A Robotous RFT force/torque sensor on a CAN bus that has a drive, too."""
 
     device: Literal["robotous"] = Field("robotous", description="protocol of the sensor")
@@ -142,10 +142,12 @@ class ForceTorque(OnBus):
     essential: bool = Field(
         False, description="true: a stale sensor stops the arm; false: the force source fades"
     )
-    T_wrist_sensor: Pose = Field(
-        default_factory=Pose, description="Sensor frame in the Wrist (tip_link) frame"
+    T_wrist_sensor: PoseSection = Field(
+        default_factory=PoseSection, description="Sensor frame in the Wrist (tip_link) frame"
     )
-    payload: Payload = Field(default_factory=Payload, description="outboard of the sensor")
+    payload: PayloadSection = Field(
+        default_factory=PayloadSection, description="outboard of the sensor"
+    )
     bias: Vector6 = Field(
         (0.0,) * 6, description="reading without load, in the Sensor frame [N, N·m]"
     )
@@ -183,7 +185,7 @@ class ForceTorque(OnBus):
         return (BusFrames(8, self.rate_hz, count=2),)
 
 
-class Gripper(CanOpenNode):
+class GripperSection(CanOpenNodeSection):
     """A gripper on a digital output of a CiA 401 module."""
 
     output: int = Field(0, ge=0, le=7, description="its bit in 6200h:01 [1]")
@@ -198,7 +200,7 @@ class Gripper(CanOpenNode):
         return ()
 
 
-class Mechanism(Section):
+class MechanismSection(Section):
     """One kinematic chain: a URDF, its place in the World, its drives and its tool."""
 
     name: Name = Field(description="name of the mechanism")
@@ -206,9 +208,11 @@ class Mechanism(Section):
     bus: Name | None = Field(
         None, description="bus of its drives, sensor and gripper; none: the first of the cell"
     )
-    T_world_base: Pose = Field(default_factory=Pose, description="Base frame in World")
+    T_world_base: PoseSection = Field(
+        default_factory=PoseSection, description="Base frame in World"
+    )
     on: Name | None = Field(None, description="mechanism that it stands on; none: World")
-    T_on: Pose | None = Field(
+    T_on: PoseSection | None = Field(
         None, description="Base frame on the mechanism that it stands on, instead of T_world_base"
     )
     operation_mode: Literal["csp", "csv", "cst"] = Field(
@@ -225,27 +229,27 @@ class Mechanism(Section):
         None, gt=0, le=500, description="greatest mass at the tool that the arm is rated for [kg]"
     )
     tip_link: str = Field(description="last link of the chain: the Wrist frame")
-    T_wrist_mrf: Pose = Field(
-        default_factory=Pose, description="moving reference frame in the Wrist frame"
+    T_wrist_mrf: PoseSection = Field(
+        default_factory=PoseSection, description="moving reference frame in the Wrist frame"
     )
-    drives: tuple[Drive, ...] = Field(
+    drives: tuple[DriveSection, ...] = Field(
         min_length=1, max_length=MOST_DRIVES, description="one per joint"
     )
-    inertials: tuple[LinkInertial, ...] = Field(
+    inertials: tuple[LinkInertialSection, ...] = Field(
         (), max_length=128, description="masses and inertias in place of the URDF's"
     )
-    force_torque: ForceTorque | None = Field(None, description="sensor at the wrist, if any")
-    gripper: Gripper | None = Field(None, description="gripper at the tool, if any")
-    backbone: Backbone | None = Field(
+    force_torque: ForceTorqueSection | None = Field(None, description="sensor at the wrist, if any")
+    gripper: GripperSection | None = Field(None, description="gripper at the tool, if any")
+    backbone: BackboneSection | None = Field(
         None, description="curve through tunnels that the joints follow; absent: a plain arm"
     )
-    sweep: Sweep | None = Field(
+    sweep: SweepSection | None = Field(
         None, description="axis beside the chain that goes to and fro; absent: there is none"
     )
-    base: DifferentialBase | None = Field(
+    base: DifferentialBaseSection | None = Field(
         None, description="wheels that carry the arm; absent: it stands where T_world_base says"
     )
-    payloads: dict[Name, Payload] = Field(
+    payloads: dict[Name, PayloadSection] = Field(
         default_factory=dict, description="named payloads to switch to, as a whole"
     )
     postures: dict[Name, tuple[float, ...]] = Field(
@@ -262,6 +266,6 @@ class Mechanism(Section):
         """Joints of the wheels, left and right; none of an arm that stands."""
         return () if self.base is None else (self.base.wheels.left, self.base.wheels.right)
 
-    def mode_of(self, drive: Drive) -> str:
+    def mode_of(self, drive: DriveSection) -> str:
         """Return the operation mode of one of its drives: wheels run at speeds."""
         return "csv" if drive.joint in self.wheels else self.operation_mode

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from ..section import Name, Section
 
 
-class Sweep(Section):
+class SweepSection(Section):
     """A joint beside the chain, with a drive like others, that goes to and fro while one may move.
 
     It is on the root link of the URDF. At a constant speed, but for where it turns round; in HOLD
@@ -24,7 +24,7 @@ class Sweep(Section):
     )  # fmt: skip
 
     @model_validator(mode="after")
-    def _goes_somewhere(self) -> "Sweep":
+    def _goes_somewhere(self) -> "SweepSection":
         if self.low >= self.high:
             raise ValueError(f"low {self.low:g} must be below high {self.high:g}")
         return self

@@ -9,7 +9,7 @@ from ..section import Section
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class Torque(Section):
+class TorqueSection(Section):
     """Computed torque in the tool's space, for drives in CST; one value for all joints or each.
 
     The errors of tool and joints die out as `ë + K_d ė + K_p e = 0` does.

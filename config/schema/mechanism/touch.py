@@ -9,7 +9,7 @@ from ..section import EachJoint, Section
 Torque = Annotated[float, Field(gt=0, le=1e5)]
 
 
-class Touch(Section):
+class TouchSection(Section):
     """Contact that no sensor sees: what the drives give beside what the model says they need."""
 
     torque: Annotated[tuple[Torque, ...], EachJoint] = Field(

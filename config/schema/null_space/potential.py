@@ -9,7 +9,7 @@ from ..section import Section, Vector3
 Strength = Annotated[float, Field(ge=0, le=100)]
 
 
-class VirtualLink(Section):
+class VirtualLinkSection(Section):
     """A prismatic link between path and tool that is not there: along it the tool gives way.
 
     For an arm without spare freedom. The field pushes the tool off its path, the spring leads it
@@ -22,13 +22,13 @@ class VirtualLink(Section):
     speed: float = Field(0.2, gt=0, le=5, description="fastest off the path and back [m/s]")
 
     @model_validator(mode="after")
-    def _has_a_direction(self) -> "VirtualLink":
+    def _has_a_direction(self) -> "VirtualLinkSection":
         if not any(self.direction):
             raise ValueError("direction must not be zero")
         return self
 
 
-class PotentialField(Section):
+class PotentialFieldSection(Section):
     """Strengths of what repels the links: obstacles, joint limits, singularities.
 
     The links of the arm are charged along their length. What slides downhill is `redundancy.field`
@@ -49,7 +49,9 @@ class PotentialField(Section):
     least_distance: float = Field(
         0.02, ge=0.001, le=0.5, description="bounds the field: distances count no less [m]"
     )
-    virtual_link: VirtualLink | None = Field(None, description="lets the tool leave its path")
+    virtual_link: VirtualLinkSection | None = Field(
+        None, description="lets the tool leave its path"
+    )
 
 
-__all__ = ["PotentialField", "VirtualLink"]
+__all__ = ["PotentialFieldSection", "VirtualLinkSection"]

@@ -5,7 +5,7 @@ from pydantic import Field, model_validator
 from ..section import Name, Section, Vector3
 
 
-class VirtualSphere(Section):
+class VirtualSphereSection(Section):
     """A place on the arm whose distance from obstacles counts."""
 
     name: Name = Field(description="what telemetry calls it")
@@ -13,14 +13,14 @@ class VirtualSphere(Section):
     centre: Vector3 = Field((0.0, 0.0, 0.0), description="in the link's frame [m]")
 
 
-class Priority(Section):
+class PrioritySection(Section):
     """Virtual spheres on the arm: obstacles push them by self-motion, and precede a hand's force.
 
     Soft, and no promise of a clearance: that is `avoidance`. Distances are from the centres to the
     obstacles' surfaces.
     """
 
-    spheres: tuple[VirtualSphere, ...] = Field(
+    spheres: tuple[VirtualSphereSection, ...] = Field(
         min_length=1, max_length=16, description="places on the arm"
     )
     inner_radius: float = Field(
@@ -44,7 +44,7 @@ class Priority(Section):
     )
 
     @model_validator(mode="after")
-    def _fits(self) -> "Priority":
+    def _fits(self) -> "PrioritySection":
         if self.outer_radius <= self.inner_radius:
             raise ValueError(
                 f"outer_radius {self.outer_radius:g} must be above inner_radius "
@@ -57,4 +57,4 @@ class Priority(Section):
         return self
 
 
-__all__ = ["Priority", "VirtualSphere"]
+__all__ = ["PrioritySection", "VirtualSphereSection"]

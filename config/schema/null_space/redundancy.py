@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 from ..section import Name, Section
 
 
-class Objectives(Section):
+class ObjectivesSection(Section):
     """Gains of the redundancy objectives: one field each."""
 
     mid_range: float = Field(
@@ -36,7 +36,7 @@ class Objectives(Section):
     )
 
 
-OBJECTIVES = tuple(Objectives.model_fields)
+OBJECTIVES = tuple(ObjectivesSection.model_fields)
 """Names of the redundancy objectives, in the order in which their rates are summed."""
 
 
@@ -49,7 +49,7 @@ def _known(name: str) -> str:
 ObjectiveName = Annotated[str, AfterValidator(_known)]
 
 
-class Redundancy(Objectives):
+class RedundancySection(ObjectivesSection):
     """Use of the null space; each gain 0 switches its objective off."""
 
     posture_name: Name = Field("ready", description="posture that the joints are pulled to")

@@ -2,13 +2,13 @@
 
 from pydantic import Field
 
-from ..section import Pose, Positive, Section, Vector3
-from .peg import RigPeg
+from ..section import PoseSection, Positive, Section, Vector3
+from .peg import RigPegSection
 
 HalfSize = tuple[Positive, Positive, Positive]
 
 
-class RigBeam(Section):
+class RigBeamSection(Section):
     """A box on sprung pads, one in each grasp of the cell's first joint task; its frame: the MRF.
 
     Springs of six freedoms stand for what yields between a flange and the payload.
@@ -26,9 +26,10 @@ class RigBeam(Section):
     misfit: tuple[Vector3, ...] = Field(
         (), description="how far each pad is from where it fits, in the MRF's axes [m]"
     )
-    pegs: tuple[Pose, ...] = Field(
+    pegs: tuple[PoseSection, ...] = Field(
         (), max_length=8, description="middle of each peg's end, x out of it, in the MRF"
     )
-    peg: RigPeg = Field(
-        default_factory=lambda: RigPeg(length=0.06, mass=0.0), description="what each peg is like"
+    peg: RigPegSection = Field(
+        default_factory=lambda: RigPegSection(length=0.06, mass=0.0),
+        description="what each peg is like",
     )

@@ -5,7 +5,7 @@ from pydantic import Field
 from ..section import NonNegative, Section, Vector3
 
 
-class RigBridge(Section):
+class RigBridgeSection(Section):
     """Two pillars and a beam on them, across the way ahead.
 
     Their bodies are `bridge_left`, `bridge_right` and `bridge_beam`.
@@ -22,7 +22,7 @@ class RigBridge(Section):
     )
 
 
-class RigPerson(Section):
+class RigPersonSection(Section):
     """Somebody who stands on the floor, and may walk in: body `person`, which can be placed."""
 
     xyz: Vector3 = Field(description="between the feet [m]")
@@ -30,7 +30,7 @@ class RigPerson(Section):
     radius: float = Field(0.2, gt=0.05, le=0.24, description="of that capsule [m]")
 
 
-class RigScanner(Section):
+class RigScannerSection(Section):
     """Imperfections of the simulated laser scanner."""
 
     noise: NonNegative = Field(0.012, description="standard deviation of distances [m]")

@@ -2,10 +2,10 @@
 
 from pydantic import Field, model_validator
 
-from ..section import Name, Pose, Section
+from ..section import Name, PoseSection, Section
 
 
-class RigPeg(Section):
+class RigPegSection(Section):
     """A round peg as the tool: its axis is the MRF's z, the middle of its end the MRF's origin."""
 
     radius: float = Field(0.010, gt=0, le=0.2, description="of the peg [m]")
@@ -17,7 +17,7 @@ class RigPeg(Section):
     )
 
     @model_validator(mode="after")
-    def _is_a_peg(self) -> "RigPeg":
+    def _is_a_peg(self) -> "RigPegSection":
         if self.rounding >= self.radius:
             raise ValueError(f"rounding {self.rounding:g} must be below radius {self.radius:g}")
         if 2.0 * self.rounding >= self.length:
@@ -25,15 +25,16 @@ class RigPeg(Section):
         return self
 
 
-class RigHole(Section):
+class RigHoleSection(Section):
     """A block with a hole of eight flat sides through it, chamfered by 45 degrees at its mouth."""
 
     name: Name = Field(description="name of the body")
-    T_world_hole: Pose = Field(
+    T_world_hole: PoseSection = Field(
         description="where it is meant to be: middle of the mouth, z out of it, in World"
     )
-    misplaced: Pose = Field(
-        default_factory=Pose, description="where it really is, measured there: nobody is told"
+    misplaced: PoseSection = Field(
+        default_factory=PoseSection,
+        description="where it really is, measured there: nobody is told",
     )
     radius: float = Field(
         0.01025, gt=0, le=0.2, description="from the axis to a side: the peg's plus clearance [m]"
@@ -43,7 +44,7 @@ class RigHole(Section):
     half_size: float = Field(0.04, gt=0, le=1, description="from the axis to the outside [m]")
 
     @model_validator(mode="after")
-    def _has_material(self) -> "RigHole":
+    def _has_material(self) -> "RigHoleSection":
         if self.radius + 2.0 * self.chamfer >= self.half_size:
             raise ValueError(
                 f"half_size {self.half_size:g} must be above radius {self.radius:g} + 2 x chamfer "

@@ -4,15 +4,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..moving import RigFrames
+from ..moving import RigFramesSection
 from ..section import EachJoint, Name, NonNegative, Positive, Section, Vector3, Vector6
-from ..sensors.cameras import RigTag
-from .beam import RigBeam
-from .bridge import RigBridge, RigPerson, RigScanner
-from .peg import RigHole, RigPeg
+from ..sensors.cameras import RigTagSection
+from .beam import RigBeamSection
+from .bridge import RigBridgeSection, RigPersonSection, RigScannerSection
+from .peg import RigHoleSection, RigPegSection
 
 
-class RigDrive(Section):
+class RigDriveSection(Section):
     """The physics behind one simulated drive; one value for all joints or one each.
 
     None given: as the arm's own inertia wants them, so that the drives are alike to all arms.
@@ -53,7 +53,7 @@ class RigDrive(Section):
     )
 
 
-class RigForceTorque(Section):
+class RigForceTorqueSection(Section):
     """Imperfections of the simulated force/torque sensor."""
 
     noise: Vector6 = Field(
@@ -73,7 +73,7 @@ class RigForceTorque(Section):
     )
 
 
-class RigGripper(Section):
+class RigGripperSection(Section):
     """Object that the simulated gripper takes hold of when it closes."""
 
     mass: float = Field(0.0, ge=0, le=500, description="its mass [kg]")
@@ -82,7 +82,7 @@ class RigGripper(Section):
     )
 
 
-class Wall(Section):
+class WallSection(Section):
     """A plate on a sprung, damped slide: its stiffness is a number."""
 
     xyz: Vector3 = Field(description="centre of the plate's face, in World [m]")
@@ -93,7 +93,7 @@ class Wall(Section):
     mass: float = Field(1.0, gt=0, le=1000, description="of the plate [kg]")
 
 
-class Box(Section):
+class BoxSection(Section):
     """A fixed box, such as a table."""
 
     name: Name = Field(description="name of the body")
@@ -102,7 +102,7 @@ class Box(Section):
     half_size: Vector3 = Field(description="half the sides [m]")
 
 
-class RigTunnel(Section):
+class RigTunnelSection(Section):
     """How the walls of a backbone's tunnel stand in truth."""
 
     shift: Vector3 = Field((0.0, 0.0, 0.0), description="from where the cell has them [m]")
@@ -112,16 +112,16 @@ class RigTunnel(Section):
     )
 
 
-class Rig(Section):
+class RigSection(Section):
     """The virtual hardware: never read by the daemon."""
 
     seed: int = Field(1, ge=0, description="seed of the sensor noise [1]")
     physics_step_s: float = Field(0.001, ge=1e-4, le=0.002, description="physics step [s]")
-    drive: RigDrive = Field(
-        default_factory=RigDrive, description="what is behind every simulated drive"
+    drive: RigDriveSection = Field(
+        default_factory=RigDriveSection, description="what is behind every simulated drive"
     )
-    force_torque: RigForceTorque = Field(
-        default_factory=RigForceTorque, description="sensor imperfections"
+    force_torque: RigForceTorqueSection = Field(
+        default_factory=RigForceTorqueSection, description="sensor imperfections"
     )
     tool_radius: float = Field(
         0.012, ge=0, le=0.2, description="ball at the MRF that touches things, 0 for none [m]"
@@ -130,25 +130,29 @@ class Rig(Section):
     payload_com: Vector3 = Field(
         (0.0, 0.0, 0.0), description="its true centre of mass in the true Sensor frame [m]"
     )
-    gripper: RigGripper = Field(
-        default_factory=RigGripper, description="what the gripper takes hold of"
+    gripper: RigGripperSection = Field(
+        default_factory=RigGripperSection, description="what the gripper takes hold of"
     )
-    wall: Wall | None = Field(None, description="a wall of known stiffness")
-    boxes: tuple[Box, ...] = Field((), description="fixed boxes, such as a table")
-    tunnel: RigTunnel = Field(
-        default_factory=RigTunnel, description="walls of the tunnel, where the arm has a backbone"
+    wall: WallSection | None = Field(None, description="a wall of known stiffness")
+    boxes: tuple[BoxSection, ...] = Field((), description="fixed boxes, such as a table")
+    tunnel: RigTunnelSection = Field(
+        default_factory=RigTunnelSection,
+        description="walls of the tunnel, where the arm has a backbone",
     )
-    peg: RigPeg | None = Field(None, description="a peg as the tool")
-    holes: tuple[RigHole, ...] = Field((), max_length=16, description="holes to insert it into")
-    beam: RigBeam | None = Field(None, description="what the arms of a joint task hold")
-    tags: tuple[RigTag, ...] = Field((), description="planar tags that cameras can see")
-    frames: RigFrames = Field(
-        default_factory=RigFrames, description="motion of platform and Carrier, and their news"
+    peg: RigPegSection | None = Field(None, description="a peg as the tool")
+    holes: tuple[RigHoleSection, ...] = Field(
+        (), max_length=16, description="holes to insert it into"
     )
-    scanner: RigScanner = Field(
-        default_factory=RigScanner, description="imperfections of the laser scanner"
+    beam: RigBeamSection | None = Field(None, description="what the arms of a joint task hold")
+    tags: tuple[RigTagSection, ...] = Field((), description="planar tags that cameras can see")
+    frames: RigFramesSection = Field(
+        default_factory=RigFramesSection,
+        description="motion of platform and Carrier, and their news",
     )
-    bridge: RigBridge | None = Field(
+    scanner: RigScannerSection = Field(
+        default_factory=RigScannerSection, description="imperfections of the laser scanner"
+    )
+    bridge: RigBridgeSection | None = Field(
         None, description="two pillars and a beam that nobody tells the daemon of"
     )
-    person: RigPerson | None = Field(None, description="somebody who may walk in")
+    person: RigPersonSection | None = Field(None, description="somebody who may walk in")

@@ -4,22 +4,26 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ..section import Name, Pose, Section, Vector3
+from ..section import Name, PoseSection, Section, Vector3
 
 TagFamily = Literal["4x4_50", "5x5_50", "6x6_50", "apriltag_36h11"]
 Pixels = Annotated[float, Field(gt=0, le=1e5)]
 
 
-class Camera(Section):
+class CameraSection(Section):
     """A camera that looks for one planar tag; fixed to the Wrist, to World or to Base.
 
     The Lens frame has its origin in the pinhole, x to the right of the picture, y down, z ahead.
     """
 
     name: Name = Field(description="name of the camera")
-    T_wrist_lens: Pose | None = Field(None, description="Lens in the Wrist, of a carried camera")
-    T_world_lens: Pose | None = Field(None, description="Lens in World, of one beside the arm")
-    T_base_lens: Pose | None = Field(
+    T_wrist_lens: PoseSection | None = Field(
+        None, description="Lens in the Wrist, of a carried camera"
+    )
+    T_world_lens: PoseSection | None = Field(
+        None, description="Lens in World, of one beside the arm"
+    )
+    T_base_lens: PoseSection | None = Field(
         None, description="Lens in Base, of one that stands beside the arm on what carries both"
     )
     device: str | None = Field(
@@ -48,7 +52,7 @@ class Camera(Section):
     family: TagFamily = Field("5x5_50", description="which family of tags it is one of")
 
     @model_validator(mode="after")
-    def _one_place(self) -> "Camera":
+    def _one_place(self) -> "CameraSection":
         places = (self.T_wrist_lens, self.T_world_lens, self.T_base_lens)
         if sum(place is not None for place in places) != 1:
             raise ValueError("give one of T_wrist_lens, T_world_lens, T_base_lens")
@@ -62,9 +66,9 @@ class Camera(Section):
         return "base" if self.T_world_lens is None else "world"
 
     @property
-    def place(self) -> Pose:
+    def place(self) -> PoseSection:
         """The Lens in that frame."""
-        return self.T_wrist_lens or self.T_world_lens or self.T_base_lens or Pose()
+        return self.T_wrist_lens or self.T_world_lens or self.T_base_lens or PoseSection()
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -74,19 +78,23 @@ class Camera(Section):
         return (self.size[0] / 2 - 0.5, self.size[1] / 2 - 0.5)
 
 
-class RigTag(Section):
+class RigTagSection(Section):
     """A planar tag of the virtual world: x to the right of its picture, y up, z out of its face."""
 
     name: Name = Field(description="name that faults use")
-    T_world_tag: Pose | None = Field(None, description="its pose in World, if it stands there")
-    T_wrist_tag: Pose | None = Field(None, description="its pose in the Wrist, if it is carried")
+    T_world_tag: PoseSection | None = Field(
+        None, description="its pose in World, if it stands there"
+    )
+    T_wrist_tag: PoseSection | None = Field(
+        None, description="its pose in the Wrist, if it is carried"
+    )
     tag: int = Field(0, ge=0, le=586, description="its id [1]")
     size: float = Field(0.1, gt=0, le=2, description="side of the black square [m]")
     family: TagFamily = Field("5x5_50", description="family of tags")
     colour: Vector3 = Field((0.85, 0.85, 0.85), description="of the panel behind it, RGB [1]")
 
     @model_validator(mode="after")
-    def _one_place(self) -> "RigTag":
+    def _one_place(self) -> "RigTagSection":
         if (self.T_world_tag is None) == (self.T_wrist_tag is None):
             raise ValueError("give either T_world_tag or T_wrist_tag")
         return self

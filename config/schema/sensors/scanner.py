@@ -5,13 +5,13 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from ..section import LinkName, Name, Pose, Section, Vector3
+from ..section import LinkName, Name, PoseSection, Section, Vector3
 
 MOST_CELLS = 1600
 """Cells of a contour [1]."""
 
 
-class Scanner(Section):
+class ScannerSection(Section):
     """A SICK LMS1xx that tells distances over TCP (CoLa-A), mostly on an axis that sweeps."""
 
     address: str = Field(
@@ -20,8 +20,9 @@ class Scanner(Section):
         description="where it listens; the virtual one listens there, too",
     )
     link: LinkName = Field(description="link of the URDF that it is fixed to")
-    T_link_scanner: Pose = Field(
-        default_factory=Pose, description="its mirror in that link: x straight ahead, z the axis"
+    T_link_scanner: PoseSection = Field(
+        default_factory=PoseSection,
+        description="its mirror in that link: x straight ahead, z the axis",
     )
     first: float = Field(
         -0.25 * math.pi, ge=-math.pi, le=math.pi,
@@ -44,7 +45,7 @@ class Scanner(Section):
     )
 
 
-class Plane(Section):
+class PlaneSection(Section):
     """The cells of the contour, parallel to y and z of Base, from the arm's foot upwards."""
 
     ahead: float = Field(2.0, gt=0.2, le=10, description="what is nearer is acted upon [m]")
@@ -54,7 +55,7 @@ class Plane(Section):
     cell: float = Field(0.05, ge=0.02, le=0.5, description="side of a cell [m]")
 
     @model_validator(mode="after")
-    def _collects_first(self) -> "Plane":
+    def _collects_first(self) -> "PlaneSection":
         if self.collect < self.ahead:
             raise ValueError(f"collect {self.collect:g} must be at least ahead {self.ahead:g}")
         if (self.width / self.cell) * (self.height / self.cell) > MOST_CELLS:
@@ -62,10 +63,12 @@ class Plane(Section):
         return self
 
 
-class ContourReflex(Section):
+class ContourReflexSection(Section):
     """The nearest obstacles ahead of the arm, and how the arm folds itself to pass them."""
 
-    plane: Plane = Field(default_factory=Plane, description="where it is, and its cells")
+    plane: PlaneSection = Field(
+        default_factory=PlaneSection, description="where it is, and its cells"
+    )
     foot: Vector3 = Field((0.0, 0.0, 0.0), description="foot of the arm in Base [m]")
     shoulder: Name = Field(description="joint at whose origin the shoulder is")
     elbow: Name = Field(description="joint at whose origin the elbow is")

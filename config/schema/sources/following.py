@@ -5,12 +5,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from .source import Source
+from .source import SourceSection
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class Following(Source):
+class FollowingSection(SourceSection):
     """The tool moves as a damped mass would under the hand's force, and its attitude stays."""
 
     NEEDS: ClassVar[Literal["force_torque"]] = "force_torque"

@@ -5,10 +5,10 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from ..section import Vector6
-from .source import Source
+from .source import SourceSection
 
 
-class Force(Source):
+class ForceSection(SourceSection):
     """Force–moment accommodation: rate = K_F (desired wrench − wrench), per axis."""
 
     NEEDS: ClassVar[Literal["force_torque"]] = "force_torque"

@@ -3,10 +3,10 @@
 from pydantic import Field
 
 from ..section import Vector6
-from .source import Source
+from .source import SourceSection
 
 
-class Joystick(Source):
+class JoystickSection(SourceSection):
     """Rates from a stick, times a gain per axis (K_HC)."""
 
     gain: Vector6 = Field((1.0,) * 6, description="K_HC [1]")

@@ -5,10 +5,10 @@ from typing import ClassVar
 from pydantic import Field
 
 from ..section import Vector6
-from .source import Source
+from .source import SourceSection
 
 
-class Position(Source):
+class PositionSection(SourceSection):
     """Target poses: a jerk-limited path, followed with error feedback (K_P)."""
 
     ERROR_GAIN: ClassVar[str | None] = "K_P"

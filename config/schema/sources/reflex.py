@@ -4,12 +4,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from .source import Source
+from .source import SourceSection
 
 Gain = Annotated[float, Field(ge=0, le=1)]
 
 
-class Reflex(Source):
+class ReflexSection(SourceSection):
     """Folding to pass below what is ahead: the tool's part of it, per axis of World."""
 
     NEEDS: ClassVar[Literal["contour"]] = "contour"

@@ -8,7 +8,7 @@ from ..section import NonNegative, Section, Share
 from .sources import SourceName
 
 
-class Schedule(Section):
+class ScheduleSection(Section):
     """A source's gain as a function of something measured: a table of factors, interpolated."""
 
     source: SourceName = Field(description="name of the source whose gain it is")
@@ -27,7 +27,7 @@ class Schedule(Section):
     )
 
     @model_validator(mode="after")
-    def _is_a_table(self) -> "Schedule":
+    def _is_a_table(self) -> "ScheduleSection":
         if len(self.at) != len(self.factor):
             raise ValueError(f"{len(self.at)} points in 'at', {len(self.factor)} in 'factor'")
         if any(b <= a for a, b in zip(self.at, self.at[1:], strict=False)):

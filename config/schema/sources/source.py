@@ -8,7 +8,7 @@ from pydantic import Field
 from ..section import Section, Vector6
 
 
-class Source(Section):
+class SourceSection(Section):
     """A source's switch and gain, and what they depend on."""
 
     NEEDS: ClassVar[Literal["force_torque", "camera", "contour"] | None] = None

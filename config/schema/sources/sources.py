@@ -5,34 +5,40 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from ..section import Section
-from .following import Following
-from .force import Force
-from .joystick import Joystick
-from .position import Position
-from .reflex import Reflex
-from .source import Source
-from .spring import Spring
-from .vision import Vision
+from .following import FollowingSection
+from .force import ForceSection
+from .joystick import JoystickSection
+from .position import PositionSection
+from .reflex import ReflexSection
+from .source import SourceSection
+from .spring import SpringSection
+from .vision import VisionSection
 
 
-class Sources(Section):
+class SourcesSection(Section):
     """Sources, which ask the tool for rates. All on at once; the rates add."""
 
-    joystick: Joystick = Field(default_factory=Joystick, description="the operator's stick")
-    position: Position = Field(default_factory=Position, description="target poses")
-    vision: Vision = Field(default_factory=Vision, description="a camera's view")
-    force: Force = Field(default_factory=Force, description="force control")
-    following: Following = Field(default_factory=Following, description="a hand at the tool")
-    spring: Spring = Field(default_factory=Spring, description="a virtual fixture")
-    reflex: Reflex = Field(default_factory=Reflex, description="folding below what is ahead")
+    joystick: JoystickSection = Field(
+        default_factory=JoystickSection, description="the operator's stick"
+    )
+    position: PositionSection = Field(default_factory=PositionSection, description="target poses")
+    vision: VisionSection = Field(default_factory=VisionSection, description="a camera's view")
+    force: ForceSection = Field(default_factory=ForceSection, description="force control")
+    following: FollowingSection = Field(
+        default_factory=FollowingSection, description="a hand at the tool"
+    )
+    spring: SpringSection = Field(default_factory=SpringSection, description="a virtual fixture")
+    reflex: ReflexSection = Field(
+        default_factory=ReflexSection, description="folding below what is ahead"
+    )
 
     @property
-    def each(self) -> dict[str, Source]:
+    def each(self) -> dict[str, SourceSection]:
         """The sections by name, in the order in which rates are summed."""
         return {name: getattr(self, name) for name in SOURCES}
 
 
-SOURCES = tuple(Sources.model_fields)
+SOURCES = tuple(SourcesSection.model_fields)
 """Names of the sources, in the order in which rates are summed."""
 
 

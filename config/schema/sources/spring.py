@@ -6,12 +6,12 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, field_validator
 
 from ..section import Vector3
-from .source import Source
+from .source import SourceSection
 
 Gain = Annotated[float, Field(ge=0, le=100)]
 
 
-class Spring(Source):
+class SpringSection(SourceSection):
     """A virtual fixture: the MRF is pulled to a line or a plane, rate = K_S (way to it)."""
 
     ERROR_GAIN: ClassVar[str | None] = "K_S"

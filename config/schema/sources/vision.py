@@ -4,13 +4,13 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from ..section import Name, Pose
-from .source import Source
+from ..section import Name, PoseSection
+from .source import SourceSection
 
 Gain = Annotated[float, Field(ge=0, le=100)]
 
 
-class Vision(Source):
+class VisionSection(SourceSection):
     """A camera's view: rate = K_V (desired view − seen view), per axis of the Lens."""
 
     NEEDS: ClassVar[Literal["camera"]] = "camera"
@@ -21,7 +21,7 @@ class Vision(Source):
         (1.0,) * 6, description="K_V: error to rate [1/s]"
     )
     camera: Name | None = Field(None, description="whose view; none: the first camera's")
-    view: Pose | None = Field(
+    view: PoseSection | None = Field(
         None, description="desired tag in the Lens at start; none: until a view is stored"
     )
     speed: float = Field(0.15, gt=0, le=5, description="largest rate of the Lens [m/s]")

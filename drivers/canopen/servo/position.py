@@ -1,6 +1,6 @@
 """Where a drive's joint is, by its counter of 32 bits: that of a wheel wraps."""
 
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen.counter import Unwrapped
 from . import servo_setup
 
@@ -8,7 +8,7 @@ from . import servo_setup
 class JointPosition:
     """Position of one drive's joint; an `endless` one, a wheel, has no limits."""
 
-    def __init__(self, drive: Drive, endless: bool) -> None:
+    def __init__(self, drive: DriveSection, endless: bool) -> None:
         self._drive, self._endless = drive, endless
         self._turns = Unwrapped()
         self._counts = 0

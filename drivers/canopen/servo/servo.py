@@ -9,8 +9,8 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
 
-from ....config.schema.cell import Timing
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.cell import TimingSection
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen import can301, cia402, cia402_pdo
 from ....protocols.canopen.can301 import EmcyCode, FrameError, NmtState
 from ....protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
@@ -44,8 +44,8 @@ class ServoDrive(JointDrive):
     def __init__(
         self,
         fieldbus: Fieldbus,
-        drive: Drive,
-        timing: Timing,
+        drive: DriveSection,
+        timing: TimingSection,
         *,
         lower: float,
         upper: float,

@@ -11,8 +11,8 @@ import can
 import canopen
 from canopen.sdo.exceptions import SdoError
 
-from ....config.schema.cell import Timing
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.cell import TimingSection
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen import can301, cia402, cia402_pdo
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import FrameError
@@ -56,7 +56,7 @@ class SetupWrite(NamedTuple):
     optional: bool = False
 
 
-def to_counts(drive: Drive, position_rad: float) -> int:
+def to_counts(drive: DriveSection, position_rad: float) -> int:
     """Return the encoder counts nearest to a joint angle [rad].
 
     Raises `ValueError` if it is not finite, or beyond the 32 bits of 607Ah.
@@ -64,19 +64,19 @@ def to_counts(drive: Drive, position_rad: float) -> int:
     return Setpoint(drive, OperationMode.CSP).raw(position_rad)
 
 
-def to_radians(drive: Drive, counts: int) -> float:
+def to_radians(drive: DriveSection, counts: int) -> float:
     """Return the joint angle [rad] at an encoder reading."""
     return drive.zero_rad + drive.direction * counts / drive.counts_per_radian
 
 
-def whole_range(drive: Drive) -> tuple[float, float]:
+def whole_range(drive: DriveSection) -> tuple[float, float]:
     """Return the joint angles [rad] at both ends of 607Dh, which then bounds nothing."""
     half = (2**31 - 2) / drive.counts_per_radian
     return drive.zero_rad - half, drive.zero_rad + half
 
 
 def steps(
-    drive: Drive, timing: Timing, lower: float, upper: float, mode: OperationMode
+    drive: DriveSection, timing: TimingSection, lower: float, upper: float, mode: OperationMode
 ) -> Iterator[SetupWrite]:
     """Yield what to write, in order (CiA 301, CiA 402-2); `lower`, `upper` are URDF limits [rad].
 
@@ -105,7 +105,7 @@ def steps(
     yield SetupWrite(Object.MODE_OF_OPERATION, 0, I8, mode)
 
 
-def position_limits(drive: Drive, lower: float, upper: float) -> Iterator[SetupWrite]:
+def position_limits(drive: DriveSection, lower: float, upper: float) -> Iterator[SetupWrite]:
     """Yield what to write so that 607Dh holds a range of joint angles [rad].
 
     Raises `ValueError` for a limit that the drive's counts cannot hold.
@@ -115,18 +115,18 @@ def position_limits(drive: Drive, lower: float, upper: float) -> Iterator[SetupW
     yield SetupWrite(Object.POSITION_LIMIT, 2, I32, high)
 
 
-def write_limits(node: canopen.RemoteNode, drive: Drive, lower: float, upper: float) -> None:
+def write_limits(node: canopen.RemoteNode, drive: DriveSection, lower: float, upper: float) -> None:
     """Write 607Dh. Raises `DeviceError`."""
     for step in position_limits(drive, lower, upper):
         write(node, drive, step)
 
 
-def write_torque_offset(node: canopen.RemoteNode, drive: Drive, value: int) -> None:
+def write_torque_offset(node: canopen.RemoteNode, drive: DriveSection, value: int) -> None:
     """Write 60B2h, which a drive may lack. Raises `DeviceError`."""
     write(node, drive, SetupWrite(Object.TORQUE_OFFSET, 0, I16, value, optional=True))
 
 
-def room(drive: Drive, lower: float, upper: float, q: float) -> tuple[float, float]:
+def room(drive: DriveSection, lower: float, upper: float, q: float) -> tuple[float, float]:
     """Return the range of 607Dh for a joint that stands at `q`, with limits `lower`, `upper` [rad].
 
     It is that of the limits, except where the joint stands beyond what is commanded: there it
@@ -154,8 +154,8 @@ def interpolation_period(period_s: float) -> tuple[int, int]:
 
 def configure(
     node: canopen.RemoteNode,
-    drive: Drive,
-    timing: Timing,
+    drive: DriveSection,
+    timing: TimingSection,
     lower: float,
     upper: float,
     mode: OperationMode,
@@ -189,7 +189,9 @@ def configure(
     )
 
 
-def read(node: canopen.RemoteNode, drive: Drive, index: int, subindex: int, layout: str) -> int:
+def read(
+    node: canopen.RemoteNode, drive: DriveSection, index: int, subindex: int, layout: str
+) -> int:
     """Read an integer object over SDO. Raises `DeviceError`."""
     try:
         data = node.sdo.upload(index, subindex)
@@ -199,7 +201,7 @@ def read(node: canopen.RemoteNode, drive: Drive, index: int, subindex: int, layo
     return int(value)
 
 
-def write(node: canopen.RemoteNode, drive: Drive, step: SetupWrite) -> None:
+def write(node: canopen.RemoteNode, drive: DriveSection, step: SetupWrite) -> None:
     """Write an integer object over SDO. Raises `DeviceError`."""
     where = _object(step.object_index, step.subindex)
     try:
@@ -210,7 +212,7 @@ def write(node: canopen.RemoteNode, drive: Drive, step: SetupWrite) -> None:
         raise DeviceError(f"{_who(drive)}: writing {step.value} to {where}: {error}") from error
 
 
-def _left_on(node: canopen.RemoteNode, drive: Drive) -> bool:
+def _left_on(node: canopen.RemoteNode, drive: DriveSection) -> bool:
     """Return whether a drive's power stage is on, left so by another master. Raises `DeviceError`.
 
     A drive that tells no statusword over SDO is taken to be off.
@@ -227,7 +229,9 @@ def _left_on(node: canopen.RemoteNode, drive: Drive) -> bool:
         raise DeviceError(f"{_who(drive)}: reading {where}: {error}") from error
 
 
-def _switch_off(node: canopen.RemoteNode, drive: Drive, wait: Callable[[float], object]) -> None:
+def _switch_off(
+    node: canopen.RemoteNode, drive: DriveSection, wait: Callable[[float], object]
+) -> None:
     """Bring a drive to rest on its own ramp, and take its power off. Raises `DeviceError`."""
     write(node, drive, SetupWrite(Object.CONTROLWORD, 0, U16, Control.QUICK_STOP))
     wait(drive.max_velocity / drive.quick_stop_deceleration + _STANDSTILL_S)
@@ -255,7 +259,7 @@ def _ms(seconds: float) -> int:
     return max(1, round(seconds * 1000))
 
 
-def _who(drive: Drive) -> str:
+def _who(drive: DriveSection) -> str:
     return f"{drive.joint} (node {drive.node})"
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen import cia402_pdo
 from ....protocols.canopen.cia402 import OperationMode
 
@@ -27,7 +27,7 @@ _PACK: Final = {
 class Setpoint:
     """Setpoints of one drive: rad in CSP (607Ah), rad/s in CSV (60FFh), N·m in CST (6071h)."""
 
-    drive: Drive
+    drive: DriveSection
     mode: OperationMode
 
     @cached_property

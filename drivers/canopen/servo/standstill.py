@@ -5,7 +5,7 @@ Written over SDO with the drive's power off, where they change.
 
 import canopen
 
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen.cia402 import OperationMode
 from . import servo_setup
 from .setpoint import Setpoint
@@ -17,7 +17,7 @@ class Standstill:
     def __init__(
         self,
         node: canopen.RemoteNode,
-        drive: Drive,
+        drive: DriveSection,
         mode: OperationMode,
         lower: float,
         upper: float,

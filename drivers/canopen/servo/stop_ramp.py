@@ -10,7 +10,7 @@ from typing import Final
 
 import canopen
 
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen import can301
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.cia402 import Object
@@ -27,7 +27,7 @@ _LAYOUT: Final = struct.Struct("<I")
 class StopRamp:
     """Tells one drive the ramp of its quick stop."""
 
-    def __init__(self, fieldbus: Fieldbus, node: canopen.RemoteNode, drive: Drive) -> None:
+    def __init__(self, fieldbus: Fieldbus, node: canopen.RemoteNode, drive: DriveSection) -> None:
         self._bus, self._node, self._drive = fieldbus, node, drive
         self._id = can301.rpdo1_id(drive.node) + 0x100 * _NUMBER
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ....config.schema.bus.on_bus import Entry
-from ....config.schema.rig.rig import Rig
+from ....config.schema.rig.rig import RigSection
 from ..physics.world import World
 from .drive_loops import DriveLoops
 from .link import NodeLink, Sender
@@ -16,7 +16,7 @@ class Bench:
 
     def __init__(
         self,
-        rigs: Sequence[Rig],
+        rigs: Sequence[RigSection],
         joints: Sequence[str],
         world: World,
         loop: DriveLoops,
@@ -30,7 +30,7 @@ class Bench:
         self._joints = {name: i for i, name in enumerate(joints)}
         self._seeds = np.random.SeedSequence(rigs[0].seed)
 
-    def rig(self, entry: Entry) -> Rig:
+    def rig(self, entry: Entry) -> RigSection:
         """Return what the cell says of the hardware of a device's mechanism."""
         return self._rigs[entry.part or 0]
 

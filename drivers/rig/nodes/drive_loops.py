@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.mechanism.mechanism import Drive
-from ....config.schema.rig.rig import RigDrive
+from ....config.schema.mechanism.mechanism import DriveSection
+from ....config.schema.rig.rig import RigDriveSection
 
 Vector = NDArray[np.float64]
 
@@ -27,7 +27,9 @@ _SETTLED = 1e-9
 class DriveLoops:
     """State of the loops. A loop that is not engaged gives no torque."""
 
-    def __init__(self, arms: Sequence[tuple[Sequence[Drive], RigDrive]], dt: float) -> None:
+    def __init__(
+        self, arms: Sequence[tuple[Sequence[DriveSection], RigDriveSection]], dt: float
+    ) -> None:
         """Take the drives of each arm with what the cell says of them, and a physics step [s]."""
         drives = [drive for of_arm, _ in arms for drive in of_arm]
         n = len(drives)
@@ -192,7 +194,7 @@ class DriveLoops:
             self.speed[ended] = 0.0
 
 
-def _per_joint(arms: Sequence[tuple[Sequence[Drive], RigDrive]], name: str) -> Vector:
+def _per_joint(arms: Sequence[tuple[Sequence[DriveSection], RigDriveSection]], name: str) -> Vector:
     found: list[float] = []
     for drives, gains in arms:
         values, n = getattr(gains, name), len(drives)

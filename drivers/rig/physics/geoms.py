@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from ....config.schema.section import Pose
+from ....config.schema.section import PoseSection
 
 ARM, FIXED = 1, 2
 """Contact groups; fixed things never meet."""
@@ -36,7 +36,7 @@ def slides_on(spec: mujoco.MjSpec, tool: str, surface: mujoco.MjsGeom) -> None:
     pair.solref[:], pair.solreffriction[:], pair.solimp[:] = SOLREF, SLIDING_SOLREF, SOLIMP
 
 
-def quaternion(pose: Pose) -> tuple[float, float, float, float]:
+def quaternion(pose: PoseSection) -> tuple[float, float, float, float]:
     """Return a pose's rotation (fixed-axis roll, pitch, yaw) as MuJoCo's w, x, y, z."""
     quat = np.zeros(4)
     mujoco.mju_euler2Quat(quat, np.array(pose.rpy), "XYZ")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ....config.schema.moving import RigMotion as AtStart
+from ....config.schema.moving import RigMotionSection
 from ....protocols.messages.perception.moving import RigMotion
 
 Vector = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Mover:
     _phase: float = 0.0
     _period_s: float = 4.0
 
-    def move(self, motion: RigMotion | AtStart) -> None:
+    def move(self, motion: RigMotion | RigMotionSection) -> None:
         """Move like this from now on."""
         self._drift[2], self._sway[2] = motion.twist, motion.sway
         self._period_s = motion.period_s

@@ -5,9 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell, ConfigError
-from ....config.schema.mechanism.mechanism import Mechanism
-from ....config.schema.rig.rig import Rig, Wall
-from ....config.schema.section import Pose
+from ....config.schema.mechanism.mechanism import MechanismSection
+from ....config.schema.rig.rig import RigSection, WallSection
+from ....config.schema.section import PoseSection
 from .bodies.beam import add_beam
 from .bodies.bridge import add_bridge, add_person
 from .bodies.peg import add_hole, add_peg
@@ -81,7 +81,7 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     surfaces = [] if rig.wall is None else [_add_wall(spec, rig.wall)]
     for box in rig.boxes:
         body = spec.worldbody.add_body(
-            name=box.name, pos=box.xyz, quat=quaternion(Pose(rpy=box.rpy))
+            name=box.name, pos=box.xyz, quat=quaternion(PoseSection(rpy=box.rpy))
         )
         surfaces.append(_add_fixed_box(body, f"{box.name}_box", box.half_size))
     for part, prefix in zip(cell.parts, prefixes(cell), strict=True):
@@ -165,7 +165,7 @@ def turned_by(turn: NDArray[np.float64], quat: tuple[float, ...]) -> NDArray[np.
     return R.reshape(3, 3)
 
 
-def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
+def _furnish_arm(arm: mujoco.MjSpec, mechanism: MechanismSection, rig: RigSection) -> None:
     tip = arm.body(mechanism.tip_link)
     if tip is None:
         raise ValueError(f"tip_link {mechanism.tip_link} is not a link of {mechanism.urdf}")
@@ -210,11 +210,13 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: Mechanism, rig: Rig) -> None:
     _add_sensor(arm, tip, mechanism, rig)
 
 
-def _add_sensor(arm: mujoco.MjSpec, tip: mujoco.MjsBody, mechanism: Mechanism, rig: Rig) -> None:
+def _add_sensor(
+    arm: mujoco.MjSpec, tip: mujoco.MjsBody, mechanism: MechanismSection, rig: RigSection
+) -> None:
     sensor = mechanism.force_torque
-    place = sensor.T_wrist_sensor if sensor is not None else Pose()
+    place = sensor.T_wrist_sensor if sensor is not None else PoseSection()
     if rig.force_torque.mounting_rpy is not None:
-        place = Pose(xyz=place.xyz, rpy=rig.force_torque.mounting_rpy)
+        place = PoseSection(xyz=place.xyz, rpy=rig.force_torque.mounting_rpy)
     tip.add_site(name="sensor", pos=place.xyz, quat=quaternion(place))
     for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
         arm.add_sensor(
@@ -228,7 +230,7 @@ def _add_sensor(arm: mujoco.MjSpec, tip: mujoco.MjsBody, mechanism: Mechanism, r
         body.inertia = [POINT_INERTIA * rig.payload_mass] * 3
 
 
-def _add_held(tip: mujoco.MjsBody, place: Pose) -> None:
+def _add_held(tip: mujoco.MjsBody, place: PoseSection) -> None:
     """Add what a gripper may hold: without mass until it does."""
     body = tip.add_body(name=HELD, pos=place.xyz, quat=quaternion(place))
     body.explicitinertial = True
@@ -248,7 +250,7 @@ def _exclude_neighbours(arm: mujoco.MjSpec) -> None:
                 arm.add_exclude(bodyname1=first, bodyname2=second)
 
 
-def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> mujoco.MjsGeom:
+def _add_wall(spec: mujoco.MjSpec, wall: WallSection) -> mujoco.MjsGeom:
     normal = np.array(wall.normal) / np.linalg.norm(wall.normal)
     quat = np.zeros(4)
     mujoco.mju_quatZ2Vec(quat, normal)

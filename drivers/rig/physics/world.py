@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ....config.schema.rig.rig import RigGripper
+from ....config.schema.rig.rig import RigGripperSection
 from .bodies.beam import Beam
 from .bodies.solids import place
 from .clearance.distances import WorldDistances
@@ -32,7 +32,7 @@ class _Arm(NamedTuple):
     mrf: int
     force: int
     torque: int
-    held: RigGripper
+    held: RigGripperSection
     prefix: str
 
 

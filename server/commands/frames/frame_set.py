@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from ....config.schema.mechanism.mechanism import Mechanism
-from ....config.schema.moving import Frames
-from ....config.schema.section import Pose as Place
+from ....config.schema.mechanism.mechanism import MechanismSection
+from ....config.schema.moving import FramesSection
+from ....config.schema.section import PoseSection
 from ....protocols.messages.perception.moving import FrameRequest
 from ...control.frame_tree import Body, FrameTree, Mount, Moved, UnknownFrame
 from ...control.spatial import Pose
@@ -14,7 +14,9 @@ from .redefinition import placed_frame
 class FrameSet:
     """The frames of one cell, redefined as operators ask."""
 
-    def __init__(self, mechanism: Mechanism, frames: Frames, T_world_crf: Place) -> None:
+    def __init__(
+        self, mechanism: MechanismSection, frames: FramesSection, T_world_crf: PoseSection
+    ) -> None:
         place, sensor = mechanism.T_world_base, mechanism.force_torque
         base = Body.standing(Pose.from_xyz_rpy(place.xyz, place.rpy))
         self.moved = Moved(base, Body.standing(Pose.identity()), base.T)

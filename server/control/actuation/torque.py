@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.mechanism.torque import Torque
+from ....config.schema.mechanism.torque import TorqueSection
 from ..compiled import VECTOR, compiled
 from ..mechanism.dynamics import Dynamics
 from ..mechanism.kinematics import Kinematics
@@ -77,7 +77,7 @@ class TorqueLaw:
     def __init__(
         self,
         dynamics: Dynamics,
-        torque: Torque,
+        torque: TorqueSection,
         friction: Array,
         max_torque: Array,
         length: float,

@@ -8,7 +8,7 @@ cell together (`tick.py`).
 from typing import Self
 
 from ....config.load import Cell
-from ....config.schema.mechanism.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBaseSection
 from ..actuation.actuation import Now
 from ..barriers.barriers import Allowed, BarrierInputs, Clear
 from ..evolve import evolve
@@ -44,7 +44,7 @@ class Arm:
         p: Parameters,
         mechanism: Mechanism,
         backbone: Backbone | None = None,
-        base: DifferentialBase | None = None,
+        base: DifferentialBaseSection | None = None,
     ) -> None:
         """Build it; with a `backbone` the joints follow a curve, with a `base` it has wheels."""
         self.p = p

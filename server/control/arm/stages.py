@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....config.schema.mechanism.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBaseSection
 from ..actuation.actuation import Actuation, BySpeed, ByTorque, OnWheels, by_position
 from ..actuation.holding import HoldingTorque
 from ..actuation.torque import TorqueLaw
@@ -33,7 +33,7 @@ class Stages:
         p: Parameters,
         mechanism: Mechanism,
         backbone: Backbone | None = None,
-        base: DifferentialBase | None = None,
+        base: DifferentialBaseSection | None = None,
     ) -> None:
         T, joints = p.period_s, p.joints
         self.task = Task(p.sources, p.schedules, p.shaping)

@@ -1,6 +1,6 @@
 """The common twist of a shared MRF: the sources of a joint task, asked as those of one arm."""
 
-from ....config.schema.joint_task import JointTask as Section
+from ....config.schema.joint_task import JointTaskSection
 from ..arm.arm import Arm
 from ..arm.context import context_of, quantities
 from ..mechanism.kinematics import Kinematics
@@ -20,7 +20,7 @@ SLID = 0.99
 class Common:
     """The sources of one joint task."""
 
-    def __init__(self, section: Section, first: Arm, p_wrist_mrf: Array) -> None:
+    def __init__(self, section: JointTaskSection, first: Arm, p_wrist_mrf: Array) -> None:
         """Build them; the `first` arm's Wrist has the MRF at `p_wrist_mrf` (3,) at start."""
         self._task = Task(section.sources, section.schedules, first.p.shaping)
         self._wrist, self._p_wrist_mrf = first.stages.wrist, p_wrist_mrf

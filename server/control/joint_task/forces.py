@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....config.schema.joint_task import JointTask as Section
+from ....config.schema.joint_task import JointTaskSection
 from ..arm.arm import Arm
 from ..grasps.held import Held
 from ..grasps.load_shares import greatest_force, internal, load_shares, total
@@ -137,7 +137,7 @@ def light_s(before_s: Sequence[float], forces: Grasping, up: Array, period_s: fl
 class GivingWay:
     """Forces at the grasps of one joint task, and how each arm gives way to them."""
 
-    def __init__(self, section: Section, arms: Sequence[Arm]) -> None:
+    def __init__(self, section: JointTaskSection, arms: Sequence[Arm]) -> None:
         """Build it for the arms that hold the payload."""
         self._wrists = tuple(arm.stages.wrist for arm in arms)
         self._tools = tuple(arm.p.T_wrist_tool for arm in arms)

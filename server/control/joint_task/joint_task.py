@@ -15,7 +15,7 @@ import numpy as np
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.schema.joint_task import JointTask as Section
+from ....config.schema.joint_task import JointTaskSection
 from ..arm.arm import Arm
 from ..arm.asking import ArmReading
 from ..arm.context import path_of_mrf
@@ -67,7 +67,9 @@ class _Tuned(NamedTuple):
 class JointTask:
     """The control computation of one task that several arms hold."""
 
-    def __init__(self, section: Section, arms: Sequence[Arm], members: Sequence[int]) -> None:
+    def __init__(
+        self, section: JointTaskSection, arms: Sequence[Arm], members: Sequence[int]
+    ) -> None:
         """Build it; `members` tells which of a cell's `arms` hold the payload, the first leads."""
         self.name, self.section, self.members = section.name, section, tuple(members)
         self.arms = tuple(arms[i] for i in members)

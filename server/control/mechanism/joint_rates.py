@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....config.schema.cell import Resolve
+from ....config.schema.cell import ResolveSection
 from ..joints import Joints
 from ..proximity.capsules import Placed
 from ..rigid_body import jacobian_at, twist_at
@@ -74,7 +74,7 @@ class Resolver:
     def __init__(
         self,
         joints: Joints,
-        section: Resolve,
+        section: ResolveSection,
         rank: int,
         redundancy: Redundancy,
         field: Field,

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....config.schema.cell import Resolve
+from ....config.schema.cell import ResolveSection
 from ..compiled import COUNT, MATRIX, NUMBER, ROW, VECTOR, compiled
 from ..spatial import Array
 from .singularity import Directions, Travel, answer
@@ -39,7 +39,7 @@ class Resolved(NamedTuple):
 
 
 def resolve(
-    J: Array, twist: Array, p: Resolve, travel: Travel | None = None, rank: int | None = None
+    J: Array, twist: Array, p: ResolveSection, travel: Travel | None = None, rank: int | None = None
 ) -> Resolved:
     """Resolve a twist (6,) [m/s, rad/s] with a chain's Jacobian J (6, n), same axes and point.
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....config.schema.cell import Resolve
+from ....config.schema.cell import ResolveSection
 from ..spatial import Array
 from .boundary import (
     CURVED,
@@ -95,7 +95,7 @@ class Answer(NamedTuple):
     """True where damping acts on what was asked."""
 
 
-def answer(at: Directions, p: Resolve, travel: Travel | None) -> Answer:
+def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Answer:
     """Return the rates (n,) [rad/s] that answer a command beside a singularity."""
     region, damping = p.singular_region, p.damping
     least = float(at.sigma[len(at.V) - 1])
@@ -107,7 +107,7 @@ def answer(at: Directions, p: Resolve, travel: Travel | None) -> Answer:
     return Answer(dq, None if way is None else part * home, singular)
 
 
-def _way_home(at: Directions, p: Resolve, travel: Travel | None) -> _WayHome | None:
+def _way_home(at: Directions, p: ResolveSection, travel: Travel | None) -> _WayHome | None:
     """Return the motion that the tool hardly feels and that bends most along a command."""
     parts, size, basis, rows, bend = unfelt_motions(at[:], p.singular_region, p.floor)
     if size <= NO_COMMAND:

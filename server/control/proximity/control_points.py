@@ -10,7 +10,7 @@ import numpy as np
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.schema.null_space.priority import VirtualSphere
+from ....config.schema.null_space.priority import VirtualSphereSection
 from ..compiled import ARRAY3, ARRAY4, FLAGS, FLAGS2, INDEX, MATRIX, compiled, record
 from ..scene import Flags, Index, Scene
 from ..spatial import Array, Pose
@@ -39,7 +39,7 @@ class ControlPointDistances(NamedTuple):
 class ControlPoints:
     """The centres of one cell's virtual spheres."""
 
-    def __init__(self, cell: Cell, spheres: tuple[VirtualSphere, ...]) -> None:
+    def __init__(self, cell: Cell, spheres: tuple[VirtualSphereSection, ...]) -> None:
         """Place them. Raises `ConfigError` for one on a link that there is not, or that stands."""
         self._forest = Forest(cell)
         placed = [self._place(cell, i, sphere) for i, sphere in enumerate(spheres)]
@@ -60,7 +60,7 @@ class ControlPoints:
                 return ControlPointDistances(*_mixed(joints, self._moves, centre, away[:]))
         return ControlPointDistances(np.full(len(self._centre), np.inf), np.zeros(len(q)))
 
-    def _place(self, cell: Cell, i: int, sphere: VirtualSphere) -> tuple[int, Array]:
+    def _place(self, cell: Cell, i: int, sphere: VirtualSphereSection) -> tuple[int, Array]:
         where = f"{cell.path}: priority.spheres[{i}].link: value '{sphere.link}'"
         try:
             body, T = self._forest.body_of(f"{cell.prefix}{sphere.link}")

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....config.schema.sources.schedule import Schedule
+from ....config.schema.sources.schedule import ScheduleSection
 from ..spatial import Array
 
 GAIN_TIME_S = 0.15
@@ -32,7 +32,7 @@ class Quantities(NamedTuple):
 class Gains:
     """The gains of all sources under the schedules of a cell."""
 
-    def __init__(self, schedules: tuple[Schedule, ...], period_s: float) -> None:
+    def __init__(self, schedules: tuple[ScheduleSection, ...], period_s: float) -> None:
         self._schedules = tuple(
             (s.source, s.by, np.array(s.at), np.array(s.factor), np.array(s.axes))
             for s in schedules

@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from ....config.schema.sources.schedule import Schedule
-from ....config.schema.sources.sources import Sources
+from ....config.schema.sources.schedule import ScheduleSection
+from ....config.schema.sources.sources import SourcesSection
 from ..rigid_body import differ
 from ..spatial import Array, sizes
 from .feedforward import NOT_LED, Feedforward, FeedforwardState
@@ -59,7 +59,7 @@ class Task:
     """The sources of one task."""
 
     def __init__(
-        self, sections: Sources, schedules: tuple[Schedule, ...], shaping: Shaping
+        self, sections: SourcesSection, schedules: tuple[ScheduleSection, ...], shaping: Shaping
     ) -> None:
         self._sources = {
             name: kind(getattr(sections, name), shaping) for name, kind in KINDS.items()

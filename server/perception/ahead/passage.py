@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.sensors.scanner import ContourReflex
+from ....config.schema.sensors.scanner import ContourReflexSection
 from ....protocols.messages.perception.contour import NOTHING, ContourNews
 from ...control.spatial import Array
 from ...refusals import Refused, Why
@@ -52,7 +52,12 @@ class Passage:
     """Keeps the newest contour of one arm."""
 
     def __init__(
-        self, contour: ContourReflex, silent_s: float, arm: list[int], cell: Cell, events: Events
+        self,
+        contour: ContourReflexSection,
+        silent_s: float,
+        arm: list[int],
+        cell: Cell,
+        events: Events,
     ) -> None:
         """Build it for the joints `arm` of a mechanism."""
         self._contour, self._arm, self._events = contour, arm, events

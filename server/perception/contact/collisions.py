@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....config.schema.mechanism.touch import Touch
+from ....config.schema.mechanism.touch import TouchSection
 from ...control.frame_tree import Moved
 from ...control.hold.pushed import Pushed
 from ...control.mechanism.dynamics import Dynamics
@@ -29,7 +29,7 @@ class CollisionMonitor:
 
     def __init__(
         self,
-        section: Touch | None,
+        section: TouchSection | None,
         p: Parameters,
         mechanism: Mechanism,
         events: Events,
@@ -135,7 +135,7 @@ class CollisionMonitor:
 
 
 def _detector(
-    section: Touch | None, p: Parameters, mechanism: Mechanism
+    section: TouchSection | None, p: Parameters, mechanism: Mechanism
 ) -> CollisionDetector | None:
     if section is None:
         return None

@@ -12,7 +12,7 @@ from typing import Final, Self
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.mechanism.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBaseSection
 from ...control.frame_tree import Body
 from ...control.spatial import Array, Pose, rotation_exp
 from ...control.state import Memory
@@ -33,7 +33,7 @@ class BaseTracker:
 
     def __init__(
         self,
-        section: DifferentialBase,
+        section: DifferentialBaseSection,
         rolling: Rolling,
         T_world_base: Pose,
         period_s: float,

@@ -2,7 +2,7 @@
 
 import pytest
 from telerobot.config.load import ConfigError, load_cell
-from telerobot.config.schema.security import Zenoh, beyond_loopback, refuse_exposure
+from telerobot.config.schema.security import ZenohSection, beyond_loopback, refuse_exposure
 
 HERE = [
     "tcp/127.0.0.1:7447", "tcp/127.8.1.1:7447", "tcp/localhost:7447", "tcp/[::1]:7447",
@@ -60,7 +60,7 @@ def test_insecure_with_certificates_is_a_contradiction(small):
 
 
 def test_who_is_on_the_daemons_machine_dials_loopback():
-    assert Zenoh(listen="tls/0.0.0.0:7447").dialled == "tls/127.0.0.1:7447"
-    assert Zenoh(listen="tls/[::]:7447").dialled == "tls/[::1]:7447"
-    assert Zenoh(listen="tls/arm:7447").dialled == "tls/arm:7447"
-    assert Zenoh(router="tls/hub:7447").dialled == "tls/hub:7447"
+    assert ZenohSection(listen="tls/0.0.0.0:7447").dialled == "tls/127.0.0.1:7447"
+    assert ZenohSection(listen="tls/[::]:7447").dialled == "tls/[::1]:7447"
+    assert ZenohSection(listen="tls/arm:7447").dialled == "tls/arm:7447"
+    assert ZenohSection(router="tls/hub:7447").dialled == "tls/hub:7447"

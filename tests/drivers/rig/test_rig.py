@@ -7,7 +7,7 @@ import can
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.bus.bus import Bus
+from telerobot.config.schema.bus.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig, RigError
 from telerobot.protocols.canopen import can301
@@ -163,7 +163,7 @@ def test_truth_is_the_physics_own(enabled: Master) -> None:
 
 
 def test_frames_of_several_buses_are_handled_in_the_order_they_were_sent(cell: Cell) -> None:
-    named = tuple(Bus(name=name, channel=f"239.0.0.{i}") for i, name in enumerate("ab"))
+    named = tuple(BusSection(name=name, channel=f"239.0.0.{i}") for i, name in enumerate("ab"))
     config = cell.config.model_copy(update={"buses": named})
     hubs = Hub(), Hub()
     masters = [InProcessBus(hub) for hub in hubs]

@@ -15,13 +15,13 @@ T_WORLD_LENS = Pose(
 @pytest.fixture(scope="module")
 def bench(rendering):
     """A camera that stands before the tag of the shipped cell, and the way from pose to picture."""
-    from telerobot.config.schema.section import Pose as Place
+    from telerobot.config.schema.section import PoseSection
     from telerobot.drivers.rig.physics.sensors.camera import RigCameras
     from telerobot.drivers.vision.detector import Detector
 
     cell = load_cell("pa10_vision")
     x, y, z, *rpy = T_WORLD_LENS.to_xyz_rpy()
-    here = Place(xyz=(x, y, z), rpy=tuple(rpy))
+    here = PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
     wrist = cell.config.cameras[0].model_copy(
         update={"T_wrist_lens": None, "T_world_lens": here, "size": (640, 480), "focal": (560, 560)}
     )
@@ -35,7 +35,7 @@ def bench(rendering):
 
         def picture(self, T_lens_tag, covered=()):
             x, y, z, *rpy = (T_WORLD_LENS @ T_lens_tag).to_xyz_rpy()
-            pose = Place(xyz=(x, y, z), rpy=tuple(rpy))
+            pose = PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
             moved = tag.model_copy(update={"T_world_tag": pose})
             rig = config.rig.model_copy(update={"tags": (moved,), "boxes": ()})
             made = config.model_copy(update={"rig": rig})

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.section import Pose
-from telerobot.config.schema.sensors.cameras import Camera
+from telerobot.config.schema.section import PoseSection
+from telerobot.config.schema.sensors.cameras import CameraSection
 from telerobot.drivers.device import DeviceError
 
 cv2 = pytest.importorskip("cv2")
@@ -30,13 +30,13 @@ def film(tmp_path):
 def camera(device, **changes):
     fields = {
         "name": "wrist",
-        "T_wrist_lens": Pose(),
+        "T_wrist_lens": PoseSection(),
         "device": str(device),
         "size": SIZE,
         "focal": (300.0, 300.0),
         "tag": 7,
     }
-    return Camera(**{**fields, **changes})
+    return CameraSection(**{**fields, **changes})
 
 
 def test_a_tag_on_a_film_is_found(film):

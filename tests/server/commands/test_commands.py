@@ -34,7 +34,7 @@ ORIGINS = {
 
 def schema_pose(T):
     x, y, z, *rpy = T.to_xyz_rpy()
-    return schema.Pose(xyz=(x, y, z), rpy=tuple(rpy))
+    return schema.PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
 
 
 @pytest.fixture

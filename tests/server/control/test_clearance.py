@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import AllowedContact, Avoidance, Obstacle, Workspace
+from telerobot.config.schema.obstacles import (
+    AllowedContactSection,
+    AvoidanceSection,
+    ObstacleSection,
+    WorkspaceSection,
+)
 from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.barriers.collision import Guard
 from telerobot.server.control.frame_tree import Body, Moved
@@ -22,18 +27,22 @@ PROMISE = 0.02
 FAR = 0.3
 """Gaps are looked for within this [m]."""
 
-TABLE = Obstacle(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1))
-POLE = Obstacle(name="pole", shape="capsule", xyz=(0.5, 0.35, 0), to=(0.5, 0.35, 1), radius=0.05)
-BALL = Obstacle(name="ball", shape="sphere", xyz=(0.4, -0.4, 0.7), radius=0.1)
-POST = Obstacle(name="post", shape="point", xyz=(0.85, 0.0, 0.5))
+TABLE = ObstacleSection(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1))
+POLE = ObstacleSection(
+    name="pole", shape="capsule", xyz=(0.5, 0.35, 0), to=(0.5, 0.35, 1), radius=0.05
+)
+BALL = ObstacleSection(name="ball", shape="sphere", xyz=(0.4, -0.4, 0.7), radius=0.1)
+POST = ObstacleSection(name="post", shape="point", xyz=(0.85, 0.0, 0.5))
 EVERYTHING = (TABLE, POLE, BALL, POST)
 
 
 class Kept:
     """An arm that keeps clear, what is around it, and a run of it."""
 
-    def __init__(self, arm: Arm, obstacles: tuple[Obstacle, ...], q=None, **avoidance) -> None:
-        given = Avoidance(enabled=True, clearance=PROMISE, **avoidance)
+    def __init__(
+        self, arm: Arm, obstacles: tuple[ObstacleSection, ...], q=None, **avoidance
+    ) -> None:
+        given = AvoidanceSection(enabled=True, clearance=PROMISE, **avoidance)
         config = arm.cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
         cell = Cell(arm.cell.path, config, arm.cell.robot)
         self.guard = Guard(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
@@ -111,7 +120,7 @@ def test_driven_into_a_table_the_tool_stands_before_it_and_leaves_at_once(pa10, 
 def test_an_arm_that_starts_inside_a_bound_does_not_get_deeper_and_can_leave(pa10, rng, inside):
     kept = Kept(pa10, ())
     tool = kept.run.pose.p
-    near = Obstacle(name="ball", shape="sphere", xyz=(1.5, 0, 0), radius=0.05)
+    near = ObstacleSection(name="ball", shape="sphere", xyz=(1.5, 0, 0), radius=0.05)
     gap = Kept(pa10, (near,)).gap()
     # Bring the ball up to the tool from ahead, until it is that far inside the promise.
     low, high = float(tool[0]), 1.5
@@ -135,7 +144,7 @@ def test_an_arm_that_starts_inside_a_bound_does_not_get_deeper_and_can_leave(pa1
 
 def test_an_arm_inside_a_bound_stands_still_until_it_is_told_to_move(pa10):
     tool = Kept(pa10, ()).run.pose.p
-    ball = Obstacle(
+    ball = ObstacleSection(
         name="ball", shape="sphere", xyz=tuple(tool + np.array([0.05, 0, 0])), radius=0.05
     )
     kept = Kept(pa10, (ball,))
@@ -148,7 +157,7 @@ def test_an_arm_inside_a_bound_stands_still_until_it_is_told_to_move(pa10):
 
 def test_far_from_everything_not_a_bit_is_changed(pa10):
     """Nothing but the bounds' own arithmetic may tell the two apart."""
-    far = Obstacle(name="far", shape="sphere", xyz=(5, 5, 5), radius=0.1)
+    far = ObstacleSection(name="far", shape="sphere", xyz=(5, 5, 5), radius=0.1)
     with_it, without = Kept(pa10, (far,)), Kept(pa10, (far,))
     without.run.set(avoid=False)
     for kept in (with_it, without):
@@ -170,14 +179,14 @@ def test_links_are_kept_from_each_other(pa10):
 
 
 def test_what_may_touch_is_not_kept_apart(pa10):
-    contact = AllowedContact(link="hand", other="post")
+    contact = AllowedContactSection(link="hand", other="post")
     kept = Kept(pa10, (POST,), allowed_contacts=(contact,))
     kept.go(3.0, (0.1, 0, 0.05, 0, 0, 0))
     assert not any("clearance:hand" in name for o in kept.run.outputs for name in o.limits)
 
 
 def test_the_tool_stays_in_its_workspace(pa10, rng):
-    box = Workspace(low=(0.5, -0.2, 0.3), high=(0.8, 0.2, 0.6))
+    box = WorkspaceSection(low=(0.5, -0.2, 0.3), high=(0.8, 0.2, 0.6))
     kept = Kept(pa10, (), workspace=box)
     low, high = np.array(box.low), np.array(box.high)
     for _ in range(15):

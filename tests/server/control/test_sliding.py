@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.obstacles import Obstacle
+from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.server.control.spatial import Pose, rotation_log
 from telerobot.server.control.task.paths.goals import PathGoal
 
@@ -62,12 +62,12 @@ def test_a_target_behind_something_is_reached_round_it(pa10, shape, aside):
     tool = Kept(pa10, ()).run.pose.p
     middle = tuple((tool + np.array([0.0, 0.25, 0.0]) + aside).tolist())
     thing = {
-        "sphere": Obstacle(name="it", shape="sphere", xyz=middle, radius=0.06),
-        "capsule": Obstacle(
+        "sphere": ObstacleSection(name="it", shape="sphere", xyz=middle, radius=0.06),
+        "capsule": ObstacleSection(
             name="it", shape="capsule", xyz=middle, to=(middle[0], middle[1], middle[2] + 0.3),
             radius=0.04,
         ),
-        "box": Obstacle(name="it", shape="box", xyz=middle, half_size=(0.05, 0.05, 0.05),
+        "box": ObstacleSection(name="it", shape="box", xyz=middle, half_size=(0.05, 0.05, 0.05),
                         rpy=(0.3, 0.2, 0.5)),
     }[shape]  # fmt: skip
     kept = Kept(pa10, (thing,))
@@ -92,7 +92,7 @@ def test_a_target_behind_something_is_reached_round_it(pa10, shape, aside):
 def test_what_is_only_beside_the_path_slows_the_tool_and_does_not_turn_it(pa10):
     """The path is kept as long as slowing down is enough."""
     tool = Kept(pa10, ()).run.pose.p
-    wall = Obstacle(
+    wall = ObstacleSection(
         name="it", shape="box", xyz=(float(tool[0]), float(tool[1]) + 0.6, float(tool[2])),
         half_size=(0.4, 0.02, 0.4),
     )  # fmt: skip
@@ -124,7 +124,7 @@ def test_an_arm_at_a_joint_limit_beside_something_leaves_it(pa10):
     kept.run.observe()
 
 
-def replace_at(thing: Obstacle, kept: Kept, away: float) -> Obstacle:
+def replace_at(thing: ObstacleSection, kept: Kept, away: float) -> ObstacleSection:
     p = kept.run.pose.p + away * np.array([0.345, 0.798, 0.495])
     return thing.model_copy(update={"xyz": tuple(p.tolist())})
 

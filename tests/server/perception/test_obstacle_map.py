@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.obstacles import Obstacle
+from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.protocols.codec import CodecError, decode_as, encode
 from telerobot.protocols.messages.perception.obstacles import ObstacleNews
 from telerobot.server.perception.obstacle_map import MOST, ObstacleMap
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.runtime.events import Events
 
-TABLE = Obstacle(name="table", shape="box", xyz=(0.5, 0, 0.1), half_size=(0.2, 0.4, 0.1))
-CART = Obstacle(
+TABLE = ObstacleSection(name="table", shape="box", xyz=(0.5, 0, 0.1), half_size=(0.2, 0.4, 0.1))
+CART = ObstacleSection(
     name="cart", shape="sphere", xyz=(2, 0, 0), radius=0.2, max_speed=0.5, timeout_s=0.2
 )
 
@@ -22,7 +22,7 @@ CART = Obstacle(
 class Knowing:
     """A world model, the tick, and the events that came of it."""
 
-    obstacles: tuple[Obstacle, ...] = ()
+    obstacles: tuple[ObstacleSection, ...] = ()
     tick: int = 1000
     events: Events = field(default_factory=Events)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.mechanism.torque import Torque
+from telerobot.config.schema.mechanism.torque import TorqueSection
 from telerobot.server.stability.following import delays, stiffest_hand
 from telerobot.server.stability.gains import gain_check
 from telerobot.server.stability.torque_loop import spectral_radius
@@ -79,7 +79,7 @@ def test_following_a_hand_that_is_too_stiff_is_refused(cell: Cell) -> None:
 # --- the torque law ----------------------------------------------------------------------------
 
 
-def grows(gains: Torque, ratio: float) -> bool:
+def grows(gains: TorqueSection, ratio: float) -> bool:
     """Run the law's axis in time, as its docstring says it; return whether errors build up."""
     x, v, sent, acted, expected, sizes = 1.0, 0.0, 0.0, 0.0, 0.0, []
     for _ in range(4000):
@@ -101,7 +101,7 @@ def grows(gains: Torque, ratio: float) -> bool:
 @pytest.mark.parametrize("observer", [0.0, 10.0, 60.0])
 @pytest.mark.parametrize("damping", [20.0, 60.0, 140.0])
 def test_poles_inside_the_circle_are_errors_that_die_out(ratio, observer, damping) -> None:
-    gains = Torque(stiffness=0.25 * damping**2, damping=damping, observer=observer)
+    gains = TorqueSection(stiffness=0.25 * damping**2, damping=damping, observer=observer)
     radius = spectral_radius(gains, T, ratio)
     if abs(radius - 1.0) > 5e-3:
         assert grows(gains, ratio) == (radius > 1.0)

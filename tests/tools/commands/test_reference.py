@@ -1,6 +1,6 @@
 import pytest
 from telerobot.config.schema.cell import CellConfig
-from telerobot.config.schema.mechanism.mechanism import Drive
+from telerobot.config.schema.mechanism.mechanism import DriveSection
 from telerobot.tools.commands.reference import BEGIN, END, README, reference, updated
 
 
@@ -11,7 +11,7 @@ def test_the_page_shows_the_schema_as_it_is():
 
 def test_every_section_and_key_is_there():
     page = reference()
-    for key in (*CellConfig.model_fields, *Drive.model_fields):
+    for key in (*CellConfig.model_fields, *DriveSection.model_fields):
         assert f"| `{key}` |" in page
     assert "### `[[mechanism.drives]]`" in page
     assert "### `[mechanism.force_torque.payload]`" in page

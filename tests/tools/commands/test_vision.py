@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.section import Pose
-from telerobot.config.schema.sensors.cameras import Camera
+from telerobot.config.schema.section import PoseSection
+from telerobot.config.schema.sensors.cameras import CameraSection
 from telerobot.tools.cli import main
 
 pytest.importorskip("cv2")
@@ -26,8 +26,8 @@ class Shut:
 def looker(eye, device=None):
     from telerobot.tools.commands.vision import Looker
 
-    camera = Camera(
-        name="eye", T_wrist_lens=Pose(), device=device, rate_hz=20.0, latency_s=0.08, tag=7
+    camera = CameraSection(
+        name="eye", T_wrist_lens=PoseSection(), device=device, rate_hz=20.0, latency_s=0.08, tag=7
     )
     return Looker(camera, eye, 0.01)
 

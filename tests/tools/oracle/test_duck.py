@@ -3,14 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
-from telerobot.config.schema.rig.bridge import RigBridge
+from telerobot.config.schema.rig.bridge import RigBridgeSection
 from telerobot.drivers.rig.physics.bodies.bridge import add_bridge
 from telerobot.tools.oracle.duck import gate_of
 
 
 @pytest.mark.parametrize("skew", [-0.3, -0.1, 0.0, 0.2, 0.3])
 def test_the_opening_is_between_the_corners_of_the_pillars(skew: float) -> None:
-    bridge = RigBridge(
+    bridge = RigBridgeSection(
         height=1.0, width=1.0, thickness=0.4, side=0.1, skew=skew, offset=0.05, distance=2.0
     )
     spec = mujoco.MjSpec()

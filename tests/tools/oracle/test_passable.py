@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.backbone import Segment
-from telerobot.config.schema.section import Pose
+from telerobot.config.schema.mechanism.backbone import SegmentSection
+from telerobot.config.schema.section import PoseSection
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
 from telerobot.tools.oracle.gap import crossing, sharpest_of
 from telerobot.tools.oracle.passable import passable
@@ -22,9 +22,11 @@ def test_shipped_tunnels_are_passable(name):
 
 def test_a_gap_is_passable_that_a_curve_of_its_length_crosses_bluntly():
     section = load_cell("snake").config.mechanism.backbone
-    bend, way_out = Segment(length=0.25, bend=1.5707963), Segment(length=0.5)
+    bend, way_out = SegmentSection(length=0.25, bend=1.5707963), SegmentSection(length=0.5)
     for length, passes in [(0.302, True), (0.300, False), (0.306, False)]:
-        gap = Segment(length=length, to=Pose(xyz=(-0.459, 0.789, 0), rpy=(0, 0, 3.14159)))
+        gap = SegmentSection(
+            length=length, to=PoseSection(xyz=(-0.459, 0.789, 0), rpy=(0, 0, 3.14159))
+        )
         made = section.model_copy(update={"tunnel": (bend, gap, way_out)})
         assert judged(made) is passes
 
@@ -38,14 +40,20 @@ def test_a_gap_s_curve_is_as_sharp_as_it_is_at_its_very_end():
 @pytest.mark.parametrize(
     "pieces",
     [
-        [Segment(length=0.12, bend=3.0), Segment(length=0.8)],  # too sharp for links of 50 mm
-        [Segment(length=1.0, bend=3.1), Segment(length=1.0, bend=3.1)],  # it meets itself
-        [Segment(length=0.6, bend=-3.0), Segment(length=0.6)],  # beside the free part
+        [
+            SegmentSection(length=0.12, bend=3.0),
+            SegmentSection(length=0.8),
+        ],  # too sharp for links of 50 mm
+        [
+            SegmentSection(length=1.0, bend=3.1),
+            SegmentSection(length=1.0, bend=3.1),
+        ],  # it meets itself
+        [SegmentSection(length=0.6, bend=-3.0), SegmentSection(length=0.6)],  # beside the free part
         # a gap of little slack that turns back
         [
-            Segment(length=0.3, bend=1.5),
-            Segment(length=0.21, to=Pose(xyz=(-0.41, 0.79, 0), rpy=(0, 0, -0.2))),
-            Segment(length=0.5),
+            SegmentSection(length=0.3, bend=1.5),
+            SegmentSection(length=0.21, to=PoseSection(xyz=(-0.41, 0.79, 0), rpy=(0, 0, -0.2))),
+            SegmentSection(length=0.5),
         ],
     ],
 )

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.config.schema.reflection import Reflection as Config
+from telerobot.config.schema.reflection import ReflectionSection
 from telerobot.protocols.messages.messages import Frame
 from telerobot.protocols.messages.reflection import Reflection
 from telerobot.tools.reflect.client import ReflectingClient
@@ -17,7 +17,7 @@ class Hearing:
     """A client that hears news every 10 ms until it no longer does."""
 
     def __init__(self, mode="rate"):
-        self.client, self.tick = ReflectingClient(Config(), 0.0), 0
+        self.client, self.tick = ReflectingClient(ReflectionSection(), 0.0), 0
         self.client.set_mode(mode, Frame.BASE)
 
     @property
@@ -42,7 +42,7 @@ def test_the_force_is_felt_and_the_stick_asks_for_what_it_is_pushed_to():
 
 
 def test_a_round_trip_is_taken_from_what_is_echoed_and_its_worst_is_kept_for_a_while(make_state):
-    client = ReflectingClient(Config(), 0.0)
+    client = ReflectingClient(ReflectionSection(), 0.0)
     assert client.round_trip_s == 0.5  # what the cell expects, before any is seen
     for seq, rtt_s in enumerate((0.1, 0.3, 0.1, 0.1), start=1):
         client.trip.sent("cmd/joystick", seq, float(seq))
@@ -83,7 +83,7 @@ def test_in_silence_the_force_fades_and_then_nothing_is_sent(mode, jump):
 
 
 def test_a_lapse_of_real_time_is_not_made_up():
-    client = ReflectingClient(Config(), 0.0)
+    client = ReflectingClient(ReflectionSection(), 0.0)
     client.device.path.move(np.array([0.03, 0.0, 0.0]), 0.5, 0.0)
     client.run(3600.0)
     assert abs(client.device.p[0]) < 0.001
@@ -99,6 +99,6 @@ def test_a_master_whose_hand_is_given_energy_it_never_put_in_damps_it_away():
             path.move(np.array([0.03 * (-1) ** i, 0.0, 0.0]), 1.0, hearing.now_s)
             hearing.go(1.0, force=2.0 * (-1) ** i, protected=protected)
         works.append(hearing.client.device.work)
-    bound = Config().energy_bound
+    bound = ReflectionSection().energy_bound
     assert works[0] > -bound
     assert works[1] < -4.0 * bound

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from telerobot.config.schema.reflection import Hand, Handle
+from telerobot.config.schema.reflection import HandleSection, HandSection
 from telerobot.tools.reflect.device import STEP_S, HandPath, SimulatedHandle
 from telerobot.tools.reflect.linkage import jacobian, place
 
@@ -33,21 +33,21 @@ def test_at_its_centre_the_handle_is_at_the_origin():
 
 
 def test_a_reflected_force_moves_the_stick_by_force_over_stiffness_in_its_direction():
-    handle, hand = Handle(), Hand()
+    handle, hand = HandleSection(), HandSection()
     force = np.array([-1.5, 0.6, 0.9])
     device = go(SimulatedHandle(handle, hand), 3.0, [*force, 0, 0, 0])
     np.testing.assert_allclose(device.p, force / (handle.spring + hand.stiffness), atol=1e-6)
 
 
 def test_motors_are_no_stronger_than_they_are_and_make_no_moment():
-    handle = Handle(max_force=2.0)
-    device = go(SimulatedHandle(handle, Hand()), 3.0, [-30.0, 0, 0, 5.0, 5.0, 5.0])
+    handle = HandleSection(max_force=2.0)
+    device = go(SimulatedHandle(handle, HandSection()), 3.0, [-30.0, 0, 0, 5.0, 5.0, 5.0])
     np.testing.assert_allclose(device.force, [-2.0, 0, 0])
     np.testing.assert_allclose(device.p, [-2.0 / 300.0, 0, 0], atol=1e-6)
 
 
 def test_the_hand_is_where_it_means_to_be_and_no_further_than_its_springs_let_it():
-    handle, hand = Handle(), Hand()
+    handle, hand = HandleSection(), HandSection()
     device = SimulatedHandle(handle, hand)
     device.path.move(np.array([0.03, 0.0, 0.0]), 0.5, 0.0)
     go(device, 3.0)
@@ -59,8 +59,8 @@ def test_the_hand_is_where_it_means_to_be_and_no_further_than_its_springs_let_it
 
 
 def test_let_go_the_stick_returns_to_its_centre_as_damped_as_it_is():
-    handle = Handle(damping=0.5, spring_damping=0.5)
-    device = SimulatedHandle(handle, Hand())
+    handle = HandleSection(damping=0.5, spring_damping=0.5)
+    device = SimulatedHandle(handle, HandSection())
     device.path.move(np.array([0.0, 0.0, 0.02]), 0.5, 0.0)
     go(device, 2.0)
     device.held = False
@@ -75,7 +75,7 @@ def test_let_go_the_stick_returns_to_its_centre_as_damped_as_it_is():
 
 
 def test_the_hands_work_is_the_force_along_the_way():
-    device = SimulatedHandle(Handle(), Hand())
+    device = SimulatedHandle(HandleSection(), HandSection())
     device.path.move(np.array([0.05, 0.0, 0.0]), 1.0, 0.0)
     device.spring = False
     go(device, 3.0, [-2.0, 0, 0, 0, 0, 0])

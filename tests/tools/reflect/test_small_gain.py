@@ -3,7 +3,7 @@
 from collections import deque
 
 import pytest
-from telerobot.config.schema.reflection import Hand, Handle
+from telerobot.config.schema.reflection import HandleSection, HandSection
 from telerobot.tools.reflect.small_gain import ARM_S, GREATEST, HeldStick
 
 STEP_S = 0.002
@@ -33,26 +33,29 @@ DELAYS_S = [0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5]
 
 @pytest.fixture
 def stick():
-    return HeldStick.of(Handle(), Hand())
+    return HeldStick.of(HandleSection(), HandSection())
 
 
 @pytest.mark.parametrize("delay_s", DELAYS_S)
 def test_below_the_bound_no_delay_makes_it_bounce(stick, delay_s):
     assert stick.bound == 0.6
     assert stick.filter_s(0.6, delay_s) == 0.0
-    assert ripple(stick, Handle(), Hand(), 0.6, delay_s, 0.0) < 0.05
+    assert ripple(stick, HandleSection(), HandSection(), 0.6, delay_s, 0.0) < 0.05
 
 
 @pytest.mark.parametrize("delay_s", DELAYS_S)
 @pytest.mark.parametrize("gain", [0.7, 1.0, 2.0, GREATEST])
 def test_above_it_the_filter_settles_what_bounces_without(stick, gain, delay_s):
-    assert ripple(stick, Handle(), Hand(), gain, delay_s, stick.filter_s(gain, delay_s)) < 0.05
+    assert (
+        ripple(stick, HandleSection(), HandSection(), gain, delay_s, stick.filter_s(gain, delay_s))
+        < 0.05
+    )
     if gain >= 2.0 and delay_s >= 0.1:
-        assert ripple(stick, Handle(), Hand(), gain, delay_s, 0.0) > 0.5
+        assert ripple(stick, HandleSection(), HandSection(), gain, delay_s, 0.0) > 0.5
 
 
 def test_a_stick_that_is_less_damped_has_a_lower_bound():
-    loose = HeldStick.of(Handle(damping=0.5, spring_damping=0.0), Hand(damping=5.0))
+    loose = HeldStick.of(HandleSection(damping=0.5, spring_damping=0.0), HandSection(damping=5.0))
     assert loose.damping_ratio < 0.7
     assert loose.bound == 0.4
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from telerobot.config.load import load_cell
-from telerobot.config.schema.rig.bridge import RigBridge
+from telerobot.config.schema.rig.bridge import RigBridgeSection
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.drivers.rig.physics.sensors.rangefinder import Rangefinder
 from telerobot.server.control.spatial import Pose
@@ -25,7 +25,7 @@ class Rover:
 
     def __init__(
         self,
-        bridge: RigBridge | None,
+        bridge: RigBridgeSection | None,
         speed: float = 0.0,
         seed: int = 1,
         start: tuple[float, ...] | None = None,

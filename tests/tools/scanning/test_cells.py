@@ -7,7 +7,7 @@ as seen from ahead, and false where the bridge does not reach into it.
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from telerobot.config.schema.rig.bridge import RigBridge
+from telerobot.config.schema.rig.bridge import RigBridgeSection
 
 from .drive import Rover
 
@@ -15,7 +15,7 @@ FOOT = (0.2, 0.5)
 """Of the arm: ahead of the base's middle, above the floor [m]."""
 
 
-def filled(bridge: RigBridge) -> NDArray[np.float64]:
+def filled(bridge: RigBridgeSection) -> NDArray[np.float64]:
     """Return the share of each of 20 times 40 cells that a straight bridge fills."""
     y, z = np.meshgrid((np.arange(400) + 0.5) * 0.005 - 1.0, (np.arange(200) + 0.5) * 0.005)
     half, under = 0.5 * bridge.width, bridge.height - FOOT[1]
@@ -25,7 +25,7 @@ def filled(bridge: RigBridge) -> NDArray[np.float64]:
     return (pillar | beam).reshape(20, 10, 40, 10).mean(axis=(1, 3))
 
 
-def found_and_false(rover: Rover, bridge: RigBridge) -> tuple[float, int]:
+def found_and_false(rover: Rover, bridge: RigBridgeSection) -> tuple[float, int]:
     """Return the share of filled cells that were found, and how many were found where none is."""
     occupied, share = ~np.isnan(rover.newest.contour.nearest), filled(bridge)
     full = share > 0.999
@@ -36,7 +36,7 @@ def found_and_false(rover: Rover, bridge: RigBridge) -> tuple[float, int]:
 def test_after_two_sweeps_nearly_every_cell_of_a_bridge_at_two_metres_is_found(
     height: float, width: float
 ) -> None:
-    bridge = RigBridge(height=height, width=width, distance=2.0 + FOOT[0])
+    bridge = RigBridgeSection(height=height, width=width, distance=2.0 + FOOT[0])
     rover = Rover(bridge).run(4.1)
     found, false = found_and_false(rover, bridge)
     assert found >= 0.98
@@ -46,7 +46,7 @@ def test_after_two_sweeps_nearly_every_cell_of_a_bridge_at_two_metres_is_found(
 
 
 def test_an_arm_in_view_hides_little_and_is_no_obstacle() -> None:
-    bridge = RigBridge(height=0.95, width=1.4, distance=1.0 + FOOT[0])
+    bridge = RigBridgeSection(height=0.95, width=1.4, distance=1.0 + FOOT[0])
     rover = Rover(bridge, start=(0.0, 0.9, 0.0, 1.2, 0.0, 0.0, 0.0), sweep=(-1.3, 0.5))
     q = rover.q.copy()
     own = 0

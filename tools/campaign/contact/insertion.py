@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell, ConfigError, load_cell
-from ....config.schema.rig.peg import RigHole
-from ....config.schema.section import Pose
+from ....config.schema.rig.peg import RigHoleSection
+from ....config.schema.section import PoseSection
 from ...oracle.poses import matrix, rotation
 from ...scripts.script import load_script
 from ...simulation.simulation import Simulation
@@ -95,7 +95,7 @@ class PegInsertion:
         return found
 
 
-def misplaced(direction: int) -> Pose:
+def misplaced(direction: int) -> PoseSection:
     """Return where the hole really is, measured from where it is meant to be."""
     around = 2.0 * math.pi * (direction % AZIMUTHS) / AZIMUTHS
     leaning = around + LEANS[direction // AZIMUTHS]
@@ -103,10 +103,10 @@ def misplaced(direction: int) -> Pose:
     R = rotation(TILT * np.array([-math.sin(leaning), math.cos(leaning), 0.0]))
     pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
     rpy = (math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0]))
-    return Pose(xyz=(OFFSET * math.cos(around), OFFSET * math.sin(around), 0.0), rpy=rpy)
+    return PoseSection(xyz=(OFFSET * math.cos(around), OFFSET * math.sin(around), 0.0), rpy=rpy)
 
 
-def cell_of(what: Attempt) -> tuple[Cell, RigHole]:
+def cell_of(what: Attempt) -> tuple[Cell, RigHoleSection]:
     """Return the cell of an attempt, and its hole. Raises `ConfigError` if there is none."""
     cell = load_cell(CELL)
     rig = cell.config.rig
@@ -121,7 +121,7 @@ def cell_of(what: Attempt) -> tuple[Cell, RigHole]:
 class _DepthWatch:
     """Looks at the physics in every step."""
 
-    def __init__(self, simulation: Simulation, hole: RigHole) -> None:
+    def __init__(self, simulation: Simulation, hole: RigHoleSection) -> None:
         self.peak = 0.0
         self.depth = -math.inf
         self.deep_s = math.inf

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell, load_cell
-from ....config.schema.rig.rig import Wall
+from ....config.schema.rig.rig import WallSection
 from ....drivers.rig.physics.world import Vector, World
 from ....protocols.messages.telemetry import State
 from ...scripts.script import Script
@@ -273,11 +273,11 @@ def met(cell: Cell, start: Vector, rates: Vector, part: str, stiffness: float) -
     return surrounded(cell, wall=plate(at + PARTS[part][2] * way, way, stiffness))
 
 
-def plate(at: Vector, way: Vector, stiffness: float, half_size: float = PLATE) -> Wall:
+def plate(at: Vector, way: Vector, stiffness: float, half_size: float = PLATE) -> WallSection:
     """Return a sprung plate at a place (3,) [m] across a way (3,), of so many N/m."""
     x, y, z = at.tolist()
     a, b, c = (-way).tolist()
-    return Wall(xyz=(x, y, z), normal=(a, b, c), half_size=half_size, stiffness=stiffness)
+    return WallSection(xyz=(x, y, z), normal=(a, b, c), half_size=half_size, stiffness=stiffness)
 
 
 def _place(cell: Cell, q: Vector, part: str) -> Vector:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell, load_cell
-from ....config.schema.mechanism.mechanism import Payload
+from ....config.schema.mechanism.mechanism import PayloadSection
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 from ..part import Part, Selection
@@ -108,7 +108,7 @@ def laden(cell: Cell) -> Cell:
     own = sensor.payload
     mass = own.mass + MASS
     x, y, z = ((own.mass * a + MASS * b) / mass for a, b in zip(own.com, COM, strict=True))
-    payload = Payload(mass=mass, com=(x, y, z))
+    payload = PayloadSection(mass=mass, com=(x, y, z))
     mechanism = config.mechanism.model_copy(
         update={"force_torque": sensor.model_copy(update={"payload": payload})}
     )

@@ -7,7 +7,7 @@ nothing is raised, and no setpoint leaves its bounds.
 import random
 
 from ....config.load import load_cell, shipped
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....drivers.bus import CanMessage, InProcessBus
 from ....protocols.canopen import can301
 from ...scripts.script import Script
@@ -32,7 +32,7 @@ def play(seed: int) -> Outcome:
     stranger = InProcessBus(simulation.buses.hubs[0], lambda _message: None)
     first_bus = cell.config.fieldbuses[0].name
     on_it = [entry.section for entry in cell.devices if entry.bus == first_bus]
-    nodes = [section.node for section in on_it if isinstance(section, Drive)]
+    nodes = [section.node for section in on_it if isinstance(section, DriveSection)]
     own = {can301.heartbeat_id(n) for n in nodes}  # heard by the rig: a second rig on the bus
     masters = {can301.NMT_ID, can301.SYNC_ID, can301.heartbeat_id(can301.MASTER_NODE)}
     masters |= {base(n) for n in nodes for base in (can301.rpdo1_id, can301.sdo_request_id)}

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.mechanism.mechanism import Gripper, Payload
-from ....config.schema.rig.rig import RigGripper
+from ....config.schema.mechanism.mechanism import GripperSection, PayloadSection
+from ....config.schema.rig.rig import RigGripperSection
 from ....protocols.messages.messages import Frame
 from ...scripts.step import Step
 from ..steps import Draw, step
@@ -33,12 +33,16 @@ def with_gripper(draw: Draw, cell: Cell) -> Cell:
     empty = sensor.payload
     whole = empty.mass + mass
     x, y, z = ((empty.mass * np.array(empty.com) + mass * com) / whole).tolist()
-    gripper = Gripper(node=GRIPPER_NODE, open_payload=EMPTY, closed_payload=LOADED)
-    payloads = {**mechanism.payloads, EMPTY: empty, LOADED: Payload(mass=whole, com=(x, y, z))}
+    gripper = GripperSection(node=GRIPPER_NODE, open_payload=EMPTY, closed_payload=LOADED)
+    payloads = {
+        **mechanism.payloads,
+        EMPTY: empty,
+        LOADED: PayloadSection(mass=whole, com=(x, y, z)),
+    }
     hx, hy, hz = com.tolist()
     changed = {
         "mechanism": mechanism.model_copy(update={"gripper": gripper, "payloads": payloads}),
-        "rig": rig.model_copy(update={"gripper": RigGripper(mass=mass, com=(hx, hy, hz))}),
+        "rig": rig.model_copy(update={"gripper": RigGripperSection(mass=mass, com=(hx, hy, hz))}),
     }
     return replace(cell, config=cell.config.model_copy(update=changed))
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.moving import Frames, MovingFrame
-from ....config.schema.section import Pose
+from ....config.schema.moving import FramesSection, MovingFrameSection
+from ....config.schema.section import PoseSection
 from ..steps import Draw
 
 Pair = tuple[dict[str, Any], dict[str, Any]]
@@ -36,10 +36,10 @@ def with_moving(draw: Draw, cell: Cell) -> Cell:
         return cell
     which = int(draw.integers(3))
     x, y, z = draw.uniform(-0.5, 0.5, 3).tolist()
-    frames = Frames(
-        base=MovingFrame() if which != 1 else None,
-        carrier=MovingFrame() if which != 0 else None,
-        T_world_carrier=Pose(xyz=(x, y, z)),
+    frames = FramesSection(
+        base=MovingFrameSection() if which != 1 else None,
+        carrier=MovingFrameSection() if which != 0 else None,
+        T_world_carrier=PoseSection(xyz=(x, y, z)),
     )
     told = rig.frames.model_copy(update={"noise": NOISE, "twists": bool(draw.random() < 0.5)})
     changed = {"frames": frames, "rig": rig.model_copy(update={"frames": told})}

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.null_space.redundancy import OBJECTIVES
-from ....config.schema.sources.schedule import Schedule
+from ....config.schema.sources.schedule import ScheduleSection
 from ....protocols.messages.messages import Frame
 from ...scripts.step import Step
 from ..steps import Draw, step
@@ -283,7 +283,7 @@ def _objective(draw: Draw, cell: Cell) -> dict[str, Any]:
     return found
 
 
-def schedules(draw: Draw) -> tuple[Schedule, ...]:
+def schedules(draw: Draw) -> tuple[ScheduleSection, ...]:
     """Return gain schedules, some of them steep; those of the position source let it settle."""
     found = []
     for source in ("joystick", "position", "force"):
@@ -296,5 +296,5 @@ def schedules(draw: Draw) -> tuple[Schedule, ...]:
         if by == "distance":
             factor = factor[::-1]
         table = {"at": tuple(at.tolist()), "factor": tuple(factor.tolist())}
-        found.append(Schedule.model_validate({"source": source, "by": by, **table}))
+        found.append(ScheduleSection.model_validate({"source": source, "by": by, **table}))
     return tuple(found)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ....config.schema.sensors.cameras import Camera
+from ....config.schema.sensors.cameras import CameraSection
 from ....protocols.codec import encode
 from ....protocols.messages.perception.sightings import PoseVector, Sighting
 from ....protocols.topics import SIGHTING
@@ -31,7 +31,7 @@ FACING = 0.3
 
 @dataclass
 class _Eye:
-    camera: Camera
+    camera: CameraSection
     due_s: float = 0.0
     underway: deque[tuple[float, bytes]] = field(default_factory=deque)
     """Arrival of each sighting [s], and its bytes."""
@@ -64,7 +64,7 @@ class ComputedSights:
     def close(self) -> None:
         """Nothing was opened."""
 
-    def _look(self, camera: Camera, tick: int) -> Sighting:
+    def _look(self, camera: CameraSection, tick: int) -> Sighting:
         truths = self._simulation.truths
         seen = self._judge.view(truths[-1], camera.name) if truths else None
         if (
@@ -82,7 +82,7 @@ class ComputedSights:
         return Sighting(camera=camera.name, tick=tick, poses=(pose,), errors_px=(0.3,), quality=0.9)
 
 
-def _shown(camera: Camera, seen: Pose) -> bool:
+def _shown(camera: CameraSection, seen: Pose) -> bool:
     """Return whether a tag's middle is in the picture, and its face turned to the Lens."""
     x, y, z = seen.p.tolist()
     if z <= 0.0:

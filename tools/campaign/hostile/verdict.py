@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....config.load import load_cell
-from ....config.schema.section import Pose
+from ....config.schema.section import PoseSection
 from ....protocols.messages.rig import RigTruth
 from ...oracle.arm import OracleArm
 from ...oracle.poses import Array, difference, matrix
@@ -165,7 +165,7 @@ def _posture_s(goal: Goal, simulation: Simulation) -> float:
 
 
 def _pose(truth: RigTruth) -> Array:
-    return matrix(Pose(xyz=truth.pose_mrf[:3], rpy=truth.pose_mrf[3:]))
+    return matrix(PoseSection(xyz=truth.pose_mrf[:3], rpy=truth.pose_mrf[3:]))
 
 
 def _unexpected(simulation: Simulation, touched: bool) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....config.drives.joint_bounds import joint_bounds
 from ....config.load import Cell
-from ....config.schema.obstacles import Avoidance, LinkCapsule, Obstacle, Stale
+from ....config.schema.obstacles import AvoidanceSection, LinkCapsuleSection, ObstacleSection, Stale
 from ....drivers.rig.physics.world import World
 from ....server.control.proximity.capsules import Capsules
 from ....server.control.proximity.pairs import PairSearch
@@ -99,10 +99,10 @@ def _furnished(base: Cell, draw: Draw, kind: str) -> Cell:
         for i in range(min(int(draw.integers(*MOVERS, endpoint=True)), len(obstacles))):
             obstacles[i] = _mover(draw, i)
     mrf = base.config.mechanism.T_wrist_mrf.xyz
-    tip = LinkCapsule(
+    tip = LinkCapsuleSection(
         link=base.config.mechanism.tip_link, start=mrf, end=mrf, radius=max(rig.tool_radius, 0.005)
     )
-    avoidance = Avoidance(enabled=True, clearance=PROMISE, capsules=(tip,))
+    avoidance = AvoidanceSection(enabled=True, clearance=PROMISE, capsules=(tip,))
     bare = rig.model_copy(update={"wall": None, "boxes": (), "tags": ()})
     changes = {"obstacles": tuple(obstacles), "avoidance": avoidance, "rig": bare, "cameras": ()}
     return Cell(base.path, base.config.model_copy(update=changes), base.robot)
@@ -117,30 +117,32 @@ def _place(draw: Draw) -> tuple[float, float, float]:
     )
 
 
-def _obstacle(draw: Draw, i: int) -> Obstacle:
+def _obstacle(draw: Draw, i: int) -> ObstacleSection:
     name, xyz = f"thing{i}", _place(draw)
     match int(draw.integers(4)):
         case 0:
-            return Obstacle(name=name, shape="point", xyz=xyz)
+            return ObstacleSection(name=name, shape="point", xyz=xyz)
         case 1:
-            return Obstacle(
+            return ObstacleSection(
                 name=name, shape="sphere", xyz=xyz, radius=float(draw.uniform(0.02, 0.12))
             )
         case 2:
             x, y, z = (np.array(xyz) + draw.uniform(-0.4, 0.4, 3)).tolist()
             radius = float(draw.uniform(0.01, 0.07))
-            return Obstacle(name=name, shape="capsule", xyz=xyz, to=(x, y, z), radius=radius)
+            return ObstacleSection(name=name, shape="capsule", xyz=xyz, to=(x, y, z), radius=radius)
         case _:
             a, b, c = draw.uniform(0.02, 0.2, 3).tolist()
             r, p, y = draw.uniform(-1.5, 1.5, 3).tolist()
-            return Obstacle(name=name, shape="box", xyz=xyz, half_size=(a, b, c), rpy=(r, p, y))
+            return ObstacleSection(
+                name=name, shape="box", xyz=xyz, half_size=(a, b, c), rpy=(r, p, y)
+            )
 
 
-def _mover(draw: Draw, i: int) -> Obstacle:
+def _mover(draw: Draw, i: int) -> ObstacleSection:
     """Return one that moves: its velocity may jump, or its acceleration is bounded and told."""
     bounded = float(draw.uniform(0.5, 5.0)) if draw.random() < 0.5 else None
     stale: Stale = "stop" if draw.random() < 0.5 else "grow"
-    return Obstacle(
+    return ObstacleSection(
         name=f"mover{i}", shape="sphere", xyz=_place(draw), radius=float(draw.uniform(0.04, 0.12)),
         max_speed=float(draw.uniform(0.05, 0.5)), max_acceleration=bounded, stale=stale,
         timeout_s=0.3,

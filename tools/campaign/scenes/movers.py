@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ....config.schema.obstacles import Obstacle
+from ....config.schema.obstacles import ObstacleSection
 from ...scripts.generators.tables import MovingObstacle
 from ...simulation.simulation import Simulation
 
@@ -45,11 +45,11 @@ class Act:
 class RandomMover:
     """One obstacle that moves, and what it is going to do."""
 
-    obstacle: Obstacle
+    obstacle: ObstacleSection
     acts: tuple[Act, ...]
 
 
-def mover(draw: np.random.Generator, obstacle: Obstacle, until_s: float) -> RandomMover:
+def mover(draw: np.random.Generator, obstacle: ObstacleSection, until_s: float) -> RandomMover:
     """Draw what an obstacle does until a time [s]."""
     acts: list[Act] = []
     at_s = 0.0
@@ -110,7 +110,7 @@ class Chase:
             self._aimed_s[name] = at_s
         return due
 
-    def _wanted(self, obstacle: Obstacle, act: Act) -> Vector:
+    def _wanted(self, obstacle: ObstacleSection, act: Act) -> Vector:
         speed = FASTEST * obstacle.max_speed
         if act.does == "stop":
             return np.zeros(3)
@@ -121,7 +121,7 @@ class Chase:
         way = place[link] - place[self._body[obstacle.name]]
         return np.asarray(speed * way / max(float(np.linalg.norm(way)), 1e-9))
 
-    def _go(self, obstacle: Obstacle, wanted: Vector, hit: bool = False) -> None:
+    def _go(self, obstacle: ObstacleSection, wanted: Vector, hit: bool = False) -> None:
         """Bring one nearer to a velocity (3,), and tell where it is and goes if that changes."""
         name = obstacle.name
         before = self._velocity.get(name, np.zeros(3))

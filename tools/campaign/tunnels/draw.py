@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.mechanism.backbone import Backbone as Section
-from ....config.schema.mechanism.backbone import Segment
-from ....config.schema.section import Pose
+from ....config.schema.mechanism.backbone import BackboneSection, SegmentSection
+from ....config.schema.section import PoseSection
 from ....server.control.mechanism.backbone.insertion import Backbone
 from ...oracle.passable import passable
 from ...oracle.poses import rotation
@@ -28,7 +27,7 @@ TUNNELS = 400
 """So many tunnels are drawn before a gap is given up [1]."""
 
 
-def tunnel(section: Section, draw: Draw) -> Section:
+def tunnel(section: BackboneSection, draw: Draw) -> BackboneSection:
     """Return a section with tunnels that the arm can go through, in two of five with a gap."""
     gap = draw.random() < 0.4
     while True:
@@ -39,8 +38,8 @@ def tunnel(section: Section, draw: Draw) -> Section:
         gap = False
 
 
-def _drawn(section: Section, draw: Draw, gap: bool) -> Section:
-    planar, pieces = section.axes == "planar", list[Segment]()
+def _drawn(section: BackboneSection, draw: Draw, gap: bool) -> BackboneSection:
+    planar, pieces = section.axes == "planar", list[SegmentSection]()
     while sum(piece.length for piece in pieces) < LINK * JOINTS - section.least + 0.1:
         if gap and pieces and sum(piece.length for piece in pieces) > 0.15:
             pieces.append(_gap(section, pieces, draw, planar))
@@ -49,13 +48,15 @@ def _drawn(section: Section, draw: Draw, gap: bool) -> Section:
         angle = float(draw.uniform(0.3, 3.0 if planar else 1.6)) * float(draw.choice((-1, 1)))
         climbs = not planar and draw.random() < 0.5
         turn = {"climb": angle} if climbs else {"bend": angle}
-        pieces.append(Segment(length=radius * abs(angle), **turn))
+        pieces.append(SegmentSection(length=radius * abs(angle), **turn))
         if draw.random() < 0.3:
-            pieces.append(Segment(length=float(draw.uniform(0.05, 0.2))))
+            pieces.append(SegmentSection(length=float(draw.uniform(0.05, 0.2))))
     return section.model_copy(update={"tunnel": tuple(pieces)})
 
 
-def _gap(section: Section, pieces: list[Segment], draw: Draw, planar: bool) -> Segment:
+def _gap(
+    section: BackboneSection, pieces: list[SegmentSection], draw: Draw, planar: bool
+) -> SegmentSection:
     """Return a gap, and where the next tunnel begins beyond it."""
     R, p = Tunnel(section.model_copy(update={"tunnel": tuple(pieces)})).end
     chord = float(draw.uniform(0.2, 0.45))
@@ -71,7 +72,9 @@ def _gap(section: Section, pieces: list[Segment], draw: Draw, planar: bool) -> S
         math.atan2(R[1, 0], R[0, 0]),
     )
     x, y, z = p.tolist()
-    return Segment(length=chord * float(draw.uniform(1.02, 1.25)), to=Pose(xyz=(x, y, z), rpy=rpy))
+    return SegmentSection(
+        length=chord * float(draw.uniform(1.02, 1.25)), to=PoseSection(xyz=(x, y, z), rpy=rpy)
+    )
 
 
 def drives(cell: Cell, draw: Draw) -> Cell:
@@ -116,13 +119,13 @@ def generate(cell: Cell, seed: int) -> tuple[Cell, Script]:
     return cell, Script.model_validate({"duration_s": END_S, "step": _acts(section, deepest, draw)})
 
 
-def _with(cell: Cell, section: Section, q: tuple[float, ...]) -> Cell:
+def _with(cell: Cell, section: BackboneSection, q: tuple[float, ...]) -> Cell:
     postures = {"start": q, "ready": q}
     mechanism = cell.config.mechanism.model_copy(update={"backbone": section, "postures": postures})
     return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
 
 
-def _acts(section: Section, deepest: float, draw: Draw) -> list[Act]:
+def _acts(section: BackboneSection, deepest: float, draw: Draw) -> list[Act]:
     """Return what the operator does, one act after the other, each of any length."""
     steps: list[Act] = []
     at_s, speed = 0.2, 0.0

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from ....config.load import Cell
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....drivers.canopen.scan import FoundNode
 from ....protocols.canopen import cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
@@ -23,7 +23,7 @@ _OFF: Final = (
 )  # fmt: skip
 
 
-def compare(cell: Cell, name: str, drive: Drive, found: FoundNode) -> Iterator[Finding]:
+def compare(cell: Cell, name: str, drive: DriveSection, found: FoundNode) -> Iterator[Finding]:
     """Judge a drive's state, mode, position, position limits and torques."""
     joint = next(j for j in cell.robot.joints if j.name == drive.joint)
     endless = drive.joint in cell.config.mechanism.wheels
@@ -35,7 +35,7 @@ def compare(cell: Cell, name: str, drive: Drive, found: FoundNode) -> Iterator[F
     yield _torque(name, drive, found)
 
 
-def _radians(drive: Drive, counts: int) -> float:
+def _radians(drive: DriveSection, counts: int) -> float:
     return drive.zero_rad + drive.direction * counts / drive.counts_per_radian
 
 
@@ -69,7 +69,9 @@ def _mode(name: str, found: FoundNode, mode: OperationMode) -> Finding:
     return Finding(check, status, text, {"supported": supported})
 
 
-def _position(name: str, drive: Drive, found: FoundNode, lower: float, upper: float) -> Finding:
+def _position(
+    name: str, drive: DriveSection, found: FoundNode, lower: float, upper: float
+) -> Finding:
     check = f"{name} position"
     counts = found.get(Object.POSITION_ACTUAL)
     if counts is None:
@@ -83,7 +85,9 @@ def _position(name: str, drive: Drive, found: FoundNode, lower: float, upper: fl
     return Finding(check, status, text, {"counts": counts, "angle": angle})
 
 
-def _limits(name: str, drive: Drive, found: FoundNode, lower: float, upper: float) -> Finding:
+def _limits(
+    name: str, drive: DriveSection, found: FoundNode, lower: float, upper: float
+) -> Finding:
     check = f"{name} 607Dh"
     low, high = (found.get(Object.POSITION_LIMIT, sub) for sub in (1, 2))
     if low is None or high is None:
@@ -105,7 +109,7 @@ def _limits(name: str, drive: Drive, found: FoundNode, lower: float, upper: floa
     return Finding(check, Severity.ERROR, text, values)
 
 
-def _torque(name: str, drive: Drive, found: FoundNode) -> Finding:
+def _torque(name: str, drive: DriveSection, found: FoundNode) -> Finding:
     check = f"{name} torque"
     rated, most = found.get(Object.RATED_TORQUE), found.get(Object.MAX_TORQUE)
     if not rated:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from ....config.load import Cell
-from ....config.schema.bus.on_bus import CanOpenNode, Entry
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.bus.on_bus import CanOpenNodeSection, Entry
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....drivers.canopen.scan import (
     FoundNode,
     listen_for_masters,
@@ -38,7 +38,7 @@ def compared(cell: Cell, buses: Fieldbuses) -> Iterator[Finding]:
         listen_for_masters(fieldbus)
         there = nodes_on(fieldbus)
         entries = [entry for entry in cell.devices if entry.bus == config.name]
-        known = {e.section.node: e for e in entries if isinstance(e.section, CanOpenNode)}
+        known = {e.section.node: e for e in entries if isinstance(e.section, CanOpenNodeSection)}
         told = ", ".join(map(str, there)) or "none"
         status = Severity.OK if there else Severity.ERROR
         yield Finding(config.label, status, f"nodes that answer: {told}", {"nodes": len(there)})
@@ -55,7 +55,7 @@ def _device(
     cell: Cell, fieldbus: Fieldbus, entry: Entry, there: list[int], strangers: list[int]
 ) -> Iterator[Finding]:
     section = entry.section
-    if not isinstance(section, CanOpenNode):
+    if not isinstance(section, CanOpenNodeSection):
         yield Finding(entry.name, Severity.OK, "is no CANopen node, and was not asked")
         return
     if section.node not in there:
@@ -65,20 +65,20 @@ def _device(
         yield Finding(f"{entry.name} node", Severity.ERROR, text, {"node": section.node})
         return
     try:
-        found = read_node(fieldbus, section.node, drive=isinstance(section, Drive))
+        found = read_node(fieldbus, section.node, drive=isinstance(section, DriveSection))
     except SdoSilenceError as error:
         yield Finding(f"{entry.name} node", Severity.ERROR, str(error), {"node": section.node})
         return
     yield _identity(entry, section, found)
-    if isinstance(section, Drive):
+    if isinstance(section, DriveSection):
         part = cell if entry.part is None else cell.parts[entry.part]
         yield from compare(part, entry.name, section, found)
 
 
-def _identity(entry: Entry, section: CanOpenNode, found: FoundNode) -> Finding:
+def _identity(entry: Entry, section: CanOpenNodeSection, found: FoundNode) -> Finding:
     wrong = []
     profile = (found.get(Com.DEVICE_TYPE) or 0) & 0xFFFF
-    number, name = (402, "servo drive") if isinstance(section, Drive) else _IO
+    number, name = (402, "servo drive") if isinstance(section, DriveSection) else _IO
     if profile != number:
         wrong.append(f"profile {profile} in 1000h, a {name} has {number}")
     for place, key in enumerate(FIELDS, 1):

@@ -6,7 +6,7 @@ from typing import Final
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.bus.on_bus import Entry
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....drivers.canopen.profile.rule import RuleOutcome
 from ....drivers.canopen.profile.trial import try_drive
 from ....drivers.fieldbuses import open_buses
@@ -21,7 +21,7 @@ STATUS: Final = {
 
 def drive_named(cell: Cell, joint: str) -> Entry:
     """Return the drive of a joint. Raises `ConfigError`."""
-    drives = {e.name: e for e in cell.devices if isinstance(e.section, Drive)}
+    drives = {e.name: e for e in cell.devices if isinstance(e.section, DriveSection)}
     if joint not in drives:
         raise ConfigError(f"{cell.path}: no drive moves {joint!r}; one of {', '.join(drives)}")
     return drives[joint]
@@ -32,7 +32,7 @@ def profile(
 ) -> Iterator[Finding]:
     """Try every rule on the drive of a joint, which stands. Raises `DeviceError`."""
     entry = drive_named(cell, joint)
-    node = entry.section.node if isinstance(entry.section, Drive) else 0
+    node = entry.section.node if isinstance(entry.section, DriveSection) else 0
     buses = open_buses(cell, clock)
     try:
         names = [config.name for config in cell.config.fieldbuses]

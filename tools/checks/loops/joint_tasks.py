@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from ....config.load import Cell, grasp_part
-from ....config.schema.joint_task import JointTask
+from ....config.schema.joint_task import JointTaskSection
 from ....server.control.arm.arm import Arm
-from ....server.control.joint_task.joint_task import FIT_M
-from ....server.control.joint_task.joint_task import JointTask as Task
+from ....server.control.joint_task.joint_task import FIT_M, JointTask
 from ..findings import Finding, Severity
 from .stability import stability
 
@@ -25,12 +24,12 @@ def joint_tasks(cell: Cell) -> Iterator[Finding]:
                     yield replace(finding, check=f"{section.name}.{name}.{finding.check}")
 
 
-def _fit(cell: Cell, section: JointTask) -> Finding:
+def _fit(cell: Cell, section: JointTaskSection) -> Finding:
     """Judge how far the grasps are from fitting each other at the posture `start`."""
     names = [part.config.mechanism.name for part in cell.parts]
     members = [names.index(name) for name in section.by]
     start = [np.array(cell.parts[i].config.mechanism.postures["start"]) for i in members]
-    task = Task(section, [Arm.of(part) for part in cell.parts], members)
+    task = JointTask(section, [Arm.of(part) for part in cell.parts], members)
     off = task.grips.misfit(start)
     fits = Severity.OK if off <= FIT_M else Severity.ERROR if section.at_start else Severity.WARN
     return Finding(
@@ -41,7 +40,7 @@ def _fit(cell: Cell, section: JointTask) -> Finding:
     )
 
 
-def _load(cell: Cell, section: JointTask) -> Iterator[Finding]:
+def _load(cell: Cell, section: JointTaskSection) -> Iterator[Finding]:
     """Judge whether the arms can carry the payload: all of them together."""
     rated = [
         part.config.mechanism.rated_payload

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.reflection import Reflection
+from ....config.schema.reflection import ReflectionSection
 from ....protocols.topics import KEEPALIVE
 from ....server.reflection.force_reflection import pose_stiffness
 from ...reflect.small_gain import ARM_S, FILTER_PER_GAIN, GREATEST, HeldStick
@@ -34,7 +34,7 @@ def reflection(cell: Cell) -> Iterator[Finding]:
     yield from _timeouts(cell, config)
 
 
-def _rate(cell: Cell, config: Reflection) -> Finding:
+def _rate(cell: Cell, config: ReflectionSection) -> Finding:
     stick = HeldStick.of(config.handle, config.hand)
     k_fr, k_hc = max(config.gain[:3]), max(cell.config.sources.joystick.gain[:3])
     k_f = min(cell.config.sources.force.gain[:3])
@@ -60,7 +60,7 @@ def _rate(cell: Cell, config: Reflection) -> Finding:
     )
 
 
-def _pose(cell: Cell, config: Reflection) -> Finding:
+def _pose(cell: Cell, config: ReflectionSection) -> Finding:
     sources, sensor = cell.config.sources, cell.config.mechanism.force_torque
     contact = 1.0 if sensor is None else sensor.stiffest_environment
     limit = min(PER_HAND * config.hand.stiffness, STIFFEST)
@@ -81,7 +81,7 @@ def _pose(cell: Cell, config: Reflection) -> Finding:
     )
 
 
-def _timeouts(cell: Cell, config: Reflection) -> Iterator[Finding]:
+def _timeouts(cell: Cell, config: ReflectionSection) -> Iterator[Finding]:
     timing = cell.config.timing
     worst_s = config.largest_round_trip_s * (1.0 + config.jitter)
     varies_s = config.largest_round_trip_s * config.jitter

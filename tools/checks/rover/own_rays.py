@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.sensors.scanner import ContourReflex, Scanner
+from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
 from ....server.control.proximity.capsules import Capsules
 from ....server.control.spatial import Array
 from ...scanning.contour import INSIDE
@@ -35,7 +35,9 @@ def _radii(cell: Cell) -> Array:
     return capsules.radius[capsules.moves[:, arm_joints(cell)].any(axis=1)]
 
 
-def _margin(cell: Cell, scanner: Scanner, contour: ContourReflex, radius: float) -> Finding:
+def _margin(
+    cell: Cell, scanner: ScannerSection, contour: ContourReflexSection, radius: float
+) -> Finding:
     """Judge the margin between noise and the obstacles that a chosen posture keeps."""
     noise = INSIDE if cell.config.rig is None else cell.config.rig.scanner.noise
     margin, most = scanner.self_margin, reach_of(contour).choose - radius
@@ -52,7 +54,7 @@ def _margin(cell: Cell, scanner: Scanner, contour: ContourReflex, radius: float)
     )
 
 
-def _radius(contour: ContourReflex, radius: float) -> Finding:
+def _radius(contour: ContourReflexSection, radius: float) -> Finding:
     return Finding(
         "contour radius",
         Severity.ERROR if contour.link_radius < radius - 1e-6 else Severity.OK,
@@ -62,7 +64,7 @@ def _radius(contour: ContourReflex, radius: float) -> Finding:
     )
 
 
-def _plane(cell: Cell, contour: ContourReflex) -> Finding:
+def _plane(cell: Cell, contour: ContourReflexSection) -> Finding:
     """Judge whether the arm, as it drives, is inside of the plane: beyond it nothing is known."""
     points, plane = (
         CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot),

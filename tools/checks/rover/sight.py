@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.sensors.scanner import ContourReflex, Scanner
+from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
 from ....server.control.scene import Flags
 from ....server.control.spatial import Array, Pose
 from ...scanning.contour import INSIDE, LEAST_HITS
@@ -73,7 +73,7 @@ def _knots(cell: Cell, geometry: ScannerGeometry) -> Knots:
     )
 
 
-def _view(scanner: Scanner, contour: ContourReflex, knots: Knots) -> SeenCells:
+def _view(scanner: ScannerSection, contour: ContourReflexSection, knots: Knots) -> SeenCells:
     """Return which cells the scan plane sweeps over, within the angles of its rays."""
     plane, foot = contour.plane, np.array(contour.foot)
     rows, columns = round(plane.height / plane.cell), round(plane.width / plane.cell)
@@ -96,7 +96,7 @@ def _view(scanner: Scanner, contour: ContourReflex, knots: Knots) -> SeenCells:
     return SeenCells(depths, cells, seen, tilt)
 
 
-def _near(contour: ContourReflex, view: SeenCells) -> Finding:
+def _near(contour: ContourReflexSection, view: SeenCells) -> Finding:
     """Judge how near each cell is still seen: all of them where the base stops and waits."""
     seen = view.seen
     # From where on is a cell seen, up to where it is acted upon?
@@ -122,7 +122,7 @@ def _near(contour: ContourReflex, view: SeenCells) -> Finding:
     )
 
 
-def _far(cell: Cell, scanner: Scanner, contour: ContourReflex) -> Finding:
+def _far(cell: Cell, scanner: ScannerSection, contour: ContourReflexSection) -> Finding:
     """Judge from how far a bridge is seen: its cells are full after two sweeps.
 
     As many hits as a cell needs, one of them inside: by the rays' angle, and the sweep's between
@@ -157,7 +157,7 @@ def _far(cell: Cell, scanner: Scanner, contour: ContourReflex) -> Finding:
     )
 
 
-def _hidden(contour: ContourReflex, view: SeenCells, knots: Knots, radii: Array) -> Finding:
+def _hidden(contour: ContourReflexSection, view: SeenCells, knots: Knots, radii: Array) -> Finding:
     """Judge how many cells are behind the arm at `ready`, seen where a base waits."""
     d = int(np.flatnonzero(view.depths <= WAIT + 1e-9)[-1])
     points = np.column_stack([np.full(len(view.cells), view.depths[d]), view.cells])

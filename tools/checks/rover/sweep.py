@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....config.schema.mechanism.sweep import Sweep
-from ....config.schema.sensors.scanner import Scanner
+from ....config.schema.mechanism.sweep import SweepSection
+from ....config.schema.sensors.scanner import ScannerSection
 from ....server.control.proximity.forest import Forest
 from ....server.units.sweep import MOST
 from ...scanning.scanning import CONTOUR_EVERY
@@ -24,7 +24,7 @@ def sweep(cell: Cell) -> Iterator[Finding]:
         yield _silence(scanner)
 
 
-def _speed(cell: Cell, axis: Sweep) -> Finding:
+def _speed(cell: Cell, axis: SweepSection) -> Finding:
     """Judge the speed: a slower sweep has not seen everything when the arm decides."""
     drive = next(d for d in cell.config.mechanism.drives if d.joint == axis.joint)
     rate, most = 2.0 * (axis.high - axis.low) / axis.period_s, MOST * drive.max_velocity
@@ -37,7 +37,7 @@ def _speed(cell: Cell, axis: Sweep) -> Finding:
     )
 
 
-def _carried(cell: Cell, axis: Sweep, scanner: Scanner) -> Finding:
+def _carried(cell: Cell, axis: SweepSection, scanner: ScannerSection) -> Finding:
     """Judge whether the scanner is on the axis; an unknown link is told where the sight is."""
     model = Forest(cell).branches[0].model
     frame = model.frames[model.getFrameId(scanner.link)]
@@ -50,7 +50,7 @@ def _carried(cell: Cell, axis: Sweep, scanner: Scanner) -> Finding:
     )
 
 
-def _turn(scanner: Scanner) -> Finding:
+def _turn(scanner: ScannerSection) -> Finding:
     """Judge the rays' span: a mirror passes each angle once in a scan."""
     span = scanner.step * (scanner.rays - 1)
     return Finding(
@@ -61,7 +61,7 @@ def _turn(scanner: Scanner) -> Finding:
     )
 
 
-def _silence(scanner: Scanner) -> Finding:
+def _silence(scanner: ScannerSection) -> Finding:
     """Judge the time after which a scanner counts as silent: one contour may be lost."""
     contour_s = CONTOUR_EVERY / scanner.rate_hz
     status = Severity.ERROR if scanner.silent_s < 2.0 * contour_s else Severity.OK

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....config.schema.mechanism.base import DifferentialBase
+from ....config.schema.mechanism.base import DifferentialBaseSection
 from ....server.control.proximity.forest import Forest
 from ....server.control.wheels.rolling import Rolling
 from ..findings import Finding, Severity, graded
@@ -21,7 +21,7 @@ def wheels(cell: Cell) -> Iterator[Finding]:
     yield _speed(cell, base, rolling)
 
 
-def _places(cell: Cell, base: DifferentialBase) -> Finding:
+def _places(cell: Cell, base: DifferentialBaseSection) -> Finding:
     """Judge radius and track against the wheels' axles in the URDF; Base is on the floor."""
     model, told = Forest(cell).branches[0].model, base.wheels
     left, right = (
@@ -39,7 +39,7 @@ def _places(cell: Cell, base: DifferentialBase) -> Finding:
     )
 
 
-def _speed(cell: Cell, base: DifferentialBase, rolling: Rolling) -> Finding:
+def _speed(cell: Cell, base: DifferentialBaseSection, rolling: Rolling) -> Finding:
     """Judge the wheels' speed bounds: straight on, and with all of the turning beside it."""
     drives = {drive.joint: drive.max_velocity for drive in cell.config.mechanism.drives}
     least = min(drives[base.wheels.left], drives[base.wheels.right])

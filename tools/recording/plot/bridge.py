@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from ....config.errors import ConfigError
-from ....config.schema.sensors.scanner import ContourReflex
+from ....config.schema.sensors.scanner import ContourReflexSection
 from ....protocols.messages.perception.contour import NOTHING
 from ....server.control.spatial import Pose
 from ...scanning.contour import CellPlane
@@ -35,7 +35,7 @@ BEHIND: Final = 0.6
 class _Moment:
     """Everything at one moment of a run."""
 
-    def __init__(self, run: RecordedRun, section: ContourReflex, at_s: float | None) -> None:
+    def __init__(self, run: RecordedRun, section: ContourReflexSection, at_s: float | None) -> None:
         self.run, self.section = run, section
         self.news = _chosen(run, at_s)
         self.time_s = float(self.news["time_s"])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell, ConfigError, load_cell
-from ....config.schema.sensors.cameras import Camera
+from ....config.schema.sensors.cameras import CameraSection
 from ....server.control.proximity.capsules import Capsules
 from ..run_file import RecordError, read_about, read_run
 
@@ -95,7 +95,7 @@ class RecordedRun:
                 found.append((np.array(camera.T_world_lens.xyz), np.array(pose[:3])))
         return found
 
-    def camera(self, name: str) -> Camera:
+    def camera(self, name: str) -> CameraSection:
         """Return a camera of the cell. Raises `ConfigError`."""
         for camera in self.cell.config.cameras:
             if camera.name == name:

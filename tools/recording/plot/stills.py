@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from ....config.schema.obstacles import Obstacle
+from ....config.schema.obstacles import ObstacleSection
 from ....server.control.spatial import rotation_rpy
 from .grasps import draw_payload
 from .reader import Array, RecordedRun
@@ -35,7 +35,7 @@ def draw(run: RecordedRun, truth: dict[str, Any], ax: Axes3D, width: float = 1.0
     _frame(ax, run)
 
 
-def _obstacle(ax: Axes3D, obstacle: Obstacle, label: str) -> None:
+def _obstacle(ax: Axes3D, obstacle: ObstacleSection, label: str) -> None:
     at = np.array(obstacle.xyz)
     if obstacle.shape == "box" and obstacle.half_size is not None:
         corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)

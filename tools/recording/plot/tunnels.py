@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ....config.errors import ConfigError
-from ....config.schema.mechanism.backbone import Backbone as Section
+from ....config.schema.mechanism.backbone import BackboneSection
 from ....server.control.mechanism.backbone.insertion import Backbone
 from ...oracle.tunnel import Tunnel
 from .reader import Array, RecordedRun
@@ -73,7 +73,7 @@ def _moments(run: RecordedRun, backbone: Backbone) -> list[tuple[float, Array]]:
     return found
 
 
-def _tunnel(ax: Axes, section: Section, centre: Array, planar: bool) -> None:
+def _tunnel(ax: Axes, section: BackboneSection, centre: Array, planar: bool) -> None:
     """Draw the walls of a planar tunnel, or the centre line of one in space."""
     if not planar:
         _line(ax, centre, planar, color="tab:orange", lw=6.0, alpha=0.35, solid_capstyle="butt")

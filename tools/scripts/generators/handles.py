@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....config.schema.reflection import Reflection as Config
+from ....config.schema.reflection import ReflectionSection
 from ....protocols import topics as t
 from ....protocols.messages.telemetry import State
 from ...operator.client.protocol_client import ProtocolClient
@@ -13,7 +13,7 @@ from .tables import HandleMotion
 class Handles:
     """At most one handle for each operator; none in a cell that reflects no forces."""
 
-    def __init__(self, config: Config | None) -> None:
+    def __init__(self, config: ReflectionSection | None) -> None:
         self._config = config
         self.of_operator: dict[str, ReflectingClient] = {}
         """By the operators' names."""

@@ -20,7 +20,7 @@ from itertools import accumulate
 
 from ....config.load import Cell
 from ....config.schema.bus.on_bus import Entry
-from ....config.schema.mechanism.mechanism import Drive
+from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen.counter import Unwrapped
 
 KINDS = ("velocity", "acceleration", "jerk")
@@ -121,7 +121,7 @@ class Observer:
         self._on_bus: list[dict[int, _Joint]] = [{} for _ in buses]
         """Joints by node, of each bus."""
         for entry in cell.devices:
-            if isinstance(entry.section, Drive):
+            if isinstance(entry.section, DriveSection):
                 made = _joint(entry, cell.parts[entry.part or 0])
                 self._on_bus[buses.index(entry.bus)][entry.section.node] = made
         self.violations: list[Violation] = []
@@ -222,7 +222,7 @@ class Observer:
 def _joint(entry: Entry, part: Cell) -> _Joint:
     """Return the bounds of a drive's joint, by the cell of its mechanism."""
     drive = entry.section
-    if not isinstance(drive, Drive):
+    if not isinstance(drive, DriveSection):
         raise TypeError(f"{entry.name} is no drive")
     joint = next(j for j in part.robot.joints if j.name == drive.joint)
     return _Joint(

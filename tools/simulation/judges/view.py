@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from ....config.load import Cell
-from ....config.schema.sensors.cameras import Camera, RigTag
+from ....config.schema.sensors.cameras import CameraSection, RigTagSection
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event
 from ....server.control.spatial import Pose, rotation_log
@@ -15,13 +15,13 @@ from ....server.control.spatial import Pose, rotation_log
 class _JudgedCamera:
     """A camera, and the arm whose task it is for."""
 
-    camera: Camera
+    camera: CameraSection
     arm: str
     T_mrf_wrist: Pose
     T_world_base: Pose
 
     @classmethod
-    def of(cls, part: Cell, camera: Camera) -> Self:
+    def of(cls, part: Cell, camera: CameraSection) -> Self:
         mechanism = part.config.mechanism
         mrf, base = mechanism.T_wrist_mrf, mechanism.T_world_base
         T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
@@ -76,12 +76,12 @@ class ViewJudge:
         return math.sqrt(float(way @ way)), math.sqrt(float(turn @ turn))
 
 
-def _lens(camera: Camera, T_world_wrist: Pose, T_world_base: Pose) -> Pose:
+def _lens(camera: CameraSection, T_world_wrist: Pose, T_world_base: Pose) -> Pose:
     stands = {"wrist": T_world_wrist, "base": T_world_base, "world": Pose.identity()}
     return stands[camera.on] @ Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)
 
 
-def _tag(tag: RigTag, T_world_wrist: Pose, truth: RigTruth) -> Pose:
+def _tag(tag: RigTagSection, T_world_wrist: Pose, truth: RigTruth) -> Pose:
     if tag.T_wrist_tag is not None:
         return T_world_wrist @ Pose.from_xyz_rpy(tag.T_wrist_tag.xyz, tag.T_wrist_tag.rpy)
     pose = truth.tags[tag.name]

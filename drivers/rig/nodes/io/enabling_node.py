@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Self, cast
 
-from .....config.schema.bus.enabling import EnablingSwitch
+from .....config.schema.bus.enabling import EnablingSwitchSection
 from .....config.schema.bus.on_bus import Entry
 from .....protocols.canopen.cia401 import IoObject
 from .....protocols.messages.rig import RigFault
@@ -21,7 +21,9 @@ class SimulatedSwitch(CanNode):
     With a `value` only the contacts in that bit mask are on: a broken wire, a welded contact.
     """
 
-    def __init__(self, switch: EnablingSwitch, link: NodeLink, clock: Callable[[], float]) -> None:
+    def __init__(
+        self, switch: EnablingSwitchSection, link: NodeLink, clock: Callable[[], float]
+    ) -> None:
         super().__init__(switch.node, link, clock, EDS)
         self._all = sum(1 << bit for bit in set(switch.inputs))
         self.contacts = self._all
@@ -30,7 +32,7 @@ class SimulatedSwitch(CanNode):
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the switch in the operator's hand."""
-        return cls(cast(EnablingSwitch, entry.section), bench.link(), bench.clock)
+        return cls(cast(EnablingSwitchSection, entry.section), bench.link(), bench.clock)
 
     def inject(self, fault: RigFault) -> None:
         """Hold or release the switch. Raises `ValueError` for other faults."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Self, cast
 
 from .....config.schema.bus.on_bus import Entry
-from .....config.schema.mechanism.mechanism import Gripper
+from .....config.schema.mechanism.mechanism import GripperSection
 from .....protocols.canopen.cia401 import KEEP, IoObject
 from ..bench import Bench
 from ..canopen.can_node import CanNode
@@ -21,7 +21,7 @@ class SimulatedGripper(CanNode):
 
     def __init__(
         self,
-        gripper: Gripper,
+        gripper: GripperSection,
         link: NodeLink,
         grasp: Callable[[bool], None],
         clock: Callable[[], float],
@@ -33,7 +33,7 @@ class SimulatedGripper(CanNode):
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the module, whose output makes its arm take hold."""
-        gripper = cast(Gripper, entry.section)
+        gripper = cast(GripperSection, entry.section)
         grasp = partial(bench.world.grasp, arm=entry.part or 0)
         return cls(gripper, bench.link(), grasp, bench.clock)
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....config.schema.bus.on_bus import Entry
-from .....config.schema.mechanism.mechanism import ForceTorque
-from .....config.schema.rig.rig import RigForceTorque
+from .....config.schema.mechanism.mechanism import ForceTorqueSection
+from .....config.schema.rig.rig import RigForceTorqueSection
 from .....protocols.canopen import robotous
 from .....protocols.canopen.can301 import FrameError
 from .....protocols.canopen.robotous import SensorCommand
@@ -32,8 +32,8 @@ class SimulatedForceTorque:
 
     def __init__(
         self,
-        config: ForceTorque,
-        truth: RigForceTorque,
+        config: ForceTorqueSection,
+        truth: RigForceTorqueSection,
         link: NodeLink,
         load: Callable[[], NDArray[np.float64]],
         rng: np.random.Generator,
@@ -61,7 +61,7 @@ class SimulatedForceTorque:
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the sensor at the wrist of the bench's arm."""
-        sensor, truth = cast(ForceTorque, entry.section), bench.rig(entry).force_torque
+        sensor, truth = cast(ForceTorqueSection, entry.section), bench.rig(entry).force_torque
         link, noise, response = bench.link(), bench.rng(), bench.rng()
         load = partial(bench.world.sensor_wrench, entry.part or 0)
         return cls(sensor, truth, link, load, noise, response, bench.clock)

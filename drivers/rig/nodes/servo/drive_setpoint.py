@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from .....config.schema.mechanism.mechanism import Drive
+from .....config.schema.mechanism.mechanism import DriveSection
 from .....protocols.canopen.cia402 import Object, OperationMode
 from ..canopen.objects import ObjectStore
 from ..drive_loops import DriveLoops
@@ -15,7 +15,7 @@ def follow(
     objects: ObjectStore,
     loop: DriveLoops,
     joint: int,
-    drive: Drive,
+    drive: DriveSection,
     *,
     streamed: bool = True,
 ) -> bool:
@@ -39,7 +39,9 @@ def follow(
     return loop.pull(joint, share * drive.direction * drive.rated_torque)
 
 
-def tune(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive: Drive) -> None:
+def tune(
+    mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive: DriveSection
+) -> None:
     """Take over the following window of the mode, the torque offset and the bound of torque."""
     loop.window[joint] = window(mode, objects, drive)
     share = objects[Object.TORQUE_OFFSET, 0] * 1e-3
@@ -49,12 +51,12 @@ def tune(mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive: D
     loop.max_torque[joint] = drive.max_torque if reached else bound * 1e-3 * drive.rated_torque
 
 
-def most_torque(drive: Drive) -> int:
+def most_torque(drive: DriveSection) -> int:
     """Return the most that 6072h may be [1/1000 of the rated torque]."""
     return round(drive.max_torque / drive.rated_torque * 1000)
 
 
-def window(mode: int, objects: ObjectStore, drive: Drive) -> float:
+def window(mode: int, objects: ObjectStore, drive: DriveSection) -> float:
     """Return the following error that is too much [rad]; only a position setpoint has any."""
     counts = objects[Object.FOLLOWING_WINDOW, 0]
     if mode != OperationMode.CSP or counts == _UNLIMITED:
@@ -62,7 +64,7 @@ def window(mode: int, objects: ObjectStore, drive: Drive) -> float:
     return counts / drive.counts_per_radian
 
 
-def deceleration(objects: ObjectStore, drive: Drive) -> float:
+def deceleration(objects: ObjectStore, drive: DriveSection) -> float:
     """Return the quick stop's ramp [rad/s²]."""
     counts = objects[Object.QUICK_STOP_DECELERATION, 0]
     return float(max(1, counts) / drive.counts_per_radian)

@@ -1,13 +1,13 @@
 """Mechanical faults of a joint: blocked, braked, pushed."""
 
-from .....config.schema.mechanism.mechanism import Drive
+from .....config.schema.mechanism.mechanism import DriveSection
 from .....protocols.messages.rig import RigFault
 from ...fault_values import MOST_FORCE, MOST_FRICTION, value_of, vector_of
 from ...physics.robot.chassis import GRIP
 from ...physics.world import World
 
 
-def inject_at_joint(fault: RigFault, world: World, joint: int, drive: Drive) -> None:
+def inject_at_joint(fault: RigFault, world: World, joint: int, drive: DriveSection) -> None:
     """Apply a fault to a joint of the physics. Raises `ValueError` for one that it has not."""
     if fault.kind == "block":
         world.set_jam(joint, jammed=fault.on)

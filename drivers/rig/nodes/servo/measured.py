@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from .....config.schema.mechanism.mechanism import Drive
+from .....config.schema.mechanism.mechanism import DriveSection
 from .....protocols.canopen.cia402 import Object
 from .....protocols.canopen.counter import wrapped
 from ...physics.world import World
@@ -16,7 +16,7 @@ _REACHED_RAD: Final = 1e-3
 class Measured:
     """One joint as its drive's encoder and current sensor tell it, in the drive's own units."""
 
-    def __init__(self, drive: Drive, joint: int, loop: DriveLoops, world: World) -> None:
+    def __init__(self, drive: DriveSection, joint: int, loop: DriveLoops, world: World) -> None:
         self._drive, self._joint, self._loop, self._world = drive, joint, loop, world
         self._scale = drive.direction * drive.counts_per_radian
 

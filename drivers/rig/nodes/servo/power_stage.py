@@ -6,7 +6,7 @@ closed; one that is set wrongly (`torque_delay_s`) opens the brake first, and th
 
 from collections.abc import Callable
 
-from .....config.schema.rig.rig import RigDrive
+from .....config.schema.rig.rig import RigDriveSection
 from ...physics.world import World
 from ..canopen.can_node import NEVER
 from ..drive_loops import DriveLoops
@@ -24,7 +24,7 @@ class PowerStage:
         joint: int,
         loop: DriveLoops,
         world: World,
-        physics: RigDrive,
+        physics: RigDriveSection,
         clock: Callable[[], float],
         on_held: Callable[[], None],
     ) -> None:

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import Self, cast
 
 from .....config.schema.bus.on_bus import Entry
-from .....config.schema.mechanism.mechanism import Drive
-from .....config.schema.rig.rig import RigDrive
+from .....config.schema.mechanism.mechanism import DriveSection
+from .....config.schema.rig.rig import RigDriveSection
 from .....protocols.canopen import cia402
 from .....protocols.canopen.can301 import EmcyCode
 from .....protocols.canopen.cia402 import (
@@ -65,12 +65,12 @@ class SimulatedDrive(CanNode):
 
     def __init__(
         self,
-        drive: Drive,
+        drive: DriveSection,
         joint: int,
         link: NodeLink,
         loop: DriveLoops,
         world: World,
-        physics: RigDrive,
+        physics: RigDriveSection,
         clock: Callable[[], float],
     ) -> None:
         super().__init__(drive.node, link, clock)
@@ -100,7 +100,7 @@ class SimulatedDrive(CanNode):
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the drive of one of the bench's joints."""
-        drive, physics = cast(Drive, entry.section), bench.rig(entry).drive
+        drive, physics = cast(DriveSection, entry.section), bench.rig(entry).drive
         joint, link = bench.joint(entry), bench.link()
         return cls(drive, joint, link, bench.loop, bench.world, physics, bench.clock)
 

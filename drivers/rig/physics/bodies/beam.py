@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....config.load import Cell
-from .....config.schema.rig.beam import RigBeam
-from .....config.schema.rig.peg import RigHole
-from .....config.schema.section import Pose
+from .....config.schema.rig.beam import RigBeamSection
+from .....config.schema.rig.peg import RigHoleSection
+from .....config.schema.section import PoseSection
 from ..geoms import FIXED, SOLIMP, SOLREF, quaternion
 from .peg import make_peg
 
@@ -40,7 +40,7 @@ def held_by(cell: Cell) -> list[int]:
     return [names.index(name) for name in cell.joint_tasks[0].by]
 
 
-def add_beam(spec: mujoco.MjSpec, beam: RigBeam) -> None:
+def add_beam(spec: mujoco.MjSpec, beam: RigBeamSection) -> None:
     """Add the payload with its pegs, free to move; `Beam` brings it into the grasps."""
     body = spec.worldbody.add_body(name=BEAM)
     body.add_freejoint(name=BEAM)
@@ -223,7 +223,7 @@ class Beam:
         return R_beam.T @ at, R_beam.T @ R_tip @ R
 
 
-def _inside(hole: RigHole, aside: float, deep: float) -> float:
+def _inside(hole: RigHoleSection, aside: float, deep: float) -> float:
     """Return how deep a peg is that is `aside` of the axis and `deep` below the mouth [m]."""
     return deep if deep < 0.0 or aside < hole.radius else 0.0
 
@@ -234,7 +234,7 @@ def _pad(model: mujoco.MjModel, part: Cell) -> Pad:
     return Pad(tip, *_placed(mechanism.T_wrist_mrf))
 
 
-def _placed(pose: Pose) -> tuple[Vector, Vector]:
+def _placed(pose: PoseSection) -> tuple[Vector, Vector]:
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(quaternion(pose)))
     return np.array(pose.xyz), R.reshape(3, 3)

@@ -4,14 +4,14 @@ import math
 
 import mujoco
 
-from .....config.schema.rig.bridge import RigBridge, RigPerson
+from .....config.schema.rig.bridge import RigBridgeSection, RigPersonSection
 from ..geoms import fixed
 
 BEAM, LEFT, RIGHT, PERSON = "bridge_beam", "bridge_left", "bridge_right", "person"
 """Bodies; each can be placed elsewhere."""
 
 
-def add_bridge(spec: mujoco.MjSpec, bridge: RigBridge) -> None:
+def add_bridge(spec: mujoco.MjSpec, bridge: RigBridgeSection) -> None:
     """Add pillars and beam; the near face's middle is at `distance`, shifted by `offset`."""
     c, s = math.cos(bridge.skew), math.sin(bridge.skew)
     depth, side = 0.5 * bridge.thickness, 0.5 * bridge.side
@@ -34,7 +34,7 @@ def add_bridge(spec: mujoco.MjSpec, bridge: RigBridge) -> None:
         fixed(body.add_geom(name=f"{name}_box", type=mujoco.mjtGeom.mjGEOM_BOX, size=half))
 
 
-def add_person(spec: mujoco.MjSpec, person: RigPerson) -> None:
+def add_person(spec: mujoco.MjSpec, person: RigPersonSection) -> None:
     """Add who may walk in: an upright capsule on the floor."""
     x, y, z = person.xyz
     body = spec.worldbody.add_body(name=PERSON, pos=(x, y, z + 0.5 * person.height), mocap=True)

@@ -10,8 +10,8 @@ import math
 
 import mujoco
 
-from .....config.schema.rig.peg import RigHole, RigPeg
-from .....config.schema.section import Pose
+from .....config.schema.rig.peg import RigHoleSection, RigPegSection
+from .....config.schema.section import PoseSection
 from ..geoms import fixed, of_arm, quaternion
 
 CAPSULES = 12
@@ -22,13 +22,13 @@ _CONDIM = 4
 """Contacts of the peg resist sliding and twisting."""
 
 
-def add_peg(tip: mujoco.MjsBody, mrf: Pose, peg: RigPeg) -> None:
+def add_peg(tip: mujoco.MjsBody, mrf: PoseSection, peg: RigPegSection) -> None:
     """Fix the peg to the tip, its end at the MRF."""
     body = tip.add_body(name="peg", pos=mrf.xyz, quat=quaternion(mrf))
     make_peg(body, peg, "peg")
 
 
-def make_peg(body: mujoco.MjsBody, peg: RigPeg, name: str) -> None:
+def make_peg(body: mujoco.MjsBody, peg: RigPegSection, name: str) -> None:
     """Make a body a peg; names of its geoms begin with `name`."""
     across = peg.mass * (3.0 * peg.radius**2 + peg.length**2) / 12.0
     body.mass, body.explicitinertial = peg.mass, True
@@ -50,7 +50,7 @@ def make_peg(body: mujoco.MjsBody, peg: RigPeg, name: str) -> None:
         capsule.friction[0] = peg.friction
 
 
-def add_hole(spec: mujoco.MjSpec, hole: RigHole) -> None:
+def add_hole(spec: mujoco.MjSpec, hole: RigHoleSection) -> None:
     """Put the block of a hole where it really is."""
     meant, true = hole.T_world_hole, hole.misplaced
     place = spec.worldbody.add_body(
@@ -62,8 +62,8 @@ def add_hole(spec: mujoco.MjSpec, hole: RigHole) -> None:
     slope = c * math.sqrt(2.0)
     for i in range(SIDES):
         angle = 2.0 * math.pi * i / SIDES
-        upright = quaternion(Pose(rpy=(0.0, 0.0, angle)))
-        leaning = quaternion(Pose(rpy=(0.0, -math.pi / 4.0, angle)))
+        upright = quaternion(PoseSection(rpy=(0.0, 0.0, angle)))
+        leaning = quaternion(PoseSection(rpy=(0.0, -math.pi / 4.0, angle)))
         # x out from the axis, z up from the mouth; the chamfer's box lies behind its face
         middle, deep = r + c / 2.0, slope / 2.0 * math.sqrt(0.5)
         _add_box(body, angle, (r + outside) / 2.0, -(c + hole.depth) / 2.0, upright,

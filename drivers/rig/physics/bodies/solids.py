@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .....config.schema.obstacles import Obstacle
-from .....config.schema.section import Pose
+from .....config.schema.obstacles import ObstacleSection
+from .....config.schema.section import PoseSection
 
 Vector = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ POINT = 0.001
 
 
 def add_solid(
-    spec: mujoco.MjSpec, obstacle: Obstacle, quat: tuple[float, float, float, float]
+    spec: mujoco.MjSpec, obstacle: ObstacleSection, quat: tuple[float, float, float, float]
 ) -> mujoco.MjsGeom | None:
     """Add an obstacle that can be moved; return its shape, None for a sight line."""
     if obstacle.shape == "sight_line" or obstacle.xyz is None:
@@ -38,9 +38,9 @@ def add_solid(
             return body.add_geom(name=name, type=kind.mjGEOM_SPHERE, size=[radius, 0.0, 0.0])
 
 
-def attitude(obstacle: Obstacle) -> Pose:
+def attitude(obstacle: ObstacleSection) -> PoseSection:
     """Return the attitude of an obstacle's body: a box's own."""
-    return Pose(rpy=obstacle.rpy if obstacle.shape == "box" else (0.0, 0.0, 0.0))
+    return PoseSection(rpy=obstacle.rpy if obstacle.shape == "box" else (0.0, 0.0, 0.0))
 
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, name: str, xyz: Vector) -> None:

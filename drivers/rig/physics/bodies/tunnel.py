@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....config.load import Cell
-from .....config.schema.mechanism.backbone import Backbone
+from .....config.schema.mechanism.backbone import BackboneSection
 from ..geoms import fixed
 
 STEP = math.pi / 8
@@ -70,7 +70,7 @@ def add_tunnel(spec: mujoco.MjSpec, cell: Cell) -> None:
             )
 
 
-def _pieces(backbone: Backbone) -> Iterator[_Piece]:
+def _pieces(backbone: BackboneSection) -> Iterator[_Piece]:
     """Cut the centre line of what has walls into short pieces."""
     p, R = np.array(backbone.entrance.xyz), _attitude(backbone.entrance.rpy)
     for segment in backbone.tunnel:

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .....config.schema.rig.rig import RigDrive
+from .....config.schema.rig.rig import RigDriveSection
 
 Vector = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class Brakes:
         joints: Sequence[str],
         first: int,
         q: Vector,
-        drives: Sequence[tuple[int, RigDrive]],
+        drives: Sequence[tuple[int, RigDriveSection]],
     ) -> None:
         """Find the locks in the model; `drives` are, for each arm, how many, and what they are."""
         self._model, self._data, self._first = model, data, first
@@ -112,7 +112,7 @@ class Brakes:
         self._data.eq_active[self._ids[joint]] = now
 
 
-def _torques(count: int, drive: RigDrive) -> Vector:
+def _torques(count: int, drive: RigDriveSection) -> Vector:
     """Return the torques of an arm's brakes [N·m]: infinite where the cell tells none."""
     torques = drive.brake_torque
     if len(torques) not in (0, 1, count):

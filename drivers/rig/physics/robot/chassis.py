@@ -8,7 +8,7 @@ from typing import Final
 
 import mujoco
 
-from .....config.schema.mechanism.base import DifferentialBase
+from .....config.schema.mechanism.base import DifferentialBaseSection
 from ..geoms import ARM, SOLIMP
 
 FLOOR: Final = "floor"
@@ -28,7 +28,7 @@ _CASTERS_APART: Final = 0.6
 _SOLREF: Final = (0.008, 1.0)
 
 
-def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBase) -> None:
+def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection) -> None:
     """Let the root of an arm drive. Raises `ValueError` where a wheel has no body."""
     root, wheels = arm.worldbody.first_body(), base.wheels
     root.add_joint(name=FREE, type=mujoco.mjtJoint.mjJNT_FREE)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....config.load import Cell
-from .....config.schema.section import Pose
-from .....config.schema.sensors.cameras import Camera, RigTag
+from .....config.schema.section import PoseSection
+from .....config.schema.sensors.cameras import CameraSection, RigTagSection
 from ....device import DeviceError
 from ....vision.opencv import cells, marker
 from ..geoms import quaternion
@@ -87,7 +87,10 @@ class RigCameras:
         self._data.qpos[self._joints] = q
         if base is not None and self._chassis is not None:
             place = self._data.qpos[self._chassis :][:7]
-            place[:3], place[3:] = base[:3], quaternion(Pose(rpy=(base[3], base[4], base[5])))
+            place[:3], place[3:] = (
+                base[:3],
+                quaternion(PoseSection(rpy=(base[3], base[4], base[5]))),
+            )
         elif base is not None:
             _put(self._model, self._root, base)
         for name, geom in self._tags.items():
@@ -105,7 +108,7 @@ class RigCameras:
         """Let go of the renderers."""
         self._end()
 
-    def _renderer(self, camera: Camera) -> "mujoco.Renderer":
+    def _renderer(self, camera: CameraSection) -> "mujoco.Renderer":
         width, height = camera.size
         try:
             return mujoco.Renderer(self._model, height, width)
@@ -128,7 +131,7 @@ def _put(model: "mujoco.MjModel", name: str, pose: Sequence[float]) -> None:
     """Put a body of World at x, y, z [m], roll, pitch, yaw [rad]."""
     body = model.body(name)
     body.pos[:] = pose[:3]
-    body.quat[:] = quaternion(Pose(rpy=(pose[3], pose[4], pose[5])))
+    body.quat[:] = quaternion(PoseSection(rpy=(pose[3], pose[4], pose[5])))
 
 
 def _close(renderers: "tuple[mujoco.Renderer, ...]") -> None:
@@ -136,7 +139,7 @@ def _close(renderers: "tuple[mujoco.Renderer, ...]") -> None:
         renderer.close()
 
 
-def _add_camera(body: mujoco.MjsBody, camera: Camera) -> None:
+def _add_camera(body: mujoco.MjsBody, camera: CameraSection) -> None:
     place = camera.place
     turn = _rotation(place) @ _LENS_TO_CAMERA
     quat = np.zeros(4)
@@ -145,8 +148,8 @@ def _add_camera(body: mujoco.MjsBody, camera: Camera) -> None:
     body.add_camera(name=camera.name, pos=place.xyz, quat=quat, fovy=fovy)
 
 
-def _add_tag(spec: mujoco.MjSpec, parent: mujoco.MjsBody, tag: RigTag) -> None:
-    place = tag.T_world_tag or tag.T_wrist_tag or Pose()
+def _add_tag(spec: mujoco.MjSpec, parent: mujoco.MjsBody, tag: RigTagSection) -> None:
+    place = tag.T_world_tag or tag.T_wrist_tag or PoseSection()
     name = f"tag_{tag.name}"
     grey = marker(tag.family, tag.tag, _CELL_PX)
     n = len(grey)
@@ -210,7 +213,7 @@ def _light(spec: mujoco.MjSpec) -> None:
     )
 
 
-def _rotation(pose: Pose) -> NDArray[np.float64]:
+def _rotation(pose: PoseSection) -> NDArray[np.float64]:
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(quaternion(pose)))
     return R.reshape(3, 3)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....config.load import Cell
-from .....config.schema.rig.bridge import RigScanner
-from .....config.schema.sensors.scanner import Scanner
+from .....config.schema.rig.bridge import RigScannerSection
+from .....config.schema.sensors.scanner import ScannerSection
 from .....protocols.sick.scan_data import Scan
 from ..geoms import quaternion
 
@@ -24,8 +24,8 @@ class Rangefinder:
         if scanner is None or rig is None:
             raise ValueError(f"cell {cell.config.name} has no scanner to simulate")
         self._model, self._data = model, data
-        self.scanner: Scanner = scanner
-        self._rig: RigScanner = rig.scanner
+        self.scanner: ScannerSection = scanner
+        self._rig: RigScannerSection = rig.scanner
         self._body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, scanner.link)
         if self._body < 0:
             raise ValueError(f"scanner.link: value '{scanner.link}': no such body")

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from .....config.schema.sensors.cameras import RigTag
+from .....config.schema.sensors.cameras import RigTagSection
 from .....protocols.messages.messages import Vector6
 from .....protocols.messages.rig import RigFault
 from ...fault_values import FARTHEST, vector_of
@@ -14,7 +14,7 @@ KINDS = ("cover", "move")
 class Tags:
     """Effects of faults on a rig's tags."""
 
-    def __init__(self, tags: Sequence[RigTag]) -> None:
+    def __init__(self, tags: Sequence[RigTagSection]) -> None:
         self._home: dict[str, Vector6 | None] = {}
         for tag in tags:
             place = tag.T_world_tag

@@ -16,7 +16,7 @@ import numpy as np
 
 from .....config.errors import ConfigError
 from .....config.load import Cell
-from .....config.schema.mechanism.backbone import Backbone as Section
+from .....config.schema.mechanism.backbone import BackboneSection
 from ...spatial import Array
 from .chain import Chain
 from .curve import Curve
@@ -81,7 +81,7 @@ class Backbone:
     """The curve of one arm, and how its joints follow."""
 
     def __init__(
-        self, chain: Chain, curve: Curve, section: Section, period_s: float, where: str = ""
+        self, chain: Chain, curve: Curve, section: BackboneSection, period_s: float, where: str = ""
     ) -> None:
         """Build it; fits are computed at all free lengths.
 

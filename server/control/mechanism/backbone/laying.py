@@ -5,7 +5,7 @@ import numpy as np
 from .....config.drives.joint_bounds import joint_bounds
 from .....config.errors import ConfigError
 from .....config.load import Cell
-from .....config.schema.mechanism.backbone import Backbone as Section
+from .....config.schema.mechanism.backbone import BackboneSection
 from ...spatial import Array, Pose
 from .chain import Chain
 from .curve import Curve
@@ -20,7 +20,7 @@ STRAIGHT = 1e-3
 """The entrance lies so well straight ahead of the first joint, in lengths of the way there [1]."""
 
 
-def curve_of(cell: Cell, section: Section, chain: Chain) -> Curve:
+def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
     """Lay the curve of a cell's arm. Raises `ConfigError` for what the arm cannot follow."""
     where = f"{cell.path}: mechanism.backbone"
     T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
@@ -63,7 +63,7 @@ def _range(cell: Cell) -> float:
     return min(*(abs(x) for x in low), *(abs(x) for x in high))
 
 
-def _arcs(T: Pose, section: Section, chain: Chain, most: float, where: str) -> Arcs:
+def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: str) -> Arcs:
     """Return the pieces of a tunnel one after the other, with the curves across its gaps.
 
     Raises `ConfigError` for a gap that no curve crosses whose joints turn less than `most` [rad].
@@ -85,7 +85,7 @@ def _arcs(T: Pose, section: Section, chain: Chain, most: float, where: str) -> A
     return Arcs.of_all(pieces)
 
 
-def _bow(section: Section) -> Array:
+def _bow(section: BackboneSection) -> Array:
     """Return where the exterior bows out to (3,), in the entrance's frame."""
     angle = section.bow
     if angle is None:

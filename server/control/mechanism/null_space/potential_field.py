@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .....config.schema.null_space.potential import PotentialField as Config
+from .....config.schema.null_space.potential import PotentialFieldSection
 from ...joints import Joints
 from ...proximity.capsules import Capsules, Placed
 from ...scene import Scene
@@ -45,7 +45,9 @@ class FieldReading(NamedTuple):
 class Field:
     """The field of one cell."""
 
-    def __init__(self, joints: Joints, c: Config, capsules: Capsules | None, rank: int = 6) -> None:
+    def __init__(
+        self, joints: Joints, c: PotentialFieldSection, capsules: Capsules | None, rank: int = 6
+    ) -> None:
         """Build it from the cell's section; `rank` is how many axes the arm reaches anywhere.
 
         `capsules` are the arm's, None where nothing asks for them.

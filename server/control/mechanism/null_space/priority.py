@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from .....config.load import Cell
-from .....config.schema.null_space.priority import Priority as Law
+from .....config.schema.null_space.priority import PrioritySection
 from ...proximity.control_points import ControlPointDistances, ControlPoints
 from ...scene import Scene
 from ...spatial import Array, Pose
@@ -35,7 +35,9 @@ class Near(NamedTuple):
 class Priority:
     """The virtual spheres of one cell, and the law of eqs. 8 to 10."""
 
-    def __init__(self, law: Law, points: ControlPoints, joints: Array, period_s: float) -> None:
+    def __init__(
+        self, law: PrioritySection, points: ControlPoints, joints: Array, period_s: float
+    ) -> None:
         """`joints` (n,) has ones where the joint's rate avoids, zeros elsewhere."""
         self._law, self._points, self._joints = law, points, joints
         self._names = tuple(sphere.name for sphere in law.spheres)
@@ -73,13 +75,13 @@ class Priority:
         return np.asarray(size * self._joints * np.clip(widening / LEVEL, -1.0, 1.0))
 
 
-def size_of(distance: float, law: Law) -> float:
+def size_of(distance: float, law: PrioritySection) -> float:
     """Return |ξ| of each joint [rad/s] at a distance [m] (eq. 8)."""
     part = (law.outer_radius - distance) / (law.outer_radius - law.inner_radius)
     return law.rate * max(0.0, part)
 
 
-def alpha_of(distance: float, law: Law) -> float:
+def alpha_of(distance: float, law: PrioritySection) -> float:
     """Return α at a distance [m] (eq. 9)."""
     part = (distance - law.inner_radius) / (law.outer_radius - law.inner_radius)
     return math.exp(-law.steepness * max(0.0, part))

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .....config.schema.null_space.redundancy import Redundancy as Config
+from .....config.schema.null_space.redundancy import RedundancySection
 from ...compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
 from ...joints import Joints
 from ...spatial import Array
@@ -47,7 +47,7 @@ class Redundancy:
     """Composes the objectives of one mechanism."""
 
     def __init__(
-        self, joints: Joints, mechanism: Mechanism, section: Config, pull_posture: Array
+        self, joints: Joints, mechanism: Mechanism, section: RedundancySection, pull_posture: Array
     ) -> None:
         """Build it from the cell's section; the posture objective pulls to `pull_posture` (n,)."""
         self._objectives = {name: kind(joints, mechanism) for name, kind in KINDS.items()}

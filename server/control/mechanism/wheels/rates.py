@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .....config.schema.cell import Resolve
-from .....config.schema.mechanism.base import DifferentialBase
+from .....config.schema.cell import ResolveSection
+from .....config.schema.mechanism.base import DifferentialBaseSection
 from ...joints import Joints
 from ...rigid_body import jacobian_at, twist_at
 from ...spatial import Array, Pose, sizes
@@ -52,10 +52,10 @@ class BaseRates:
 
     def __init__(
         self,
-        section: DifferentialBase,
+        section: DifferentialBaseSection,
         rolling: Rolling,
         joints: Joints,
-        resolution: Resolve,
+        resolution: ResolveSection,
         ranks: tuple[int, int],
         redundancy: Redundancy,
         field: Field,

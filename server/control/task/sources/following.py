@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .....config.schema.sources.following import Following as Section
+from .....config.schema.sources.following import FollowingSection
 from ...compiled import MATRIX, NUMBER, VECTOR, compiled
 from ...rigid_body import slowed_at
 from ...spatial import Array, Pose, moved_near, pose_error, right_jacobian
@@ -68,7 +68,7 @@ _IDLE: Final = FollowingState()
 class Following(Source[FollowingState]):
     """Follows the wrench of a hand on the arm."""
 
-    def __init__(self, section: Section, shaping: Shaping) -> None:
+    def __init__(self, section: FollowingSection, shaping: Shaping) -> None:
         self._impedance = impedance(section)
         self._most, self._period_s = shaping.most, shaping.period_s
 
@@ -144,7 +144,7 @@ class Following(Source[FollowingState]):
         return 1.0 if time_s <= 0.0 else -math.expm1(-self._period_s / time_s)
 
 
-def impedance(section: Section) -> Impedance:
+def impedance(section: FollowingSection) -> Impedance:
     """Return the impedance that a cell's section describes."""
     f = section
     return Impedance(

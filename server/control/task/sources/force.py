@@ -10,7 +10,7 @@ from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from .....config.schema.sources.force import Force as Section
+from .....config.schema.sources.force import ForceSection
 from ...compiled import MATRIX, ROW, VECTOR, compiled
 from ...rigid_body import rotate_twist, twist_at, wrench_to
 from ...spatial import Array
@@ -34,7 +34,7 @@ class Force(Source[ForceState]):
 
     ORDERS: ClassVar[bool] = False
 
-    def __init__(self, section: Section, shaping: Shaping) -> None:
+    def __init__(self, section: ForceSection, shaping: Shaping) -> None:
         self._threshold, self._leash = section.hold_threshold, section.hold_leash
 
     def idle(self) -> ForceState:

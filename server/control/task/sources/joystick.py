@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .....config.schema.sources.joystick import Joystick as Section
+from .....config.schema.sources.joystick import JoystickSection
 from ...rigid_body import motion_at, rotate_twist
 from ...spatial import Array
 from ...stop.motion import Motion
@@ -34,7 +34,7 @@ _RELEASED: Final = JoystickState(Motion(NO_TWIST, NO_TWIST, NO_TWIST))
 class Joystick(Source[JoystickState]):
     """Shapes the stick's twist inside acceleration and jerk bounds."""
 
-    def __init__(self, section: Section, shaping: Shaping) -> None:
+    def __init__(self, section: JoystickSection, shaping: Shaping) -> None:
         self._shaping = shaping
         self._planner = self._braking = VelocityPlanner(shaping.acceleration, shaping.jerk)
         quicker = section.braking

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from .....config.schema.sources.position import Position as Section
+from .....config.schema.sources.position import PositionSection
 from ...compiled import MATRIX, ROW, VECTOR, compiled
 from ...rigid_body import differ, motion_at, rotate_twist, twist_at
 from ...spatial import Array, Pose, pose_error
@@ -38,7 +38,7 @@ class Position(Source[PositionState]):
     placed on, so that no MRF of now is the path's.
     """
 
-    def __init__(self, section: Section, shaping: Shaping) -> None:
+    def __init__(self, section: PositionSection, shaping: Shaping) -> None:
         self._speed = np.array([section.speed] * 3 + [section.angular_speed] * 3)
         self._most, self._acceleration = shaping.most, shaping.acceleration
         self._leader = Leader(self._speed, shaping.acceleration, shaping.jerk, shaping.period_s)

@@ -6,7 +6,7 @@ J z, is this source; what is left of it, (1 − J⁺J) z, is the redundancy obje
 
 from typing import NamedTuple
 
-from .....config.schema.sources.reflex import Reflex as Section
+from .....config.schema.sources.reflex import ReflexSection
 from ...spatial import Array
 from ..source import NO_TWIST, Context, Shaping, Source
 
@@ -21,7 +21,7 @@ _IDLE = ReflexState()
 class Reflex(Source[ReflexState]):
     """Leads the tool as the arm folds."""
 
-    def __init__(self, section: Section, shaping: Shaping) -> None:
+    def __init__(self, section: ReflexSection, shaping: Shaping) -> None:
         """Build it; it has no constants."""
 
     def idle(self) -> ReflexState:

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .....config.schema.sources.spring import Spring as Section
+from .....config.schema.sources.spring import SpringSection
 from ...compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
 from ...rigid_body import twist_at
 from ...spatial import Array, Pose
@@ -37,7 +37,7 @@ _IDLE: Final = SpringState(Motion(NO_TWIST, NO_TWIST, NO_TWIST))
 class Spring(Source[SpringState]):
     """Pulls the tool to a line or a plane."""
 
-    def __init__(self, section: Section, shaping: Shaping) -> None:
+    def __init__(self, section: SpringSection, shaping: Shaping) -> None:
         self._plane, self._relative_to = section.shape == "plane", section.relative_to
         self._point, self._direction = np.array(section.point), _unit(section.direction)
         self._axis = None if section.tool_axis is None else _unit(section.tool_axis)

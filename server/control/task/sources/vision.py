@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .....config.schema.sources.vision import Vision as Section
+from .....config.schema.sources.vision import VisionSection
 from ...compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
 from ...rigid_body import twist_at
 from ...spatial import Array, Pose, pose_error
@@ -44,7 +44,7 @@ _IDLE: Final = VisionState(Motion(NO_TWIST, NO_TWIST, NO_TWIST))
 class Vision(Source[VisionState]):
     """Keeps a view; the Lens is no faster than the section's speeds, and its rate is shaped."""
 
-    def __init__(self, section: Section, shaping: Shaping) -> None:
+    def __init__(self, section: VisionSection, shaping: Shaping) -> None:
         self._speed, self._turn = section.speed, section.angular_speed
         self._planner = VelocityPlanner(shaping.acceleration, shaping.jerk)
         self._period_s = shaping.period_s

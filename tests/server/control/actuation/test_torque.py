@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.torque import Torque
+from telerobot.config.schema.mechanism.torque import TorqueSection
 from telerobot.server.control.actuation.torque import TorqueLaw
 from telerobot.server.control.mechanism.dynamics import Dynamics
 from telerobot.server.control.mechanism.kinematics import Mechanism
@@ -28,7 +28,7 @@ class Plant:
     def __init__(self, q, rate=None, **gains):
         self.mechanism = Mechanism.from_cell(load_cell("pa10_hand"))
         self.dynamics = Dynamics(self.mechanism, np.array(ROTORS))
-        torque = Torque(**{**QUIET, **gains})
+        torque = TorqueSection(**{**QUIET, **gains})
         self.law = TorqueLaw(self.dynamics, torque, np.zeros(7), MOST, 0.3, T, rate, TOOL, RATED)
         self.q, self.dq = q.copy(), np.zeros(7)
         self.acting = self.dynamics.bias(self.q, self.dq)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import Avoidance, Obstacle
+from telerobot.config.schema.obstacles import AvoidanceSection, ObstacleSection
 from telerobot.server.control.barriers.clearance import (
     BESIDE,
     BETWEEN,
@@ -22,16 +22,18 @@ from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 THINGS = (
-    Obstacle(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1)),
-    Obstacle(name="ball", shape="sphere", xyz=(0.4, -0.4, 0.7), radius=0.1),
-    Obstacle(name="pole", shape="capsule", xyz=(0.5, 0.35, 0), to=(0.5, 0.35, 1), radius=0.05),
+    ObstacleSection(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1)),
+    ObstacleSection(name="ball", shape="sphere", xyz=(0.4, -0.4, 0.7), radius=0.1),
+    ObstacleSection(
+        name="pole", shape="capsule", xyz=(0.5, 0.35, 0), to=(0.5, 0.35, 1), radius=0.05
+    ),
 )
 
 
 @pytest.fixture
 def clear(pa10):
     """Return the clearances of an arm among things, and the scene."""
-    given = Avoidance(enabled=True)
+    given = AvoidanceSection(enabled=True)
     config = pa10.cell.config.model_copy(update={"obstacles": THINGS, "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
     clearance = Clearance(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk, Capsules(cell))

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import Avoidance, Obstacle
+from telerobot.config.schema.obstacles import AvoidanceSection, ObstacleSection
 from telerobot.server.control.barriers.collision import ORDERED, Guard, Situation, Tool
 from telerobot.server.control.evolve import evolve
 from telerobot.server.control.spatial import Pose
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
-TABLE = Obstacle(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1))
-POST = Obstacle(name="post", shape="point", xyz=(0.85, 0.0, 0.5))
+TABLE = ObstacleSection(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1))
+POST = ObstacleSection(name="post", shape="point", xyz=(0.85, 0.0, 0.5))
 
 
 @pytest.fixture
 def watched(pa10):
     """Return a function of joint rates, asked for and present: what the guard watches then."""
-    given = Avoidance(enabled=True, near_speed=0.05, clearance=0.02)
+    given = AvoidanceSection(enabled=True, near_speed=0.05, clearance=0.02)
     config = pa10.cell.config.model_copy(update={"obstacles": (TABLE, POST), "avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
     guard = Guard(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk)
@@ -40,7 +40,7 @@ def test_beside_things_the_tool_is_as_slow_as_it_is_told(watched, rng):
         guard, seen = watch(asked, np.zeros(7))
         near, links = seen.sight.near, guard.capsules
         tool = (links.body[near.first] == links.forest.n) & (near.obstacle >= 0)
-        limits = Avoidance(enabled=True)
+        limits = AvoidanceSection(enabled=True)
         far = (near.gap[tool].min() - 0.02) / (limits.near_distance - 0.02)
         bound = 0.05 + np.clip(far, 0.0, 1.0) * (guard._speed - 0.05)
         expected = min(1.0, bound / np.linalg.norm(J[:3] @ asked))

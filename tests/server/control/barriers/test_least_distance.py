@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.obstacles import Obstacle
+from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.server.control.barriers.least_distance import least_distance
 from telerobot.server.control.barriers.programme import BarrierError, nearest
 from telerobot.tools.campaign.kernels.wedges import Wedge, wedge
@@ -88,7 +88,7 @@ def test_what_is_not_a_number_is_not_taken_for_an_order_to_stand(pa10, name):
         nearest(given["dq"], given["J"], -V, V, V, L, (given["slopes"], given["least"]))
 
 
-def around(kept: Kept, rng: np.random.Generator) -> tuple[Obstacle, ...]:
+def around(kept: Kept, rng: np.random.Generator) -> tuple[ObstacleSection, ...]:
     """Return things in pairs on opposite sides of links, nearer than they may be or in them."""
     ends = kept.guard.capsules.place(kept.run.q[None]).ends[0].reshape(-1, 2, 3)
     found = []
@@ -106,7 +106,7 @@ def around(kept: Kept, rng: np.random.Generator) -> tuple[Obstacle, ...]:
                 "capsule": {"radius": radius, "to": to},
                 "box": {"half_size": (radius,) * 3},
             }[shape]
-            found.append(Obstacle(name=f"thing_{i}_{side}", shape=shape, xyz=xyz, **size))
+            found.append(ObstacleSection(name=f"thing_{i}_{side}", shape=shape, xyz=xyz, **size))
     return tuple(found)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import Avoidance, Workspace
+from telerobot.config.schema.obstacles import AvoidanceSection, WorkspaceSection
 from telerobot.server.control.barriers.workspace import BETWEEN, Walls
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
@@ -14,8 +14,8 @@ T_WRIST_MRF = Pose.from_xyz_rpy((0.02, -0.05, 0.2), (0.1, 0.2, 0.3))
 
 @pytest.fixture
 def walls(pa10):
-    box = Workspace(low=tuple(LOW.tolist()), high=tuple(HIGH.tolist()))
-    given = Avoidance(enabled=True, workspace=box)
+    box = WorkspaceSection(low=tuple(LOW.tolist()), high=tuple(HIGH.tolist()))
+    given = AvoidanceSection(enabled=True, workspace=box)
     config = pa10.cell.config.model_copy(update={"avoidance": given})
     cell = Cell(pa10.cell.path, config, pa10.cell.robot)
     return Walls(cell, Capsules(cell))

@@ -14,7 +14,7 @@ STEP = 1e-6
 def based_at(cell, T_world_base):
     """The cell's mechanism with its Base elsewhere in World."""
     x, y, z, *rpy = T_world_base.to_xyz_rpy()
-    base = schema.Pose(xyz=(x, y, z), rpy=tuple(rpy))
+    base = schema.PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
     mechanism = cell.config.mechanism.model_copy(update={"T_world_base": base})
     config = cell.config.model_copy(update={"mechanism": mechanism})
     return Mechanism.from_cell(replace(cell, config=config))

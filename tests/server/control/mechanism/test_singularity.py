@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from telerobot.config.load import load_cell
-from telerobot.config.schema.cell import Resolve
+from telerobot.config.schema.cell import ResolveSection
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.resolution import resolve
 from telerobot.server.control.spatial import Pose
@@ -13,7 +13,7 @@ from telerobot.tools.campaign.kernels.crossings import Singular, arms
 from ..chains import CHAINS
 
 HERE = Pose.identity()
-P = Resolve()
+P = ResolveSection()
 W = np.diag([1.0] * 3 + [P.characteristic_length] * 3)
 
 
@@ -45,7 +45,7 @@ def test_nor_where_one_that_does_not_reach_all_axes_does(name):
     assert [arm.line(rng).jumps()[0] for _ in range(15)] == [[]] * 15
 
 
-def bound(p: Resolve) -> float:
+def bound(p: ResolveSection) -> float:
     """Return the greatest gain that the documentation of the damping allows [1/m]."""
     return float(1.0 / (2.0 * p.damping * np.sqrt(1.0 - (p.damping / p.singular_region) ** 2)))
 
@@ -104,13 +104,13 @@ def test_a_damping_that_bounds_nothing_is_refused(wrong):
     """At λm = σ0 its bound is infinite, beyond it is none."""
     ((name, value),) = wrong.items()
     with pytest.raises(ValidationError, match=f"{name} = {value} must be below singular_region"):
-        Resolve(**wrong)
+        ResolveSection(**wrong)
 
 
 @pytest.mark.parametrize("damping", [0.001, 0.02, 0.049])
 @pytest.mark.parametrize("region", [0.05, 0.3])
 def test_every_damping_that_is_allowed_keeps_its_bound(pa10, rng, damping, region):
-    p = Resolve(damping=damping, singular_region=region)
+    p = ResolveSection(damping=damping, singular_region=region)
     for _ in range(150):
         q = pa10.random_posture(rng)
         q[3] = rng.choice([0.0, 1e-3, 0.02, 0.1])

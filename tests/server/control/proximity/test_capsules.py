@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import Cell, ConfigError
-from telerobot.config.schema.obstacles import Avoidance, LinkCapsule
+from telerobot.config.schema.obstacles import AvoidanceSection, LinkCapsuleSection
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
 
@@ -80,7 +80,7 @@ def test_a_ball_at_the_end_of_a_rod_is_no_capsule_of_its_own(pa10):
 
 
 def test_the_cell_may_add_to_the_shape_of_a_link(pa10):
-    tool = LinkCapsule(link="flange", start=(0, 0, 0.1), end=(0, 0, 0.3), radius=0.02)
+    tool = LinkCapsuleSection(link="flange", start=(0, 0, 0.1), end=(0, 0, 0.3), radius=0.02)
     links = Capsules(_with(pa10.cell, tool))
     assert links.links[-1] == "flange"
     q = pa10.posture("ready")
@@ -90,12 +90,12 @@ def test_the_cell_may_add_to_the_shape_of_a_link(pa10):
 
 
 def test_a_capsule_for_a_link_that_is_not_there_is_named(pa10):
-    tool = LinkCapsule(link="flnge", start=(0, 0, 0.1), end=(0, 0, 0.3), radius=0.02)
+    tool = LinkCapsuleSection(link="flnge", start=(0, 0, 0.1), end=(0, 0, 0.3), radius=0.02)
     with pytest.raises(ConfigError, match=r"avoidance.capsules\[0\].link: value 'flnge'"):
         Capsules(_with(pa10.cell, tool))
 
 
-def _with(cell: Cell, *capsules: LinkCapsule) -> Cell:
-    avoidance = Avoidance(capsules=capsules)
+def _with(cell: Cell, *capsules: LinkCapsuleSection) -> Cell:
+    avoidance = AvoidanceSection(capsules=capsules)
     config = cell.config.model_copy(update={"avoidance": avoidance})
     return Cell(cell.path, config, cell.robot)

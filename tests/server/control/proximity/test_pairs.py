@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import AllowedContact, Avoidance, Obstacle
+from telerobot.config.schema.obstacles import (
+    AllowedContactSection,
+    AvoidanceSection,
+    ObstacleSection,
+)
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.proximity.pairs import PairSearch
 from telerobot.server.control.scene import Scene
@@ -14,23 +18,27 @@ from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 BOXES = tuple(
-    Obstacle(name=f"box{i}", shape="box", xyz=xyz, half_size=(0.1, 0.2, 0.05), rpy=(0.3, 0.5, i))
+    ObstacleSection(
+        name=f"box{i}", shape="box", xyz=xyz, half_size=(0.1, 0.2, 0.05), rpy=(0.3, 0.5, i)
+    )
     for i, xyz in enumerate([(0.6, 0.1, 0.2), (-0.5, 0.4, 0.6)])
 )
 ROUNDS = (
-    Obstacle(name="pole", shape="capsule", xyz=(0.5, 0.35, 0), to=(0.5, 0.35, 1), radius=0.05),
-    Obstacle(name="ball", shape="sphere", xyz=(0.4, -0.4, 0.7), radius=0.1, clearance=0.07),
-    Obstacle(name="post", shape="point", xyz=(0.85, 0.0, 0.5)),
+    ObstacleSection(
+        name="pole", shape="capsule", xyz=(0.5, 0.35, 0), to=(0.5, 0.35, 1), radius=0.05
+    ),
+    ObstacleSection(name="ball", shape="sphere", xyz=(0.4, -0.4, 0.7), radius=0.1, clearance=0.07),
+    ObstacleSection(name="post", shape="point", xyz=(0.85, 0.0, 0.5)),
 )
-VIEW = Obstacle(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to=(0.8, -0.2, 0.1))
+VIEW = ObstacleSection(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to=(0.8, -0.2, 0.1))
 EVERYWHERE = 1e3
 
 
 class Near:
     """An arm among obstacles."""
 
-    def __init__(self, cell: Cell, obstacles: tuple[Obstacle, ...], **avoidance) -> None:
-        given = Avoidance(enabled=True, clearance=0.02, self_clearance=0.01, **avoidance)
+    def __init__(self, cell: Cell, obstacles: tuple[ObstacleSection, ...], **avoidance) -> None:
+        given = AvoidanceSection(enabled=True, clearance=0.02, self_clearance=0.01, **avoidance)
         config = cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
         cell = Cell(cell.path, config, cell.robot)
         self.capsules = Capsules(cell)
@@ -106,7 +114,7 @@ def test_gaps_and_promises_are_those_of_the_things_that_pairs_name(pa10, rng):
 
 
 def test_what_may_touch_what_is_soft_and_base_are_left_out(pa10):
-    contact = AllowedContact(link="hand", other="post")
+    contact = AllowedContactSection(link="hand", other="post")
     among = Near(pa10.cell, (*ROUNDS, VIEW), allowed_contacts=(contact,))
     near = among.look(pa10.posture("ready"))
     found = {

@@ -5,18 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.obstacles import Obstacle
+from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.server.control.proximity.points import apart
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
 SOLIDS = {
-    "dot": Obstacle(name="dot", shape="point", xyz=(0.3, 0.3, 0.6)),
-    "ball": Obstacle(name="ball", shape="sphere", xyz=(0.5, -0.4, 0.7), radius=0.1),
-    "pipe": Obstacle(
+    "dot": ObstacleSection(name="dot", shape="point", xyz=(0.3, 0.3, 0.6)),
+    "ball": ObstacleSection(name="ball", shape="sphere", xyz=(0.5, -0.4, 0.7), radius=0.1),
+    "pipe": ObstacleSection(
         name="pipe", shape="capsule", xyz=(0.6, 0.5, 0.2), to=(0.6, 0.4, 0.9), radius=0.05
     ),
-    "case": Obstacle(
+    "case": ObstacleSection(
         name="case",
         shape="box",
         xyz=(0.1, 0.2, 0.5),
@@ -24,7 +24,7 @@ SOLIDS = {
         half_size=(0.1, 0.4, 0.2),
     ),
 }
-VIEW = Obstacle(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to=(0.8, -0.2, 0.1))
+VIEW = ObstacleSection(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to=(0.8, -0.2, 0.1))
 
 
 def scene_of(*obstacles):

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from telerobot.config.schema.sources.schedule import Schedule
+from telerobot.config.schema.sources.schedule import ScheduleSection
 from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Intent
@@ -16,7 +16,7 @@ NOTHING = Quantities(None, None, 0.0)
 
 
 def schedule(source="joystick", by="contact_force", at=(10.0, 30.0), factor=(1.0, 0.2), **more):
-    return Schedule(source=source, by=by, at=at, factor=factor, **more)
+    return ScheduleSection(source=source, by=by, at=at, factor=factor, **more)
 
 
 def factor(one, **now):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.sources import SOURCES, Sources
+from telerobot.config.schema.sources.sources import SOURCES, SourcesSection
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.task.asked import StickCommand, ViewGoal
 from telerobot.server.control.task.paths.goals import PathGoal
@@ -16,7 +16,7 @@ FAR = Pose(np.eye(3), np.array([0.3, -0.2, 0.1]))
 
 @pytest.fixture(params=SOURCES)
 def source(request):
-    return KINDS[request.param](getattr(Sources(), request.param), SHAPING)
+    return KINDS[request.param](getattr(SourcesSection(), request.param), SHAPING)
 
 
 def busy(**said):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import can
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.bus.on_bus import NodeIdentity
+from telerobot.config.schema.bus.on_bus import NodeIdentitySection
 from telerobot.drivers.canopen.scan import listen_for_masters
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbuses import Fieldbuses
@@ -68,7 +68,7 @@ def test_a_wrong_node_is_named_with_who_is_there_instead(bench):
 
 def test_a_wrong_identity_is_told_field_by_field(bench):
     told = errors(
-        findings(bench, deviating(identity=NodeIdentity(vendor=5, product=0x402, serial=9)))
+        findings(bench, deviating(identity=NodeIdentitySection(vendor=5, product=0x402, serial=9)))
     )
     assert set(told) == {"e1 identity"}
     assert "vendor 0x0, the cell says 0x5" in told["e1 identity"]

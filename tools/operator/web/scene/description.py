@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from .....config.drives.joint_bounds import joint_bounds
 from .....config.load import Cell
-from .....config.schema.sensors.cameras import Camera
+from .....config.schema.sensors.cameras import CameraSection
 from .links import described_links
 from .poses import of_pose
 from .surroundings import described_obstacles, described_rig
@@ -104,7 +104,7 @@ def _tasks(cell: Cell, links: dict[str, int]) -> list[dict[str, Any]]:
     return tasks
 
 
-def _camera(camera: Camera, task: str) -> dict[str, Any]:
+def _camera(camera: CameraSection, task: str) -> dict[str, Any]:
     return {
         "name": camera.name,
         "task": task,

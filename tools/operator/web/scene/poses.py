@@ -4,7 +4,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
-from .....config.schema.section import Pose
+from .....config.schema.section import PoseSection
 
 Seven = list[float]
 """x, y, z [m] and the unit quaternion qx, qy, qz, qw of one frame in another."""
@@ -24,7 +24,7 @@ def seven(xyz: Sequence[float], rpy: Sequence[float]) -> Seven:
     ]
 
 
-def of_pose(pose: Pose) -> Seven:
+def of_pose(pose: PoseSection) -> Seven:
     """Return a pose of the cell file."""
     return seven(pose.xyz, pose.rpy)
 

@@ -4,11 +4,11 @@ import math
 from typing import Any
 
 from .....config.load import Cell
-from .....config.schema.obstacles import Obstacle
-from .....config.schema.rig.beam import RigBeam
-from .....config.schema.rig.bridge import RigBridge
-from .....config.schema.rig.rig import Rig
-from .....config.schema.sensors.cameras import RigTag
+from .....config.schema.obstacles import ObstacleSection
+from .....config.schema.rig.beam import RigBeamSection
+from .....config.schema.rig.bridge import RigBridgeSection
+from .....config.schema.rig.rig import RigSection
+from .....config.schema.sensors.cameras import RigTagSection
 from .....drivers.device import DeviceError
 from .poses import Seven, along, of_pose, seven
 
@@ -19,7 +19,7 @@ def described_obstacles(cell: Cell) -> list[dict[str, Any]]:
     return [_obstacle(obstacle, default) for obstacle in cell.config.obstacles]
 
 
-def _obstacle(obstacle: Obstacle, default: float) -> dict[str, Any]:
+def _obstacle(obstacle: ObstacleSection, default: float) -> dict[str, Any]:
     soft = obstacle.shape == "sight_line"
     return {
         "name": obstacle.name,
@@ -63,7 +63,7 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
     }
 
 
-def _bridge(bridge: RigBridge) -> list[dict[str, Any]]:
+def _bridge(bridge: RigBridgeSection) -> list[dict[str, Any]]:
     """Return pillars and beam; the near face's middle is `distance` ahead of World."""
     c, s = math.cos(bridge.skew), math.sin(bridge.skew)
     depth, side = 0.5 * bridge.thickness, 0.5 * bridge.side
@@ -86,14 +86,14 @@ def _bridge(bridge: RigBridge) -> list[dict[str, Any]]:
     ]
 
 
-def _wall(rig: Rig) -> dict[str, Any] | None:
+def _wall(rig: RigSection) -> dict[str, Any] | None:
     if rig.wall is None:
         return None
     pose: Seven = [*rig.wall.xyz, *along(rig.wall.normal)]
     return {"pose": pose, "half_size": rig.wall.half_size}
 
 
-def _tag(tag: RigTag) -> dict[str, Any]:
+def _tag(tag: RigTagSection) -> dict[str, Any]:
     place = tag.T_world_tag if tag.T_world_tag is not None else tag.T_wrist_tag
     return {
         "name": tag.name,
@@ -105,7 +105,7 @@ def _tag(tag: RigTag) -> dict[str, Any]:
     }
 
 
-def _cells(tag: RigTag) -> list[list[int]] | None:
+def _cells(tag: RigTagSection) -> list[list[int]] | None:
     """Return the tag's picture with its white margin, rows of 0 (black) and 1; None unless OpenCV
     is installed."""
     try:
@@ -116,7 +116,7 @@ def _cells(tag: RigTag) -> list[list[int]] | None:
     return found
 
 
-def _beam(beam: RigBeam) -> dict[str, Any]:
+def _beam(beam: RigBeamSection) -> dict[str, Any]:
     return {
         "half_size": beam.half_size,
         "pegs": [of_pose(peg) for peg in beam.pegs],

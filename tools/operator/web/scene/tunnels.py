@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....config.load import Cell
-from .....config.schema.mechanism.backbone import Backbone
-from .....config.schema.section import Pose
+from .....config.schema.mechanism.backbone import BackboneSection
+from .....config.schema.section import PoseSection
 from .....server.control.spatial import rotation_exp, rotation_rpy
 
 STEP = 0.0075
@@ -38,7 +38,7 @@ def described_tunnels(cell: Cell) -> list[dict[str, Any]]:
     return found
 
 
-def centre_line(backbone: Backbone) -> list[list[list[float]]]:
+def centre_line(backbone: BackboneSection) -> list[list[list[float]]]:
     """Return a row of frames for each stretch without a gap.
 
     A frame is its origin, its y (to the left) and its z, in World: nine numbers.
@@ -65,7 +65,7 @@ def centre_line(backbone: Backbone) -> list[list[list[float]]]:
     return rows
 
 
-def _placed(pose: Pose) -> tuple[_Matrix, _Matrix]:
+def _placed(pose: PoseSection) -> tuple[_Matrix, _Matrix]:
     return np.array(pose.xyz), rotation_rpy(*pose.rpy)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from telerobot.config.load import load_cell
-from telerobot.config.schema.rig.peg import RigHole, RigPeg
+from telerobot.config.schema.rig.peg import RigHoleSection, RigPegSection
 from telerobot.drivers.rig.physics.world import World
 from telerobot.tools.oracle.poses import matrix
 
@@ -76,13 +76,13 @@ def test_the_sensor_carries_the_peg(world, rig):
 @pytest.mark.parametrize(
     ("section", "fields", "complaint"),
     [
-        (RigPeg, {"radius": 0.002}, "rounding 0.002 must be below radius 0.002"),
-        (RigPeg, {"length": 0.004}, "length 0.004 must be above 2 x rounding 0.002"),
-        (RigHole, {"half_size": 0.016}, "half_size 0.016 must be above radius 0.01025"),
-        (RigHole, {"depth": 0.006}, "depth 0.006 must be above 2 x chamfer 0.003"),
+        (RigPegSection, {"radius": 0.002}, "rounding 0.002 must be below radius 0.002"),
+        (RigPegSection, {"length": 0.004}, "length 0.004 must be above 2 x rounding 0.002"),
+        (RigHoleSection, {"half_size": 0.016}, "half_size 0.016 must be above radius 0.01025"),
+        (RigHoleSection, {"depth": 0.006}, "depth 0.006 must be above 2 x chamfer 0.003"),
     ],
 )
 def test_a_shape_that_cannot_be_is_refused_with_its_numbers(section, fields, complaint):
-    more = {} if section is RigPeg else {"name": "hole", "T_world_hole": {}}
+    more = {} if section is RigPegSection else {"name": "hole", "T_world_hole": {}}
     with pytest.raises(ValidationError, match=complaint):
         section.model_validate({**more, **fields})

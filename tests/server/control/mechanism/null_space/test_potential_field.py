@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.null_space.potential import PotentialField, VirtualLink
-from telerobot.config.schema.obstacles import Obstacle
+from telerobot.config.schema.null_space.potential import PotentialFieldSection, VirtualLinkSection
+from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.null_space.potential_field import Field
@@ -24,13 +24,15 @@ from telerobot.server.runtime.events import Events
 from ....conftest import SOURCES, Arm
 
 EVERY_KIND = (
-    Obstacle(name="dot", shape="point", xyz=(0.3, 0.3, 0.6)),
-    Obstacle(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to=(0.8, -0.2, 0.1)),
-    Obstacle(name="ball", shape="sphere", xyz=(0.5, -0.4, 0.7), radius=0.1),
-    Obstacle(name="pipe", shape="capsule", xyz=(0.6, 0.5, 0.2), to=(0.6, 0.4, 0.9), radius=0.05),
-    Obstacle(name="wall", shape="box", xyz=(-0.4, 0.2, 0.5), half_size=(0.05, 0.5, 0.5)),
+    ObstacleSection(name="dot", shape="point", xyz=(0.3, 0.3, 0.6)),
+    ObstacleSection(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to=(0.8, -0.2, 0.1)),
+    ObstacleSection(name="ball", shape="sphere", xyz=(0.5, -0.4, 0.7), radius=0.1),
+    ObstacleSection(
+        name="pipe", shape="capsule", xyz=(0.6, 0.5, 0.2), to=(0.6, 0.4, 0.9), radius=0.05
+    ),
+    ObstacleSection(name="wall", shape="box", xyz=(-0.4, 0.2, 0.5), half_size=(0.05, 0.5, 0.5)),
 )
-STRENGTHS = PotentialField(obstacles=0.1, lines=0.2, joint_limits=0.1, manipulability=0.3)
+STRENGTHS = PotentialFieldSection(obstacles=0.1, lines=0.2, joint_limits=0.1, manipulability=0.3)
 
 
 def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
@@ -117,7 +119,7 @@ def test_the_slope_in_the_self_motions_is_gone_within_two_seconds(start):
 
 @pytest.mark.parametrize("strength", [1e-3, 1.0])
 def test_the_strengths_do_not_change_how_quickly_the_slope_is_gone(start, strength):
-    potential = PotentialField(obstacles=strength, lines=strength, joint_limits=strength)
+    potential = PotentialFieldSection(obstacles=strength, lines=strength, joint_limits=strength)
     arm, scene = arm_among("pa10", EVERY_KIND, potential, field=4.0)
     run = start(arm, arm.posture("ready") + SWUNG)
     first = run.tick(scene=scene).field.slope
@@ -163,7 +165,7 @@ def test_a_field_that_nothing_follows_is_not_computed(start, monkeypatch):
 
 def test_where_there_is_no_field_none_is_computed_or_told(start):
     """Obstacles that do not repel, and no other potential."""
-    none = PotentialField(obstacles=0.0, lines=0.0, joint_limits=0.0, manipulability=0.0)
+    none = PotentialFieldSection(obstacles=0.0, lines=0.0, joint_limits=0.0, manipulability=0.0)
     arm, scene = arm_among("pa10", EVERY_KIND, none, field=4.0)
     run = start(arm)
     output = run.go(0.1, scene=scene)
@@ -181,13 +183,13 @@ def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
     assert output.self_motion.dq.any()
 
 
-ON_THE_WAY = (Obstacle(name="ball", shape="sphere", xyz=(0.55, 0.0, 0.40), radius=0.05),)
-LINK = VirtualLink(direction=(0.0, 0.0, 1.0), stiffness=2.0, longest=0.3, speed=0.3)
+ON_THE_WAY = (ObstacleSection(name="ball", shape="sphere", xyz=(0.55, 0.0, 0.40), radius=0.05),)
+LINK = VirtualLinkSection(direction=(0.0, 0.0, 1.0), stiffness=2.0, longest=0.3, speed=0.3)
 
 
 def crossing(start, obstacles, link=LINK):
     """A six-joint arm's tool goes 0.3 m to the side, straight through where the obstacle is."""
-    potential = PotentialField(obstacles=0.02, joint_limits=0.0, virtual_link=link)
+    potential = PotentialFieldSection(obstacles=0.02, joint_limits=0.0, virtual_link=link)
     arm, scene = arm_among("ur5e", obstacles, potential)
     run = start(arm)
     first = run.pose

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.obstacles import Obstacle
+from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.config.urdf.robot import read_robot
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.null_space.priority import (
@@ -24,7 +24,7 @@ from telerobot.tools.bench.load import chain
 CELL = load_cell("pa10_hand_pole")
 LAW = CELL.config.priority
 START = np.array(CELL.config.mechanism.postures["start"])
-BALL = Obstacle(name="ball", shape="sphere", xyz=(0.35, -0.35, 0.5), radius=0.05)
+BALL = ObstacleSection(name="ball", shape="sphere", xyz=(0.35, -0.35, 0.5), radius=0.05)
 
 
 def priority_of(cell=CELL, **changes):
@@ -134,7 +134,7 @@ def test_every_joints_rate_leads_away_by_self_motion(joints, rng):
 def test_no_sign_is_sudden_where_neither_way_leads_away(rng):
     """Across the posture where self-motion does not change the distance, rates turn over gently."""
     priority = priority_of()
-    above = Obstacle(name="lamp", shape="sphere", xyz=(0.318, 0.0, 0.95), radius=0.1)
+    above = ObstacleSection(name="lamp", shape="sphere", xyz=(0.318, 0.0, 0.95), radius=0.1)
     scene = scene_of(above)
     rates = []
     for swing in np.linspace(-0.02, 0.02, 81):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.position import Position as Section
+from telerobot.config.schema.sources.position import PositionSection
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp, rotation_log
 from telerobot.server.control.task.paths.goals import (
     PathGoal,
@@ -19,7 +19,7 @@ from ..shown import granted as let_through
 
 V, W = 0.2, 0.6
 SPEED = np.array([V] * 3 + [W] * 3)
-PATHS = Section(speed=V, angular_speed=W)
+PATHS = PositionSection(speed=V, angular_speed=W)
 GAIN = np.full(6, 2.0)
 PUSH = np.array([0.0, 0.0, 0.15, 0.0, 0.3, 0.0])
 CORNERS = ((0.1, 0.0, 0.0), (0.1, 0.1, 0.0), (0.0, 0.1, 0.05))

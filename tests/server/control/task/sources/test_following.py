@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.following import Following as Section
+from telerobot.config.schema.sources.following import FollowingSection
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.task.sources.following import Following, FollowingState
 
@@ -24,7 +24,7 @@ class Tool:
     """A tool that does what it is told."""
 
     def __init__(self):
-        self.source = Following(Section(), SHAPING)
+        self.source = Following(FollowingSection(), SHAPING)
         self.state = FollowingState()
         self.pose = Pose.identity()
 

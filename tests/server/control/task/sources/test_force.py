@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.force import Force as Section
+from telerobot.config.schema.sources.force import ForceSection
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.task.sources.force import Force, ForceState
 
@@ -13,7 +13,7 @@ HARD = 5.0 * WALL
 
 @pytest.fixture
 def force():
-    return Force(Section(hold_threshold=30.0, hold_leash=0.02), SHAPING)
+    return Force(ForceSection(hold_threshold=30.0, hold_leash=0.02), SHAPING)
 
 
 def rate(force, gain=GAIN, **said):

@@ -1,5 +1,5 @@
 import numpy as np
-from telerobot.config.schema.sources.joystick import Joystick as Section
+from telerobot.config.schema.sources.joystick import JoystickSection
 from telerobot.server.control.task.asked import StickCommand
 from telerobot.server.control.task.sources.joystick import Joystick, JoystickState
 
@@ -32,7 +32,7 @@ def in_bounds(rates):
 def test_the_stick_is_followed_inside_acceleration_and_jerk(rng):
     for _ in range(10):
         twist = rng.uniform(-1, 1, 6) * [0.3, 0.3, 0.3, 1, 1, 1]
-        rates, _ = hold(Joystick(Section(), SHAPING), twist, 1.0)
+        rates, _ = hold(Joystick(JoystickSection(), SHAPING), twist, 1.0)
         in_bounds(rates)
         np.testing.assert_allclose(rates[-1], twist, atol=1e-9)
 
@@ -41,7 +41,7 @@ def test_a_stick_that_falls_silent_fades_to_exactly_nothing_in_the_same_directio
     for _ in range(10):
         direction = rng.normal(size=6)
         twist = 0.3 * direction / np.linalg.norm(direction)
-        source = Joystick(Section(), SHAPING)
+        source = Joystick(JoystickSection(), SHAPING)
         held, state = hold(source, twist, 1.0)
         faded, state = hold(source, None, 1.0, state)
         in_bounds(np.vstack([held, faded]))
@@ -57,7 +57,7 @@ def test_a_stick_that_falls_silent_fades_to_exactly_nothing_in_the_same_directio
 
 def test_a_braking_stick_goes_the_same_way_to_rest_in_half_the_time(rng):
     twist = rng.uniform(-1, 1, 6) * [0.3, 0.3, 0.3, 1, 1, 1]
-    plain, quick = (Joystick(Section(braking=b), SHAPING) for b in (1.0, 2.0))
+    plain, quick = (Joystick(JoystickSection(braking=b), SHAPING) for b in (1.0, 2.0))
     held, state = hold(plain, twist, 1.0)
     same, _ = hold(quick, twist, 1.0)
     np.testing.assert_array_equal(same, held)
@@ -68,7 +68,7 @@ def test_a_braking_stick_goes_the_same_way_to_rest_in_half_the_time(rng):
 
 
 def test_a_braking_stick_that_is_taken_up_again_goes_on_inside_its_own_bounds():
-    source, twist = Joystick(Section(braking=2.0), SHAPING), np.full(6, 0.3)
+    source, twist = Joystick(JoystickSection(braking=2.0), SHAPING), np.full(6, 0.3)
     _, state = hold(source, twist, 1.0)
     released, state = hold(source, None, 0.03, state)
     rates, state = hold(source, twist, 1.0, state)
@@ -79,7 +79,7 @@ def test_a_braking_stick_that_is_taken_up_again_goes_on_inside_its_own_bounds():
 
 
 def test_a_stick_thrown_from_side_to_side_breaks_no_bound(rng):
-    source, state, rates = Joystick(Section(), SHAPING), JoystickState.idle(), []
+    source, state, rates = Joystick(JoystickSection(), SHAPING), JoystickState.idle(), []
     for _ in range(300):
         twist = None if rng.random() < 0.1 else rng.choice([-0.5, 0.5], 6)
         for _ in range(rng.integers(1, 12)):
@@ -90,13 +90,15 @@ def test_a_stick_thrown_from_side_to_side_breaks_no_bound(rng):
 
 def test_gains_apply_in_the_axes_that_the_stick_names():
     gain = np.array([1.0, 0.0, 1.0, 0.5, 1.0, 1.0])
-    rates, _ = hold(Joystick(Section(), SHAPING), np.full(6, 0.2), 1.0, axes=TURN, gain=gain)
+    rates, _ = hold(
+        Joystick(JoystickSection(), SHAPING), np.full(6, 0.2), 1.0, axes=TURN, gain=gain
+    )
     # The stick's x is World's y, its y is World's −x and is switched off.
     np.testing.assert_allclose(rates[-1], [0.0, 0.2, 0.2, -0.2, 0.1, 0.2], atol=1e-9)
 
 
 def test_an_untouched_stick_asks_for_nothing():
     idle = JoystickState.idle()
-    rate, state = Joystick(Section(), SHAPING).rate(held_at(None), idle, ONE)
+    rate, state = Joystick(JoystickSection(), SHAPING).rate(held_at(None), idle, ONE)
     assert not rate.any()
     assert state is idle

@@ -1,7 +1,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from telerobot.config.schema.sources.position import Position as Section
+from telerobot.config.schema.sources.position import PositionSection
 from telerobot.server.control.rigid_body import rotate_twist
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log
 from telerobot.server.control.task.paths.goals import PathGoal
@@ -13,7 +13,7 @@ from ..shown import granted as let_through
 
 V, W = 0.2, 0.6
 SPEED = np.array([V] * 3 + [W] * 3)
-PATHS = Section(speed=V, angular_speed=W)
+PATHS = PositionSection(speed=V, angular_speed=W)
 GAIN, WORLD = np.full(6, 2.0), np.eye(3)
 
 

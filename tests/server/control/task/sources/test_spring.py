@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.spring import Spring as Section
+from telerobot.config.schema.sources.spring import SpringSection
 from telerobot.server.control.arm.arm import Arm as ArmControl
 from telerobot.server.control.frame_tree import Body, Moved
 from telerobot.server.control.rigid_body import twist_at
@@ -23,7 +23,7 @@ WIDE = {"speed": 5.0, "angular_speed": 10.0}
 
 def spring(**section):
     given = {"point": tuple(POINT), "direction": tuple(DIRECTION), **WIDE}
-    return Spring(Section(**{**given, **section}), SHAPING)
+    return Spring(SpringSection(**{**given, **section}), SHAPING)
 
 
 def settled(source, pose, gain=GAIN, **said):
@@ -121,7 +121,7 @@ def fixed(pa10, start, **section):
     p = pa10.p
     at = start(pa10, "ready").pose.p
     given = {"point": tuple(at), "shape": "plane", "direction": (1.0, 0.0, 0.0), **section}
-    sources = p.sources.model_copy(update={"spring": Section(**given)})
+    sources = p.sources.model_copy(update={"spring": SpringSection(**given)})
     arm = replace(pa10, control=Control([ArmControl(replace(p, sources=sources), pa10.mechanism)]))
     run = start(arm, "ready")
     run.set(gains=pa10.gains(spring=2.0, position=0.0))

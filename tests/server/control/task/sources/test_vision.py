@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.vision import Vision as Section
+from telerobot.config.schema.sources.vision import VisionSection
 from telerobot.server.control.rigid_body import twist_at
 from telerobot.server.control.spatial import (
     Pose,
@@ -22,7 +22,7 @@ P_MRF = WRIST.p + WRIST.R @ np.array([0.0, 0.0, 0.12])
 
 
 def source():
-    return Vision(Section(speed=SPEED[0], angular_speed=SPEED[3]), SHAPING)
+    return Vision(VisionSection(speed=SPEED[0], angular_speed=SPEED[3]), SHAPING)
 
 
 def seen(view, wrist, p_mrf, factor=1.0):
