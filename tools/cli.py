@@ -19,7 +19,7 @@ from .host.first_start import told
 
 
 @dataclass(frozen=True)
-class Command:
+class HelpRow:
     """A row of the help: what is typed, which module does it, and how it is used."""
 
     name: str
@@ -29,52 +29,52 @@ class Command:
 
 
 COMMANDS: Final = (
-    Command("demo", "commands.demo", "virtual hardware and daemon on this machine, ready to drive",
+    HelpRow("demo", "commands.demo", "virtual hardware and daemon on this machine, ready to drive",
             ("telerobot demo", "telerobot demo ur5e")),
-    Command("serve", "commands.serve", "the daemon: runs a cell",
+    HelpRow("serve", "commands.serve", "the daemon: runs a cell",
             ("telerobot serve pa10", "telerobot serve my/cell.toml")),
-    Command("rig", "commands.rig",
+    HelpRow("rig", "commands.rig",
             "the virtual hardware of a cell: physics, drives and sensors on CAN",
             ("telerobot rig pa10",)),
-    Command("vision", "commands.vision", "looks through the cell's cameras, and tells the daemon",
+    HelpRow("vision", "commands.vision", "looks through the cell's cameras, and tells the daemon",
             ("telerobot vision pa10_vision", "telerobot vision pa10_vision --pictures=out")),
-    Command("scan", "scanning.cli", "looks through the laser scanner, and tells of obstacles",
+    HelpRow("scan", "scanning.cli", "looks through the laser scanner, and tells of obstacles",
             ("telerobot scan rover", "telerobot scan rover --seconds=60")),
-    Command("simulate", "commands.simulate", "daemon and rig in one process, in virtual time",
+    HelpRow("simulate", "commands.simulate", "daemon and rig in one process, in virtual time",
             ("telerobot simulate pa10", "telerobot simulate pa10 wall_push --json")),
-    Command("plot", "recording.plot.cli", "pictures of a recorded run, or of several side by side",
+    HelpRow("plot", "recording.plot.cli", "pictures of a recorded run, or of several side by side",
             ("telerobot plot run.mcap", "telerobot plot off.mcap on.mcap --out both.png")),
-    Command("record", "recording.live.cli",
+    HelpRow("record", "recording.live.cli",
             "writes all that a running cell says and does, for viewers and for replay",
             ("telerobot record pa10 --out=runs", "telerobot record pa10 --seconds=60")),
-    Command("replay", "replay.cli",
+    HelpRow("replay", "replay.cli",
             "runs the control computation on a recorded run, and compares every output",
             ("telerobot replay run.mcap", "telerobot replay run.mcap --until 12.5 --explain")),
-    Command("export", "export.cli",
+    HelpRow("export", "export.cli",
             "a recorded run as arrays, parquet or a LeRobot data set",
             ("telerobot export run.mcap --to=numpy", "telerobot export run.mcap --to=lerobot")),
-    Command("drive", "commands.drive", "a remote operator in the terminal",
+    HelpRow("drive", "commands.drive", "a remote operator in the terminal",
             ("telerobot drive pa10", "telerobot drive pa10 pose_move")),
-    Command("console", "recording.playback.cli", "the operator's page in the browser",
+    HelpRow("console", "recording.playback.cli", "the operator's page in the browser",
             ("telerobot console pa10", "telerobot console pa10 --listen=127.0.0.1:8090 --open",
              "telerobot console RUN.mcap --open")),
-    Command("init", "init.cli", "a cell for any arm, from its URDF alone",
+    HelpRow("init", "init.cli", "a cell for any arm, from its URDF alone",
             ("telerobot init arm.urdf", "telerobot init arm.urdf --tip=flange --out my_cell.toml")),
-    Command("check", "commands.check",
+    HelpRow("check", "commands.check",
             "judge a cell: timeouts, bus load, drives, stability, postures",
             ("telerobot check pa10", "telerobot check my/cell.toml --bus",
              "telerobot check my/cell.toml --profile=j1")),
-    Command("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
+    HelpRow("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
             ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
-    Command("certify", "certify.cli", "certificates: who may command, tell and listen on a network",
+    HelpRow("certify", "certify.cli", "certificates: who may command, tell and listen on a network",
             ("telerobot certify my/cell.toml", "telerobot certify my/cell.toml --operator=ann")),
-    Command("doctor", "commands.doctor", "is this machine fit: rights, timer, CAN, packages",
+    HelpRow("doctor", "commands.doctor", "is this machine fit: rights, timer, CAN, packages",
             ("telerobot doctor", "telerobot doctor --json")),
-    Command("completion", "commands.completion", "a shell's script that completes all of these",
+    HelpRow("completion", "commands.completion", "a shell's script that completes all of these",
             ("telerobot completion bash > ~/.local/share/bash-completion/completions/telerobot",)),
-    Command("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
+    HelpRow("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
             ("telerobot bench", "telerobot bench --quick --json bench.json")),
-    Command("campaign", "campaign.cli", "behaviour at scale: random scripts, scenes and faults",
+    HelpRow("campaign", "campaign.cli", "behaviour at scale: random scripts, scenes and faults",
             ("telerobot campaign", "telerobot campaign --only=hostile --cells pa10 --seeds 7:8")),
 )  # fmt: skip
 
@@ -110,7 +110,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _run(command: Command | None, arguments: list[str]) -> int:
+def _run(command: HelpRow | None, arguments: list[str]) -> int:
     args = build_parser((command,) if command else ()).parse_args(arguments)
     run: Callable[[argparse.Namespace], int] | None = getattr(args, "run", None)
     if run is None:
@@ -121,7 +121,7 @@ def _run(command: Command | None, arguments: list[str]) -> int:
     return code
 
 
-def build_parser(loaded: Sequence[Command]) -> argparse.ArgumentParser:
+def build_parser(loaded: Sequence[HelpRow]) -> argparse.ArgumentParser:
     """Return the parser of all commands; only those that are `loaded` know their arguments."""
     parser = _Parser(
         prog="telerobot",

@@ -114,7 +114,7 @@ def test_expected_trouble_is_a_line_and_a_code(monkeypatch, capsys, trouble, cod
 
 
 def test_a_command_that_cannot_be_imported_leaves_the_others_whole(monkeypatch, capsys):
-    broken = cli.Command("broken", "no_such_module", "never works", ())
+    broken = cli.HelpRow("broken", "no_such_module", "never works", ())
     monkeypatch.setattr(cli, "COMMANDS", (broken, *COMMANDS))
     assert main(["broken"]) == 1
     assert "broken: cannot be loaded" in capsys.readouterr().err
