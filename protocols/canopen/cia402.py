@@ -81,7 +81,7 @@ class Status(IntFlag):
     FOLLOWING_ERROR = 1 << 13
 
 
-class Control(IntEnum):
+class Controlword(IntEnum):
     """Controlwords (6040h) of the profile's commands."""
 
     DISABLE_VOLTAGE = 0x00
@@ -140,20 +140,20 @@ def decode_state(statusword: int) -> DriveState:
 
 
 _TOWARDS_ENABLED: Final = {
-    DriveState.SWITCH_ON_DISABLED: Control.SHUTDOWN,
-    DriveState.READY_TO_SWITCH_ON: Control.SWITCH_ON,
-    DriveState.SWITCHED_ON: Control.ENABLE_OPERATION,
-    DriveState.OPERATION_ENABLED: Control.ENABLE_OPERATION,
-    DriveState.QUICK_STOP_ACTIVE: Control.QUICK_STOP,
+    DriveState.SWITCH_ON_DISABLED: Controlword.SHUTDOWN,
+    DriveState.READY_TO_SWITCH_ON: Controlword.SWITCH_ON,
+    DriveState.SWITCHED_ON: Controlword.ENABLE_OPERATION,
+    DriveState.OPERATION_ENABLED: Controlword.ENABLE_OPERATION,
+    DriveState.QUICK_STOP_ACTIVE: Controlword.QUICK_STOP,
 }
 _TOWARDS_DISABLED: Final = {
-    DriveState.OPERATION_ENABLED: Control.SWITCH_ON,
-    DriveState.SWITCHED_ON: Control.SHUTDOWN,
-    DriveState.QUICK_STOP_ACTIVE: Control.QUICK_STOP,
+    DriveState.OPERATION_ENABLED: Controlword.SWITCH_ON,
+    DriveState.SWITCHED_ON: Controlword.SHUTDOWN,
+    DriveState.QUICK_STOP_ACTIVE: Controlword.QUICK_STOP,
 }
 
 
-def next_controlword(state: DriveState, target: DriveState) -> Control:
+def next_controlword(state: DriveState, target: DriveState) -> Controlword:
     """Return the controlword of the next step from `state` towards `target`.
 
     `target` is *Operation enabled* or *Switch on disabled*; any other raises `ValueError`. A quick
@@ -161,39 +161,45 @@ def next_controlword(state: DriveState, target: DriveState) -> Control:
     whose rising edge the caller owns, leads on.
     """
     if target is DriveState.OPERATION_ENABLED:
-        return _TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE)
+        return _TOWARDS_ENABLED.get(state, Controlword.DISABLE_VOLTAGE)
     if target is DriveState.SWITCH_ON_DISABLED:
-        return _TOWARDS_DISABLED.get(state, Control.DISABLE_VOLTAGE)
+        return _TOWARDS_DISABLED.get(state, Controlword.DISABLE_VOLTAGE)
     raise ValueError(f"{target.name} is not a state that a drive can be asked for")
 
 
-_TRANSITIONS: Final[dict[tuple[DriveState, Control], DriveState]] = {
-    (DriveState.SWITCH_ON_DISABLED, Control.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 2
-    (DriveState.READY_TO_SWITCH_ON, Control.SWITCH_ON): DriveState.SWITCHED_ON,  # 3
-    (DriveState.READY_TO_SWITCH_ON, Control.ENABLE_OPERATION): DriveState.SWITCHED_ON,  # 3
-    (DriveState.SWITCHED_ON, Control.ENABLE_OPERATION): DriveState.OPERATION_ENABLED,  # 4
-    (DriveState.OPERATION_ENABLED, Control.SWITCH_ON): DriveState.SWITCHED_ON,  # 5
-    (DriveState.SWITCHED_ON, Control.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 6
-    (DriveState.READY_TO_SWITCH_ON, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 7
-    (DriveState.READY_TO_SWITCH_ON, Control.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 7
-    (DriveState.OPERATION_ENABLED, Control.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 8
-    (DriveState.OPERATION_ENABLED, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 9
-    (DriveState.SWITCHED_ON, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 10
-    (DriveState.SWITCHED_ON, Control.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 10
-    (DriveState.OPERATION_ENABLED, Control.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,  # 11
-    (DriveState.QUICK_STOP_ACTIVE, Control.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 12
+_TRANSITIONS: Final[dict[tuple[DriveState, Controlword], DriveState]] = {
+    (DriveState.SWITCH_ON_DISABLED, Controlword.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 2
+    (DriveState.READY_TO_SWITCH_ON, Controlword.SWITCH_ON): DriveState.SWITCHED_ON,  # 3
+    (DriveState.READY_TO_SWITCH_ON, Controlword.ENABLE_OPERATION): DriveState.SWITCHED_ON,  # 3
+    (DriveState.SWITCHED_ON, Controlword.ENABLE_OPERATION): DriveState.OPERATION_ENABLED,  # 4
+    (DriveState.OPERATION_ENABLED, Controlword.SWITCH_ON): DriveState.SWITCHED_ON,  # 5
+    (DriveState.SWITCHED_ON, Controlword.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 6
+    (
+        DriveState.READY_TO_SWITCH_ON,
+        Controlword.DISABLE_VOLTAGE,
+    ): DriveState.SWITCH_ON_DISABLED,  # 7
+    (DriveState.READY_TO_SWITCH_ON, Controlword.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 7
+    (DriveState.OPERATION_ENABLED, Controlword.SHUTDOWN): DriveState.READY_TO_SWITCH_ON,  # 8
+    (DriveState.OPERATION_ENABLED, Controlword.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 9
+    (DriveState.SWITCHED_ON, Controlword.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,  # 10
+    (DriveState.SWITCHED_ON, Controlword.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,  # 10
+    (DriveState.OPERATION_ENABLED, Controlword.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,  # 11
+    (
+        DriveState.QUICK_STOP_ACTIVE,
+        Controlword.DISABLE_VOLTAGE,
+    ): DriveState.SWITCH_ON_DISABLED,  # 12
 }
 
 
-def command_of(controlword: int) -> Control:
+def command_of(controlword: int) -> Controlword:
     """Return the command in a controlword's bits 0 to 3 (CiA 402-2, table 27)."""
     if not controlword & 0x02:
-        return Control.DISABLE_VOLTAGE
+        return Controlword.DISABLE_VOLTAGE
     if not controlword & 0x04:
-        return Control.QUICK_STOP
+        return Controlword.QUICK_STOP
     if not controlword & 0x01:
-        return Control.SHUTDOWN
-    return Control.ENABLE_OPERATION if controlword & 0x08 else Control.SWITCH_ON
+        return Controlword.SHUTDOWN
+    return Controlword.ENABLE_OPERATION if controlword & 0x08 else Controlword.SWITCH_ON
 
 
 def apply_controlword(state: DriveState, previous_controlword: int, controlword: int) -> DriveState:
@@ -204,7 +210,7 @@ def apply_controlword(state: DriveState, previous_controlword: int, controlword:
     edge* of bit 7, hence `previous_controlword`.
     """
     if state is DriveState.FAULT:
-        rising = controlword & ~previous_controlword & Control.FAULT_RESET
+        rising = controlword & ~previous_controlword & Controlword.FAULT_RESET
         return DriveState.SWITCH_ON_DISABLED if rising else state
     return _TRANSITIONS.get((state, command_of(controlword)), state)
 

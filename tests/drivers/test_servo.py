@@ -7,7 +7,7 @@ import pytest
 from telerobot.drivers.device import Cause
 from telerobot.drivers.fieldbuses import Fieldbuses
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtState
-from telerobot.protocols.canopen.cia402 import Control, DriveState, Status
+from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Status
 from telerobot.server.plant import Plant
 
 ENABLED = DriveState.OPERATION_ENABLED
@@ -62,7 +62,7 @@ def test_enabled_the_setpoint_goes_out_as_asked_and_what_was_sent_is_returned(ce
     _, sent = cell.step(position=0.70004)
     assert sent.raw == 4500
     assert sent.command == pytest.approx(0.7)
-    assert cell.played.received[-1] == (Control.ENABLE_OPERATION, 4500)
+    assert cell.played.received[-1] == (Controlword.ENABLE_OPERATION, 4500)
 
 
 def test_disabling_steps_back_and_is_no_trouble(cell: Any) -> None:
@@ -89,12 +89,12 @@ def test_what_is_not_a_position_is_never_sent(cell: Any, position: float) -> Non
 def test_a_stop_is_sent_at_once_and_stays_until_reset(cell: Any) -> None:
     cell.enable()
     cell.servo.stop()
-    assert cell.played.received[-1].controlword == Control.QUICK_STOP
+    assert cell.played.received[-1].controlword == Controlword.QUICK_STOP
     cell.servo.stop()
     cell.servo.request_enable()
     for _ in range(3):
         reading, sent = cell.step(position=1.0)
-        assert sent.controlword == Control.QUICK_STOP
+        assert sent.controlword == Controlword.QUICK_STOP
     assert reading.state is DriveState.QUICK_STOP_ACTIVE
     assert reading.trouble is None
     cell.played.state = DISABLED  # its ramp has ended
@@ -113,7 +113,7 @@ def test_a_reset_does_not_cut_a_running_quick_stop_short(cell: Any) -> None:
     cell.servo.request_fault_reset()
     for _ in range(3):
         _, sent = cell.step()
-        assert sent.controlword == Control.QUICK_STOP
+        assert sent.controlword == Controlword.QUICK_STOP
 
 
 # --- what is watched ----------------------------------------------------------------------------
@@ -229,7 +229,7 @@ def test_a_fault_is_reset_on_a_rising_edge_and_the_drive_ends_disabled(cell: Any
     cell.enable()
     fault(cell)
     cell.step()
-    cell.played.controlword = Control.FAULT_RESET  # as if bit 7 had been left high
+    cell.played.controlword = Controlword.FAULT_RESET  # as if bit 7 had been left high
     cell.servo.request_fault_reset()
     for _ in range(6):
         reading, _ = cell.step()

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from telerobot.drivers.device import DeviceError
-from telerobot.protocols.canopen.cia402 import Control, DriveState, OperationMode
+from telerobot.protocols.canopen.cia402 import Controlword, DriveState, OperationMode
 
 CSV, CST = OperationMode.CSV, OperationMode.CST
 ENABLED = DriveState.OPERATION_ENABLED
@@ -73,10 +73,10 @@ def test_after_a_stop_nothing_is_asked_for(
     cell.enable()
     cell.step(position=command)
     cell.servo.stop()
-    assert cell.played.received[-1] == (Control.QUICK_STOP, 0)
+    assert cell.played.received[-1] == (Controlword.QUICK_STOP, 0)
     for _ in range(4):
         _, sent = cell.step(position=command)
-        assert (sent.controlword, sent.raw) == (Control.QUICK_STOP, 0)
+        assert (sent.controlword, sent.raw) == (Controlword.QUICK_STOP, 0)
 
 
 @pytest.mark.parametrize(("mode", "command"), [(CSV, 1e9), (CST, 1e4), (CST, math.nan)])

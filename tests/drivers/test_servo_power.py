@@ -11,7 +11,7 @@ from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.servo_status import OBEYED_SYNCS, SWITCH_OFF_S
 from telerobot.protocols.canopen.cia402 import (
     STATE_BITS,
-    Control,
+    Controlword,
     DriveState,
     Object,
     OperationMode,
@@ -66,7 +66,10 @@ def test_a_stale_operation_enabled_is_not_taken_for_enabled_and_left_unasked(cel
 
 def test_a_drive_that_does_not_switch_off_is_named(cell: Any) -> None:
     cell.enable()
-    cell.played.unpack = lambda _data: (Control.ENABLE_OPERATION, 4000)  # deaf to the controlword
+    cell.played.unpack = lambda _data: (
+        Controlword.ENABLE_OPERATION,
+        4000,
+    )  # deaf to the controlword
     cell.servo.request_disable()
     readings = [cell.step()[0] for _ in range(SWITCH_OFF_SYNCS + 2)]
     assert {reading.trouble for reading in readings[:-2]} == {None}
@@ -84,7 +87,7 @@ def test_a_drive_whose_quick_stop_stays_active_is_let_go_once_its_ramp_is_long_o
     cell.servo.open()  # 605Ah may be one that stays: another master's
     cell.servo.request_fault_reset()
     words = [cell.step()[1].controlword for _ in range(SWITCH_OFF_SYNCS + 3)]
-    assert words[10] == Control.QUICK_STOP
+    assert words[10] == Controlword.QUICK_STOP
     assert cell.played.state is DISABLED
 
 
@@ -107,7 +110,7 @@ def left_on(cell: Any) -> Any:
         if command >> 5 == 1 and index == Object.CONTROLWORD:
             (word,) = struct.unpack_from("<H", request, 4)
             words.append(word)
-            if word == Control.DISABLE_VOLTAGE:
+            if word == Controlword.DISABLE_VOLTAGE:
                 played.state = DISABLED
         obey(request)
 
@@ -121,7 +124,7 @@ def test_a_drive_that_another_master_left_on_is_brought_to_rest_and_off_before_i
 ) -> None:
     before_s = left_on.hub.time_s
     left_on.servo.open()
-    assert left_on.words == [Control.QUICK_STOP, Control.DISABLE_VOLTAGE]
+    assert left_on.words == [Controlword.QUICK_STOP, Controlword.DISABLE_VOLTAGE]
     assert left_on.hub.time_s >= before_s
     left_on.servo.request_enable()
     for _ in range(8):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from telerobot.drivers.bus import CanMessage, InProcessBus
 from telerobot.protocols.canopen.can301 import NMT_ID, SYNC_ID, NmtCommand, sdo_request_id
-from telerobot.protocols.canopen.cia402 import Control, Object, OperationMode
+from telerobot.protocols.canopen.cia402 import Controlword, Object, OperationMode
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -36,7 +36,7 @@ class OtherMaster:
 
     def enable(self, mode=OperationMode.CSP):
         self.write(Object.MODE_OF_OPERATION, 0, "<b", mode)
-        words = (0, Control.SHUTDOWN, Control.SWITCH_ON, Control.ENABLE_OPERATION)
+        words = (0, Controlword.SHUTDOWN, Controlword.SWITCH_ON, Controlword.ENABLE_OPERATION)
         for word in words:
             self.write(Object.CONTROLWORD, 0, "<H", word)
             self.simulation.rig.advance(0.05)
@@ -69,7 +69,7 @@ def watching_another(m):
 def stays_in_quick_stop(m):
     m.write(Object.QUICK_STOP_OPTION, 0, "<h", 6)
     m.enable()
-    m.write(Object.CONTROLWORD, 0, "<H", Control.QUICK_STOP)
+    m.write(Object.CONTROLWORD, 0, "<H", Controlword.QUICK_STOP)
     m.simulation.rig.advance(0.1)
 
 

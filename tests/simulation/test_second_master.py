@@ -5,7 +5,7 @@ import struct
 import pytest
 from telerobot.drivers.bus import CanMessage, InProcessBus
 from telerobot.protocols.canopen.can301 import NMT_ID, SYNC_ID, NmtCommand, sdo_request_id
-from telerobot.protocols.canopen.cia402 import Control, Object, OperationMode
+from telerobot.protocols.canopen.cia402 import Controlword, Object, OperationMode
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -82,7 +82,9 @@ def test_a_drive_that_was_taken_set_up_otherwise_and_left_under_power_is_driven_
     other.at(0.5, NMT_ID, (NmtCommand.PRE_OPERATIONAL, NODE))
     other.write(0.55, Object.QUICK_STOP_OPTION, 0, "<h", 6)
     other.write(0.6, Object.MODE_OF_OPERATION, 0, "<b", OperationMode.CSV)
-    for i, word in enumerate((0, Control.SHUTDOWN, Control.SWITCH_ON, Control.ENABLE_OPERATION)):
+    for i, word in enumerate(
+        (0, Controlword.SHUTDOWN, Controlword.SWITCH_ON, Controlword.ENABLE_OPERATION)
+    ):
         other.write(0.65 + 0.05 * i, Object.CONTROLWORD, 0, "<H", word)
     assert_driven_again(simulation, refused=0)
 

@@ -6,7 +6,7 @@ from typing import Final
 from ....protocols.canopen import can301, cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import NmtCommand, NmtState
-from ....protocols.canopen.cia402 import Control, DriveState, Object
+from ....protocols.canopen.cia402 import Controlword, DriveState, Object
 from ....protocols.canopen.sdo import LENGTHS, OUT_OF_RANGE, Abort
 from ..sdo_client import SdoAbortError, SdoSilenceError, named
 from .rule import Rule
@@ -65,7 +65,7 @@ def _read_only(drive: TriedDrive) -> None:
 
 
 def _length(drive: TriedDrive) -> None:
-    _is(drive.refusal(Object.CONTROLWORD, 0, U32, Control.DISABLE_VOLTAGE), *sorted(LENGTHS))
+    _is(drive.refusal(Object.CONTROLWORD, 0, U32, Controlword.DISABLE_VOLTAGE), *sorted(LENGTHS))
 
 
 def _block(drive: TriedDrive) -> None:
@@ -163,7 +163,7 @@ def _on_change(drive: TriedDrive) -> None:
     drive.nmt(NmtCommand.START)
     drive.listen(0.1)
     drive.pdos.clear()
-    drive.command(Control.SHUTDOWN)
+    drive.command(Controlword.SHUTDOWN)
     drive.expect(_READY)
 
     def told() -> bool:
@@ -177,15 +177,15 @@ def _on_change(drive: TriedDrive) -> None:
 def _by_pdo(drive: TriedDrive) -> None:
     drive.map_pdo(_CONTROLWORD, receive=True, transmission=can301.AT_ONCE)
     drive.nmt(NmtCommand.START)
-    drive.send_pdo(struct.pack(U16, Control.DISABLE_VOLTAGE))
-    drive.send_pdo(struct.pack(U16, Control.SHUTDOWN))
+    drive.send_pdo(struct.pack(U16, Controlword.DISABLE_VOLTAGE))
+    drive.send_pdo(struct.pack(U16, Controlword.SHUTDOWN))
     drive.expect(_READY)
 
 
 def _short_pdo(drive: TriedDrive) -> None:
     drive.map_pdo(_CONTROLWORD, receive=True, transmission=can301.AT_ONCE)
     drive.nmt(NmtCommand.START)
-    drive.send_pdo(bytes((Control.SHUTDOWN,)))
+    drive.send_pdo(bytes((Controlword.SHUTDOWN,)))
     drive.listen(0.05)
     if drive.state is _READY:
         raise BrokenError("a PDO of 1 byte instead of 2 is obeyed")

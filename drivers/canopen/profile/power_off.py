@@ -5,7 +5,7 @@ from typing import Final
 
 from ....protocols.canopen import can301, cia402
 from ....protocols.canopen.can301 import NmtCommand
-from ....protocols.canopen.cia402 import Control, DriveState, Object, OperationMode, Status
+from ....protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode, Status
 from ....protocols.canopen.sdo import OUT_OF_RANGE
 from ..sdo_client import named
 from .rule import Rule
@@ -49,25 +49,25 @@ def _state(drive: TriedDrive) -> None:
 
 
 def _ready_and_back(drive: TriedDrive) -> None:
-    drive.command(Control.DISABLE_VOLTAGE)
+    drive.command(Controlword.DISABLE_VOLTAGE)
     drive.expect(DriveState.SWITCH_ON_DISABLED)
-    drive.command(Control.SHUTDOWN)
+    drive.command(Controlword.SHUTDOWN)
     drive.expect(DriveState.READY_TO_SWITCH_ON)
-    drive.command(Control.DISABLE_VOLTAGE)
+    drive.command(Controlword.DISABLE_VOLTAGE)
     drive.expect(DriveState.SWITCH_ON_DISABLED)
 
 
 def _quick_stop_when_ready(drive: TriedDrive) -> None:
-    drive.command(Control.SHUTDOWN)
+    drive.command(Controlword.SHUTDOWN)
     drive.expect(DriveState.READY_TO_SWITCH_ON)
-    drive.command(Control.QUICK_STOP)
+    drive.command(Controlword.QUICK_STOP)
     drive.expect(DriveState.SWITCH_ON_DISABLED)
 
 
 def _reset_without_fault(drive: TriedDrive) -> None:
-    drive.command(Control.SHUTDOWN)
+    drive.command(Controlword.SHUTDOWN)
     drive.expect(DriveState.READY_TO_SWITCH_ON)
-    drive.command(Control.SHUTDOWN | Control.FAULT_RESET)
+    drive.command(Controlword.SHUTDOWN | Controlword.FAULT_RESET)
     if drive.state is not DriveState.READY_TO_SWITCH_ON:
         raise BrokenError(f"bit 7 without a fault leads to {drive.state.name}")
 

@@ -7,7 +7,13 @@ import struct
 from typing import Final
 
 from ....protocols.canopen.can301 import NmtCommand
-from ....protocols.canopen.cia402 import Control, DriveState, Object, OperationMode, QuickStopOption
+from ....protocols.canopen.cia402 import (
+    Controlword,
+    DriveState,
+    Object,
+    OperationMode,
+    QuickStopOption,
+)
 from ..sdo_client import SdoAbortError
 from .power_off import modes, show
 from .rule import Rule
@@ -41,19 +47,19 @@ def _switch_on(drive: TriedDrive) -> None:
     here = drive.sdo.read(Object.POSITION_ACTUAL)
     drive.sdo.write(Object.TARGET_POSITION, 0, here)
     drive.nmt(NmtCommand.START)
-    _reach(drive, _OFF, Control.DISABLE_VOLTAGE)
-    _reach(drive, _READY, Control.SHUTDOWN)
-    _reach(drive, _ON, Control.SWITCH_ON)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    _reach(drive, _READY, Controlword.SHUTDOWN)
+    _reach(drive, _ON, Controlword.SWITCH_ON)
 
 
 def _enable(drive: TriedDrive) -> None:
     _switch_on(drive)
-    _reach(drive, _ENABLED, Control.ENABLE_OPERATION)
+    _reach(drive, _ENABLED, Controlword.ENABLE_OPERATION)
 
 
 def _in_one_step(drive: TriedDrive) -> None:
-    _reach(drive, _OFF, Control.DISABLE_VOLTAGE)
-    drive.command(Control.ENABLE_OPERATION)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    drive.command(Controlword.ENABLE_OPERATION)
     drive.listen(0.1)
     if drive.state is not _OFF:
         raise BrokenError(f"Enable operation leads from Switch on disabled to {drive.state.name}")
@@ -61,26 +67,26 @@ def _in_one_step(drive: TriedDrive) -> None:
 
 def _transitions(drive: TriedDrive) -> None:
     _enable(drive)
-    _reach(drive, _ON, Control.SWITCH_ON)
-    _reach(drive, _READY, Control.SHUTDOWN)
-    _reach(drive, _ON, Control.SWITCH_ON)
-    _reach(drive, _OFF, Control.DISABLE_VOLTAGE)
+    _reach(drive, _ON, Controlword.SWITCH_ON)
+    _reach(drive, _READY, Controlword.SHUTDOWN)
+    _reach(drive, _ON, Controlword.SWITCH_ON)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
 
 
 def _shutdown(drive: TriedDrive) -> None:
     _enable(drive)
-    _reach(drive, _READY, Control.SHUTDOWN)
+    _reach(drive, _READY, Controlword.SHUTDOWN)
 
 
 def _disable_voltage(drive: TriedDrive) -> None:
     _enable(drive)
-    _reach(drive, _OFF, Control.DISABLE_VOLTAGE)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
 
 
 def _quick_stop(drive: TriedDrive) -> None:
     _enable(drive)
     drive.put(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_THEN_DISABLE)
-    _reach(drive, _OFF, Control.QUICK_STOP)
+    _reach(drive, _OFF, Controlword.QUICK_STOP)
 
 
 def _stays(drive: TriedDrive) -> None:
@@ -89,11 +95,11 @@ def _stays(drive: TriedDrive) -> None:
         drive.put(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_AND_STAY)
     except SdoAbortError as error:
         raise AbsentError("605Ah = 6") from error
-    _reach(drive, DriveState.QUICK_STOP_ACTIVE, Control.QUICK_STOP)
+    _reach(drive, DriveState.QUICK_STOP_ACTIVE, Controlword.QUICK_STOP)
     drive.listen(_HELD_S)
     if drive.state is not DriveState.QUICK_STOP_ACTIVE:
         raise BrokenError(f"605Ah is 6, and the drive goes to {drive.state.name}")
-    _reach(drive, _OFF, Control.DISABLE_VOLTAGE)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
 
 
 def _true_mode(drive: TriedDrive) -> None:
@@ -108,7 +114,7 @@ def _true_mode(drive: TriedDrive) -> None:
     except SdoAbortError:
         shown = OperationMode.CSP
     show(drive, shown)
-    _reach(drive, _OFF, Control.DISABLE_VOLTAGE)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
 
 
 def _holds(drive: TriedDrive) -> None:

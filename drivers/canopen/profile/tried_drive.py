@@ -142,7 +142,7 @@ class TriedDrive:
         """Take the voltage off and restore all that a rule has changed. Raises `DeviceError`."""
         if self._disturbed:
             self.restart()
-        self.command(cia402.Control.DISABLE_VOLTAGE)
+        self.command(cia402.Controlword.DISABLE_VOLTAGE)
         for (index, subindex), data in reversed(self._written.items()):
             self.sdo.write(index, subindex, data)
         self._written.clear()

@@ -1,7 +1,7 @@
 """Next controlword (6040h) of a servo drive, by its state and by what is wanted of it."""
 
 from ....protocols.canopen import cia402
-from ....protocols.canopen.cia402 import Control, DriveState
+from ....protocols.canopen.cia402 import Controlword, DriveState
 
 
 def next_word(
@@ -19,11 +19,11 @@ def next_word(
     once switching off is `overdue`.
     """
     if stopped:
-        return Control.QUICK_STOP
+        return Controlword.QUICK_STOP
     if state is None:
-        return Control.DISABLE_VOLTAGE
+        return Controlword.DISABLE_VOLTAGE
     if reset is not None and state.in_fault:
-        return Control.FAULT_RESET if reset else Control.DISABLE_VOLTAGE
+        return Controlword.FAULT_RESET if reset else Controlword.DISABLE_VOLTAGE
     if state is DriveState.QUICK_STOP_ACTIVE and overdue:
-        return Control.DISABLE_VOLTAGE
+        return Controlword.DISABLE_VOLTAGE
     return cia402.next_controlword(state, target)

@@ -13,7 +13,7 @@ from ....config.schema.cell import TimingSection
 from ....config.schema.mechanism.mechanism import DriveSection
 from ....protocols.canopen import can301, cia402, cia402_pdo
 from ....protocols.canopen.can301 import EmcyCode, FrameError, NmtState
-from ....protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
+from ....protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode
 from ... import servo_status
 from ...device import Cause, DeviceError, Trouble
 from ...fieldbus import Fieldbus
@@ -210,11 +210,11 @@ class ServoDrive(JointDrive):
         self._reset_sync = None
         if self._feedback is not None:
             raw = self._setpoint.still(self._feedback.position)
-            self._bus.send(self._rpdo_id, self._setpoint.pack(Control.QUICK_STOP, raw))
+            self._bus.send(self._rpdo_id, self._setpoint.pack(Controlword.QUICK_STOP, raw))
 
     def close(self) -> None:
         """Take the voltage off and leave the node in *Pre-operational*. Never raises."""
-        word, self._opened = Control.DISABLE_VOLTAGE.to_bytes(2, "little"), False
+        word, self._opened = Controlword.DISABLE_VOLTAGE.to_bytes(2, "little"), False
         with suppress(SdoError, can.CanError, OSError):
             self.node.sdo.download(Object.CONTROLWORD, 0, word)
         with suppress(can.CanError, OSError):

@@ -18,7 +18,7 @@ from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import FrameError
 from ....protocols.canopen.cia402 import (
     AbortConnectionOption,
-    Control,
+    Controlword,
     DriveState,
     Object,
     OperationMode,
@@ -233,9 +233,9 @@ def _switch_off(
     node: canopen.RemoteNode, drive: DriveSection, wait: Callable[[float], object]
 ) -> None:
     """Bring a drive to rest on its own ramp, and take its power off. Raises `DeviceError`."""
-    write(node, drive, SetupWrite(Object.CONTROLWORD, 0, U16, Control.QUICK_STOP))
+    write(node, drive, SetupWrite(Object.CONTROLWORD, 0, U16, Controlword.QUICK_STOP))
     wait(drive.max_velocity / drive.quick_stop_deceleration + _STANDSTILL_S)
-    write(node, drive, SetupWrite(Object.CONTROLWORD, 0, U16, Control.DISABLE_VOLTAGE))
+    write(node, drive, SetupWrite(Object.CONTROLWORD, 0, U16, Controlword.DISABLE_VOLTAGE))
 
 
 def _pdos(node: int, mode: OperationMode) -> Iterator[SetupWrite]:

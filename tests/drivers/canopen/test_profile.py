@@ -11,7 +11,7 @@ from telerobot.drivers.canopen.profile.tried_drive import TriedDrive
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.rig.nodes.canopen.can_node import CanNode
 from telerobot.protocols.canopen import can301
-from telerobot.protocols.canopen.cia402 import Control, DriveState, Object
+from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object
 
 from ..rig.on_a_bus import OnABus
 
@@ -75,8 +75,8 @@ def _switch_on(bench: OnABus) -> None:
     node = bench.node("s1")
     subject = TriedDrive(bench.fieldbus, node)
     subject.put(Object.MODE_OF_OPERATION, 0, "<b", 8)
-    subject.command(Control.SHUTDOWN)
-    subject.command(Control.SWITCH_ON)
+    subject.command(Controlword.SHUTDOWN)
+    subject.command(Controlword.SWITCH_ON)
 
 
 def _another_master(bench: OnABus) -> None:

@@ -11,7 +11,7 @@ from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.canopen import can301, cia402, cia402_pdo
 from telerobot.protocols.canopen.can301 import CommunicationObject as Com
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
-from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, OperationMode
+from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode
 
 PERIOD_S = 0.01
 PACK = {
@@ -145,7 +145,7 @@ class Master:
         counts = drive.direction * (angle - drive.zero_rad) * drive.counts_per_radian
         self.targets[joint] = round(counts)
 
-    def command(self, word: Control, *joints: str) -> None:
+    def command(self, word: Controlword, *joints: str) -> None:
         for joint in joints or self.drives:
             self.words[joint] = word
 
@@ -159,7 +159,7 @@ class Master:
         """Configure, start and enable all drives; `aim` sets the targets, own position without."""
         self.configure()
         self.cycle(2)
-        for word in (Control.SHUTDOWN, Control.SWITCH_ON, Control.ENABLE_OPERATION):
+        for word in (Controlword.SHUTDOWN, Controlword.SWITCH_ON, Controlword.ENABLE_OPERATION):
             self.command(word)
             for _ in range(6):
                 (aim or Master.seed)(self)

@@ -2,7 +2,13 @@
 
 import numpy as np
 import pytest
-from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, OperationMode, Status
+from telerobot.protocols.canopen.cia402 import (
+    Controlword,
+    DriveState,
+    Object,
+    OperationMode,
+    Status,
+)
 from telerobot.protocols.canopen.sdo import Abort
 
 from .conftest import PERIOD_S, Master
@@ -78,7 +84,7 @@ def test_in_cst_a_moving_joint_is_braked_by_the_drives_own_ramp(
         torques.cycle()
     before = torques.rig.world.q.copy()
     if cause == "quick stop":
-        torques.command(Control.QUICK_STOP)
+        torques.command(Controlword.QUICK_STOP)
     elif cause == "silence":
         torques.silent.update(torques.drives)
     else:
@@ -102,7 +108,7 @@ def test_a_quick_stop_in_cst_starts_from_the_torque_that_stands(torques: Master)
         hold(torques)
         torques.cycle()
     stood = torques.rig.world.data.ctrl.copy()
-    torques.command(Control.QUICK_STOP)
+    torques.command(Controlword.QUICK_STOP)
     torques.cycle()
     torques.send(0x080)
     torques.rig.step()
@@ -150,13 +156,13 @@ def test_a_mode_that_the_drive_lacks_is_refused_and_without_any_it_cannot_be_ena
     master: Master,
 ) -> None:
     master.enable()
-    master.command(Control.DISABLE_VOLTAGE)
+    master.command(Controlword.DISABLE_VOLTAGE)
     master.cycle(2)
     answer = master.write(JOINT, Object.MODE_OF_OPERATION, 0, "<b", 3)
     assert int.from_bytes(answer[4:], "little") == Abort.INVALID_VALUE
     assert master.read(JOINT, Object.MODE_DISPLAY, 0, "<b") == OperationMode.CSP
     master.write(JOINT, Object.MODE_OF_OPERATION, 0, "<b", 0)
-    for word in (Control.SHUTDOWN, Control.SWITCH_ON, Control.ENABLE_OPERATION):
+    for word in (Controlword.SHUTDOWN, Controlword.SWITCH_ON, Controlword.ENABLE_OPERATION):
         master.command(word)
         master.cycle(5)
     assert master.state(JOINT) is DriveState.SWITCHED_ON

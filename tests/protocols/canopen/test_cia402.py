@@ -12,7 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from telerobot.protocols.canopen import cia402, cia402_pdo
 from telerobot.protocols.canopen.can301 import FrameError
-from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, OperationMode, Status
+from telerobot.protocols.canopen.cia402 import (
+    Controlword,
+    DriveState,
+    Object,
+    OperationMode,
+    Status,
+)
 
 U16 = st.integers(0, 0xFFFF)
 I16 = st.integers(-(2**15), 2**15 - 1)
@@ -125,7 +131,7 @@ def test_only_the_two_ends_can_be_asked_for() -> None:
 
 def test_only_the_rising_edge_resets_a_fault() -> None:
     fault = DriveState.FAULT
-    assert cia402.apply_controlword(fault, 0x00, Control.FAULT_RESET) is DISABLED
+    assert cia402.apply_controlword(fault, 0x00, Controlword.FAULT_RESET) is DISABLED
     assert cia402.apply_controlword(fault, 0x80, 0x80) is fault
     assert cia402.apply_controlword(fault, 0x80, 0x0F) is fault
     assert cia402.apply_controlword(DriveState.FAULT_REACTION_ACTIVE, 0, 0x80) is (
@@ -136,17 +142,17 @@ def test_only_the_rising_edge_resets_a_fault() -> None:
 @pytest.mark.parametrize(
     ("state", "word", "after"),
     [
-        (ENABLED, Control.QUICK_STOP, DriveState.QUICK_STOP_ACTIVE),
-        (ENABLED, Control.SHUTDOWN, DriveState.READY_TO_SWITCH_ON),
-        (ENABLED, Control.DISABLE_VOLTAGE, DISABLED),
-        (ENABLED, Control.SWITCH_ON, DriveState.SWITCHED_ON),
-        (DriveState.SWITCHED_ON, Control.QUICK_STOP, DISABLED),
-        (DriveState.QUICK_STOP_ACTIVE, Control.DISABLE_VOLTAGE, DISABLED),
-        (DISABLED, Control.ENABLE_OPERATION, DISABLED),
-        (DriveState.NOT_READY, Control.SHUTDOWN, DriveState.NOT_READY),
+        (ENABLED, Controlword.QUICK_STOP, DriveState.QUICK_STOP_ACTIVE),
+        (ENABLED, Controlword.SHUTDOWN, DriveState.READY_TO_SWITCH_ON),
+        (ENABLED, Controlword.DISABLE_VOLTAGE, DISABLED),
+        (ENABLED, Controlword.SWITCH_ON, DriveState.SWITCHED_ON),
+        (DriveState.SWITCHED_ON, Controlword.QUICK_STOP, DISABLED),
+        (DriveState.QUICK_STOP_ACTIVE, Controlword.DISABLE_VOLTAGE, DISABLED),
+        (DISABLED, Controlword.ENABLE_OPERATION, DISABLED),
+        (DriveState.NOT_READY, Controlword.SHUTDOWN, DriveState.NOT_READY),
     ],
 )
-def test_transitions(state: DriveState, word: Control, after: DriveState) -> None:
+def test_transitions(state: DriveState, word: Controlword, after: DriveState) -> None:
     assert cia402.apply_controlword(state, 0, word) is after
 
 

@@ -11,7 +11,7 @@ from telerobot.drivers.canopen.scan import listen_for_masters
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbuses import Fieldbuses
 from telerobot.protocols.canopen import can301
-from telerobot.protocols.canopen.cia402 import Control, Object
+from telerobot.protocols.canopen.cia402 import Controlword, Object
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.checks.findings import Severity, failed, to_json
 from telerobot.tools.checks.hardware.on_bus import compared
@@ -100,7 +100,7 @@ def test_a_scale_that_is_wrong_shows_in_position_and_torque(bench):
 
 def test_a_drive_in_fault_or_under_power_is_told(bench):
     bench.rig.inject(RigFault(kind="fault", target="s1"))
-    for word in (Control.SHUTDOWN, Control.SWITCH_ON):
+    for word in (Controlword.SHUTDOWN, Controlword.SWITCH_ON):
         _write(bench, Object.CONTROLWORD, 0, word, 2)
     told = errors(findings(bench, load_cell("pa10")))
     assert "2310h: overcurrent" in told["s1 state"]

@@ -9,7 +9,7 @@ import pytest
 from telerobot.config.load import Cell
 from telerobot.protocols.canopen import can301, cia402
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
-from telerobot.protocols.canopen.cia402 import Control, DriveState, Object, Status
+from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object, Status
 from telerobot.protocols.messages.rig import RigFault
 
 from ...conftest import PERIOD_S, Master
@@ -140,10 +140,10 @@ def test_enabled_is_reported_only_once_the_brake_is_open(master: Master) -> None
     master.configure()
     master.cycle(2)
     master.seed()
-    for word in (Control.SHUTDOWN, Control.SWITCH_ON):
+    for word in (Controlword.SHUTDOWN, Controlword.SWITCH_ON):
         master.command(word)
         master.cycle(3)
-    master.command(Control.ENABLE_OPERATION)
+    master.command(Controlword.ENABLE_OPERATION)
     states = []
     for _ in range(6):
         master.seed()
@@ -193,7 +193,7 @@ def test_a_held_arm_does_not_droop(enabled: Master) -> None:
 def test_quick_stop_ramps_down_then_takes_the_power(enabled: Master) -> None:
     move(enabled, JOINT, -0.6, 40)
     deceleration = enabled.drives[JOINT].quick_stop_deceleration
-    enabled.command(Control.QUICK_STOP, JOINT)
+    enabled.command(Controlword.QUICK_STOP, JOINT)
     speeds, states = [], []
     for _ in range(9):
         enabled.cycle()
@@ -208,7 +208,7 @@ def test_quick_stop_ramps_down_then_takes_the_power(enabled: Master) -> None:
 
 def test_quick_stop_option_6_stays_in_quick_stop(enabled: Master) -> None:
     enabled.write(JOINT, Object.QUICK_STOP_OPTION, 0, "<h", 6)
-    enabled.command(Control.QUICK_STOP, JOINT)
+    enabled.command(Controlword.QUICK_STOP, JOINT)
     enabled.cycle(20)
     assert enabled.state(JOINT) is DriveState.QUICK_STOP_ACTIVE
 
@@ -247,9 +247,9 @@ def test_a_fault_is_reset_by_the_rising_edge_and_only_when_its_cause_is_gone(
     assert enabled.state(JOINT) is DriveState.FAULT
 
     def reset() -> DriveState:
-        enabled.command(Control.DISABLE_VOLTAGE, JOINT)
+        enabled.command(Controlword.DISABLE_VOLTAGE, JOINT)
         enabled.cycle(2)
-        enabled.command(Control.FAULT_RESET, JOINT)
+        enabled.command(Controlword.FAULT_RESET, JOINT)
         enabled.cycle(3)
         return enabled.state(JOINT)
 
