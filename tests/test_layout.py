@@ -1,5 +1,6 @@
+import ast
 import tomllib
-from collections import Counter
+from collections import Counter, defaultdict
 from importlib import resources
 from pathlib import Path
 
@@ -40,11 +41,20 @@ def modules(*folders):
     return [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
 
 
-def test_no_room_of_the_server_or_the_tools_holds_more_than_a_dozen_files():
-    rooms = Counter(str(path.parent.relative_to(ROOT)) for path in modules("server", "tools"))
+def test_no_room_holds_more_than_a_dozen_files():
+    rooms = Counter(str(path.parent.relative_to(ROOT)) for path in modules(*FOLDERS))
     assert [room for room, files in rooms.items() if files > MOST_FILES] == []
 
 
 def test_no_file_is_longer_than_300_lines():
     lines = {path: len(path.read_text().splitlines()) for path in modules(*FOLDERS)}
     assert [str(path.relative_to(ROOT)) for path, n in lines.items() if n > MOST_LINES] == []
+
+
+def test_no_public_class_is_defined_in_two_files():
+    where: defaultdict[str, set[str]] = defaultdict(set)
+    for path in modules(*FOLDERS):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                where[node.name].add(str(path.relative_to(ROOT)))
+    assert {name: sorted(files) for name, files in where.items() if len(files) > 1} == {}
