@@ -16,12 +16,16 @@ from numpy.typing import NDArray
 
 from ....config.schema.mechanism.mechanism import DriveSection
 from ....config.schema.rig.rig import RigDriveSection
+from ....server.control.compiled import COUNTS, NUMBER, ROW, VECTOR, compiled, record
 
 Vector = NDArray[np.float64]
+Counts = NDArray[np.int64]
 
 _SPEED_RESERVE = 1.2
 """A motor's top speed over the bound V that the cell keeps [1]."""
 _SETTLED = 1e-9
+_LEAKAGE = 0.05
+"""Part of what the motor cannot give that an integral forgets in a step [1]."""
 
 
 class DriveLoops:
@@ -65,12 +69,20 @@ class DriveLoops:
         self._engaged = np.zeros(n)
         self._looped = np.zeros(n)
         """1 for a joint that follows its reference, 0 for one without power or in CST."""
-        self._pulled: dict[int, float] = {}
-        """Torque asked for of each joint in CST [N·m]."""
-        self._running: set[int] = set()
-        """Joints in CSV."""
+        self._pulled = np.full(n, np.nan)
+        """Torque asked for of each joint in CST [N·m]; not a number for one in another mode."""
+        self._running = np.zeros(n, dtype=np.int64)
+        """1 for a joint in CSV."""
         self._steps_left = np.full(n, -1, dtype=np.int64)
         self._deceleration = np.zeros(n)
+        # As `_step` takes them: all are changed in place, and none is ever replaced.
+        self._gains = (self._stiffness, self._damping, self._integral_step, self._reporting)
+        self._bounds = (self.max_torque, self.max_speed, self.window)
+        self._asked = (self.offset, self._pulled, self._deceleration, self._engaged, self._looped)
+        self._state = (
+            self.reference, self.speed, self.error, self._integral, self.torque, self.reported,
+        )  # fmt: skip
+        self._counts = (self._running, self._steps_left, self.steps_beyond)
 
     def engage(self, joint: int, position: float, speed: float = 0.0) -> None:
         """Switch a joint's torque on: hold `position` [rad], starting at `speed` [rad/s]."""
@@ -78,8 +90,7 @@ class DriveLoops:
         self._integral[joint] = self._deceleration[joint] = 0.0
         self._steps_left[joint] = -1
         self._engaged[joint] = self._looped[joint] = 1.0
-        self._pulled.pop(joint, None)
-        self._running.discard(joint)
+        self._pulled[joint], self._running[joint] = np.nan, 0
 
     def release(self, joint: int) -> None:
         """Switch a joint's torque off."""
@@ -89,8 +100,7 @@ class DriveLoops:
         self._looped[joint] = 0.0
         self._steps_left[joint] = -1
         self.steps_beyond[joint] = 0
-        self._pulled.pop(joint, None)
-        self._running.discard(joint)
+        self._pulled[joint], self._running[joint] = np.nan, 0
 
     def aim(self, joint: int, position: float, period_s: float, *, streamed: bool = True) -> bool:
         """Move the reference to `position` [rad] within `period_s`.
@@ -110,7 +120,7 @@ class DriveLoops:
         most = self.max_speed[joint]
         self.speed[joint] = min(max(speed, -most), most)
         self._steps_left[joint] = -1
-        self._running.add(joint)
+        self._running[joint] = 1
         return bool(abs(speed) > most)
 
     def pull(self, joint: int, torque: float) -> bool:
@@ -125,13 +135,13 @@ class DriveLoops:
         self.reference[joint], self.speed[joint] = position, speed
         self._integral[joint] = self.torque[joint] - self.offset[joint]
         self._looped[joint] = 1.0
-        self._pulled.pop(joint, None)
+        self._pulled[joint] = np.nan
 
     def ramp_down(self, joint: int, deceleration: float) -> None:
         """Bring the reference to rest with a constant deceleration [rad/s²], whatever was aimed."""
         self._deceleration[joint] = deceleration
         self._steps_left[joint] = -1
-        self._running.discard(joint)
+        self._running[joint] = 0
 
     def resume_from(self, joint: int, position: float, speed: float) -> None:
         """Put the reference where the joint is; what the motor holds against goes on."""
@@ -148,50 +158,55 @@ class DriveLoops:
 
     def step(self, q: Vector, dq: Vector) -> Vector:
         """Advance by one physics step; return the torques (n,) [N·m]."""
-        for joint in self._running:
-            self._keep_near(joint, float(q[joint]))
-        np.subtract(self.reference, q, out=self.error)
-        self.error *= self._looped
-        self._integral += self._integral_step * self.error
-        wanted = self.speed - dq
-        wanted *= self._damping
-        wanted += self._stiffness * self.error
-        wanted += self._integral
-        wanted += self.offset
-        torque = np.minimum(np.maximum(wanted, -self.max_torque), self.max_torque)
-        # Anti-windup: what the motor cannot give is not wished for any longer.
-        self._integral += (torque - wanted) * 0.05
-        for joint, asked in self._pulled.items():
-            torque[joint] = self._slowed(joint, asked, float(dq[joint]))
-        np.multiply(torque, self._engaged, out=self.torque)
-        self._integral *= self._looped
-        self.reported += self._reporting * (self.torque - self.reported)
-        self.steps_beyond += 1
-        self.steps_beyond *= np.abs(self.error) > self.window
-        self._move_reference()
+        _step(q, dq, self.dt, self._gains, self._bounds, self._asked, self._state, self._counts)
         return self.torque
 
-    def _keep_near(self, joint: int, q: float) -> None:
-        """A speed loop does not run away from a joint that its motor cannot move."""
-        most = self.max_torque[joint] / self._stiffness[joint]
-        self.reference[joint] = min(max(self.reference[joint], q - most), q + most)
 
-    def _slowed(self, joint: int, torque: float, dq: float) -> float:
-        """Return what a motor in CST gives: less near its top speed, and a brake beyond it."""
-        damping, most = self._damping[joint], self.max_speed[joint]
-        torque = min(max(torque, damping * (-most - dq)), damping * (most - dq))
-        return float(min(max(torque, -self.max_torque[joint]), self.max_torque[joint]))
-
-    def _move_reference(self) -> None:
-        if np.count_nonzero(self._deceleration):
-            change = self._deceleration * self.dt
-            slower = np.sign(self.speed) * np.maximum(np.abs(self.speed) - change, 0.0)
-            self.speed = np.where(self._deceleration > 0, slower, self.speed)
-        self.reference += self.speed * self.dt
-        self._steps_left -= 1
-        ended = self._steps_left == 0
-        if np.count_nonzero(ended):
-            self.speed[ended] = 0.0
+@compiled(
+    VECTOR, VECTOR, NUMBER, record(*4 * (ROW,)), record(*3 * (ROW,)), record(*5 * (ROW,)),
+    record(*6 * (ROW,)), record(*3 * (COUNTS,)),
+)  # fmt: skip
+def _step(
+    q: Vector,
+    dq: Vector,
+    dt: float,
+    gains: tuple[Vector, ...],
+    bounds: tuple[Vector, ...],
+    asked: tuple[Vector, ...],
+    state: tuple[Vector, ...],
+    counts: tuple[Counts, ...],
+) -> None:
+    """Advance all loops by one physics step; the tuples are those of `DriveLoops`."""
+    stiffness, damping, integral_step, reporting = gains
+    max_torque, max_speed, window = bounds
+    offset, pulled, deceleration, engaged, looped = asked
+    reference, speed, error, integral, torque, reported = state
+    running, steps_left, steps_beyond = counts
+    for i in range(len(q)):
+        most, fastest = max_torque[i], max_speed[i]
+        if running[i]:  # a speed loop does not run away from a joint that its motor cannot move
+            reach = most / stiffness[i]
+            reference[i] = min(max(reference[i], q[i] - reach), q[i] + reach)
+        error[i] = (reference[i] - q[i]) * looped[i]
+        integral[i] += integral_step[i] * error[i]
+        wanted = (speed[i] - dq[i]) * damping[i]
+        wanted = wanted + stiffness[i] * error[i] + integral[i] + offset[i]
+        given = min(max(wanted, -most), most)
+        # Anti-windup: what the motor cannot give is not wished for any longer.
+        integral[i] = (integral[i] + (given - wanted) * _LEAKAGE) * looped[i]
+        if not math.isnan(pulled[i]):  # in CST: less near the motor's top speed, a brake beyond it
+            low, high = damping[i] * (-fastest - dq[i]), damping[i] * (fastest - dq[i])
+            given = min(max(min(max(pulled[i], low), high), -most), most)
+        torque[i] = given * engaged[i]
+        reported[i] += reporting[i] * (torque[i] - reported[i])
+        steps_beyond[i] = steps_beyond[i] + 1 if abs(error[i]) > window[i] else 0
+        if deceleration[i] > 0.0:
+            slower = max(abs(speed[i]) - deceleration[i] * dt, 0.0)
+            speed[i] = math.copysign(slower, speed[i])
+        reference[i] += speed[i] * dt
+        steps_left[i] -= 1
+        if steps_left[i] == 0:
+            speed[i] = 0.0
 
 
 def _per_joint(arms: Sequence[tuple[Sequence[DriveSection], RigDriveSection]], name: str) -> Vector:

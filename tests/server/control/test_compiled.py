@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import telerobot.drivers.rig as rig
 import telerobot.server.control as control
 from telerobot.server.control.compiled import COUNT, MATRIX, VECTOR, compiled
 
@@ -24,11 +25,12 @@ def entry(x, i):
 
 
 def kernels() -> Iterator[tuple[str, Any]]:
-    for found in pkgutil.walk_packages(control.__path__, control.__name__ + "."):
-        module = importlib.import_module(found.name)
-        for name, thing in vars(module).items():
-            if hasattr(thing, "py_func") and thing.py_func.__module__ == module.__name__:
-                yield f"{module.__name__}.{name}", thing
+    for room in (control, rig):
+        for found in pkgutil.walk_packages(room.__path__, room.__name__ + "."):
+            module = importlib.import_module(found.name)
+            for name, thing in vars(module).items():
+                if hasattr(thing, "py_func") and thing.py_func.__module__ == module.__name__:
+                    yield f"{module.__name__}.{name}", thing
 
 
 def test_a_kernel_reads_arrays_of_any_strides_and_those_that_may_not_be_written():
