@@ -4,7 +4,7 @@ Both sides of the bus use it: the driver decodes statuswords and steps the contr
 simulated drive applies controlwords and builds statuswords. `cia402_pdo.py` has the cyclic PDOs.
 """
 
-from enum import Enum, IntEnum, IntFlag, auto
+from enum import Enum, IntEnum, auto
 from typing import Final
 
 from .can301 import FrameError
@@ -69,7 +69,7 @@ class DriveState(Enum):
         return self in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 
 
-class Status(IntFlag):
+class Status(IntEnum):
     """Statusword bits (6041h) that are not part of the state."""
 
     VOLTAGE_ENABLED = 1 << 4

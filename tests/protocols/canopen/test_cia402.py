@@ -198,4 +198,4 @@ def test_numbers_too_large_for_their_field_are_never_wrapped() -> None:
 def test_supported_modes_and_status_bits() -> None:
     assert cia402.supports_mode(1 << 7, OperationMode.CSP)
     assert not cia402.supports_mode(1 << 7, OperationMode.CST)
-    assert Status(0x3000) == Status.FOLLOWING_ERROR | Status.FOLLOWS_COMMAND
+    assert Status.FOLLOWING_ERROR | Status.FOLLOWS_COMMAND == 0x3000
