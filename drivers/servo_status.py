@@ -1,7 +1,6 @@
 """Status of a servo drive, its last setpoint, and which statuswords are wrong."""
 
-from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 from ..protocols.canopen import can301
 from ..protocols.canopen.can301 import EmcyCode
@@ -20,8 +19,7 @@ SWITCH_OFF_S: Final = 1.0
 do it by itself: closing a brake and a quick stop's ramp take less [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ServoReading:
+class ServoReading(NamedTuple):
     """Last status of the drive. Until its first TPDO there is none: `ready` is false."""
 
     ready: bool
@@ -49,8 +47,7 @@ class ServoReading:
         return cls(False, False, age_syncs, None, None, None, None, None, False, 0, trouble)
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+class Sent(NamedTuple):
     """Setpoint that `write` really sent; None while the drive's position is not known."""
 
     controlword: int
