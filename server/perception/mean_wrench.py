@@ -1,6 +1,5 @@
 """Moving average of the measured wrench, in World axes."""
 
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,29 +29,33 @@ class AveragedWrench:
 
     def __init__(self, bounds: Array, period_s: float) -> None:
         self._bounds = bounds
-        self._recent: deque[Array] = deque(maxlen=max(2, round(AVERAGE_S / period_s)))
+        self._rows = np.zeros((max(2, round(AVERAGE_S / period_s)), 6))
+        """The newest wrenches, the last of them last."""
+        self._count = 0
 
     @property
     def known(self) -> bool:
         """True once there is a reading."""
-        return bool(self._recent)
+        return self._count > 0
 
     def clear(self) -> None:
         """Forget: the sensor is stale."""
-        self._recent.clear()
+        self._count = 0
 
     def add(self, wrench_mrf: Array, output: Output) -> None:
         """Take in the wrench (6,) of a tick, in MRF axes."""
-        R = output.T_world_mrf_measured.R
-        self._recent.append((wrench_mrf.reshape(2, 3) @ R.T).ravel())
+        R, rows = output.T_world_mrf_measured.R, self._rows
+        rows[:-1] = rows[1:]
+        rows[-1] = (wrench_mrf.reshape(2, 3) @ R.T).ravel()
+        self._count = min(self._count + 1, len(rows))
 
     def mean(self) -> Array:
         """Return the mean wrench (6,)."""
-        return np.asarray(np.mean(self._recent or [np.zeros(6)], axis=0))
+        return self._mean(self._count)
 
     def now(self) -> Array:
         """Return the mean wrench (6,) of the last few ticks."""
-        return np.asarray(np.mean(list(self._recent)[-NEWEST:] or [np.zeros(6)], axis=0))
+        return self._mean(min(self._count, NEWEST))
 
     def mark(self, output: Output) -> WrenchMark:
         """Return where the tool is, and what is measured now."""
@@ -68,3 +71,7 @@ class AveragedWrench:
     def quiet(self) -> bool:
         """Return whether neither is beyond its bound."""
         return self.known and bool((self.sizes() <= self._bounds).all())
+
+    def _mean(self, newest: int) -> Array:
+        """Return the mean (6,) of so many wrenches, nothing of none."""
+        return np.asarray(self._rows[-newest:].mean(axis=0)) if newest else np.zeros(6)
