@@ -92,7 +92,7 @@ class WorldDistances:
             least = found.distance
             distance = mujoco.mj_geomDistance(self._model, self._data, arm, fixed, least, fromto)
             if distance < least:
-                name = self._model.body(self._model.geom_bodyid[fixed]).name
+                name = self._body_of[fixed]
                 found = TrueNearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
         return found
 
@@ -151,6 +151,12 @@ class WorldDistances:
             boxes,
             model.geom_size[fixed[boxes]][:, None],
         )
+
+    @cached_property
+    def _body_of(self) -> dict[int, str]:
+        """Name of the body that each geom of what stands belongs to."""
+        model = self._model
+        return {g: model.body(model.geom_bodyid[g]).name for g in self._fixed}
 
     @cached_property
     def _pairs(self) -> NDArray[np.int64]:
