@@ -109,19 +109,19 @@ class DriveLoops:
         over one lost setpoint, then the reference stands. Returns whether the motor's top speed cut
         it.
         """
-        wanted = (position - self.reference[joint]) / period_s
-        most = self.max_speed[joint]
+        wanted = (position - float(self.reference[joint])) / period_s
+        most = float(self.max_speed[joint])
         self.speed[joint] = min(max(wanted, -most), most)
         self._steps_left[joint] = (2 if streamed else 1) * round(period_s / self.dt)
-        return bool(abs(wanted) > most)
+        return abs(wanted) > most
 
     def run(self, joint: int, speed: float) -> bool:
         """Run at `speed` [rad/s] until told otherwise; return whether the top speed cut it."""
-        most = self.max_speed[joint]
+        most = float(self.max_speed[joint])
         self.speed[joint] = min(max(speed, -most), most)
         self._steps_left[joint] = -1
         self._running[joint] = 1
-        return bool(abs(speed) > most)
+        return abs(speed) > most
 
     def pull(self, joint: int, torque: float) -> bool:
         """Give `torque` [N·m] until told otherwise; return whether the motor's limit cut it."""

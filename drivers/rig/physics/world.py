@@ -67,6 +67,7 @@ class World:
         ]
         self.q: Vector = self.data.qpos[self._first + self.rolls :][: self.n]
         self.dq: Vector = self.data.qvel[arm]
+        self._ctrl: Vector = self.data.ctrl
         self.brakes = Brakes(self.model, self.data, cell.joints, self._first, self.q, behind)
         """Brakes, jams and friction, which keep joints from moving."""
         self.ahead_s = 0.0
@@ -115,7 +116,7 @@ class World:
     def step(self, torque: Vector) -> None:
         """Advance by one physics step under joint torques (n,) [N·m]."""
         self.brakes.step()
-        self.data.ctrl[:] = torque
+        self._ctrl[:] = torque
         if self.beam is not None:
             self.beam.clear()
         for body, force in self._pushes.items():
