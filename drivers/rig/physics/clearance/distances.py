@@ -31,11 +31,9 @@ class _Shapes(NamedTuple):
     radius: Vector
     """Of the arms' bounding balls (a,) [m]."""
     reach: Vector
-    """Of the bounding balls of what stands (f, 1) [m]."""
-    boxes: NDArray[np.int64]
-    """Where boxes are among what stands (b,)."""
+    """Of the bounding balls of what stands (f, 1) [m]; 0 of a box."""
     halves: Vector
-    """Half their sizes (b, 1, 3) [m]."""
+    """Half the sizes of what stands (f, 1, 3) [m]; 0 of what is no box."""
 
 
 class WorldDistances:
@@ -125,31 +123,26 @@ class WorldDistances:
 
         A bounding ball fits a wide box badly: beside one, the box itself counts.
         """
-        known, data = self._shapes, self._data
-        way = data.geom_xpos[known.arm] - data.geom_xpos[known.fixed][:, None]
-        found = np.sqrt((way * way).sum(axis=2)) - known.radius
-        found -= known.reach
-        if len(known.boxes):
-            way = way[known.boxes]
-            local = np.abs(way @ data.geom_xmat[known.fixed[known.boxes]].reshape(-1, 3, 3))
-            beyond = np.maximum(local - known.halves, 0.0)
-            beside = np.sqrt((beyond * beyond).sum(axis=2))
-            # What is in the middle of a box may be deeper than its own radius.
-            found[known.boxes] = np.where(beside > 0.0, beside - known.radius, -np.inf)
+        known, places = self._shapes, self._data.geom_xpos
+        way = places[known.arm] - places[known.fixed][:, None]
+        local = np.abs(way @ self._data.geom_xmat[known.fixed].reshape(-1, 3, 3))
+        beyond = np.maximum(local - known.halves, 0.0)
+        beside = np.sqrt((beyond * beyond).sum(axis=2))
+        # What is in the middle of a box may be deeper than its own radius.
+        found = np.where(beside > 0.0, beside - known.radius - known.reach, -np.inf)
         return np.asarray(found.T.ravel())
 
     @cached_property
     def _shapes(self) -> "_Shapes":
         model, count = self._model, len(self._fixed)
         arm, fixed = self._pairs[::count, 0], self._pairs[:count, 1]
-        boxes = np.flatnonzero(model.geom_type[fixed] == mujoco.mjtGeom.mjGEOM_BOX)
+        box = (model.geom_type[fixed] == mujoco.mjtGeom.mjGEOM_BOX)[:, None]
         return _Shapes(
             arm,
             fixed,
             model.geom_rbound[arm],
-            model.geom_rbound[fixed][:, None],
-            boxes,
-            model.geom_size[fixed[boxes]][:, None],
+            np.where(box, 0.0, model.geom_rbound[fixed][:, None]),
+            np.where(box, model.geom_size[fixed], 0.0)[:, None],
         )
 
     @cached_property
