@@ -196,12 +196,12 @@ class Simulation:
 
     # --- listening ---------------------------------------------------------------------------
 
-    def _on_frame(self, bus: int, time_s: float, message: CanMessage) -> None:
+    def _on_frame(self, bus: int, message: CanMessage) -> None:
         """Every frame on a bus, whoever sent it."""
-        data = bytes(message.data)
-        self.observer.frame(time_s, message.arbitration_id, data, bus)
+        time_s, can_id, data = message.timestamp, message.arbitration_id, bytes(message.data)
+        self.observer.frame(time_s, can_id, data, bus)
         if self._recorder is not None:
-            self._recorder.frame(time_s, message.arbitration_id, data, sent=False, bus=bus)
+            self._recorder.frame(time_s, can_id, data, sent=False, bus=bus)
 
     def _on_sent(self, bus: int, can_id: int, data: bytes) -> None:
         self._hash.update(struct.pack("<HB", bus << 11 | can_id, len(data)) + data)

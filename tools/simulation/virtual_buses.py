@@ -11,8 +11,8 @@ from ...drivers.fieldbuses import Fieldbuses
 PUMP_STEPS = 500
 """A device that is silent for this many physics steps does not answer [1]."""
 
-Heard = Callable[[int, float, CanMessage], None]
-"""Called with the index of the bus, the time [s] and every frame on it."""
+Heard = Callable[[int, CanMessage], None]
+"""Called with the index of the bus and every frame on it."""
 
 
 class VirtualBuses:
@@ -41,7 +41,7 @@ class VirtualBuses:
     def listen(self, heard: Heard) -> None:
         """Tell of every frame from now on, whoever sends it."""
         for i, hub in enumerate(self.hubs):
-            InProcessBus(hub, partial(self._hand_on, heard, i))
+            InProcessBus(hub, partial(heard, i))
 
     def listen_to_daemon(self, heard: Callable[[int, int, bytes], None]) -> None:
         """Tell index of the bus, identifier and data of every frame that the daemon sends."""
@@ -57,9 +57,6 @@ class VirtualBuses:
         """Let every member leave."""
         for hub in self.hubs:
             hub.close()
-
-    def _hand_on(self, heard: Heard, bus: int, message: CanMessage) -> None:
-        heard(bus, self.hubs[bus].time_s, message)
 
 
 def _has_frames(bus: InProcessBus) -> bool:
