@@ -46,7 +46,7 @@ class Pdo:
 
     def pack(self, store: ObjectStore) -> bytes:
         """Return the mapped objects' present values as they travel."""
-        return self.layout.pack(*(store[key] for key in self.keys))
+        return self.layout.pack(*[store[key] for key in self.keys])
 
 
 def existing_pdos(store: ObjectStore, *, receive: bool) -> tuple[Pdo, ...]:
