@@ -5,7 +5,7 @@ every physics step and put on both bodies, where the force/torque sensors feel i
 two arms of one tree of bodies would be a joint, of which a loop has one too many.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,12 +16,14 @@ from .....config.schema.rig.beam import RigBeamSection
 from .....config.schema.rig.peg import RigHoleSection
 from .....config.schema.section import PoseSection
 from ..geoms import FIXED, SOLIMP, SOLREF, quaternion
+from .pads import pull_pads
 from .peg import make_peg
 
 Vector = NDArray[np.float64]
 
 BEAM = "beam"
 """Body of the payload."""
+_A_BODY: Final = mujoco.mjtObj.mjOBJ_BODY
 
 
 class Pad(NamedTuple):
@@ -85,7 +87,16 @@ class Beam:
         self._pads = [_pad(model, part) for part in parts]
         k = len(self._pads)
         self._p, self._R = np.zeros((k, 3)), np.zeros((k, 3, 3))
-        self._closed = [True] * k
+        self._closed = np.ones(k)
+        """1 for a pad that holds the payload, 0 for one that it slipped out of."""
+        # As `pull_pads` takes them: the payload and the last links, and MuJoCo's own arrays.
+        self._p_tip = np.array([pad.p_tip for pad in self._pads])
+        self._R_tip = np.array([pad.R_tip for pad in self._pads])
+        self._bodies = np.array([self._body, *(pad.tip for pad in self._pads)])
+        self._twists = np.zeros((k + 1, 6))
+        self._places = (data.xpos, data.xmat, data.xipos)
+        self._forces: Vector = data.xfrc_applied
+        self._gains = np.array([*rig.beam.grasp_stiffness, *rig.beam.grasp_damping])
         self.wrenches = np.zeros((k, 6))
         """Wrench that each arm exerts on the payload, at its pad (k, 6) [N, N·m]."""
         self._apart = np.zeros((k, 3))
@@ -112,14 +123,14 @@ class Beam:
 
     def let_go(self, pad: int) -> None:
         """Open a pad: the payload slips out of it."""
-        self._closed[pad] = False
+        self._closed[pad] = 0.0
 
     def take(self, pad: int) -> None:
         """Close a pad again on the payload, where it is on it now."""
         if not self._closed[pad]:
             mujoco.mj_kinematics(self._model, self._data)
             self._p[pad], self._R[pad] = self._seen(pad)
-            self._closed[pad] = True
+            self._closed[pad] = 1.0
 
     def lift(self, force: Vector) -> None:
         """Push the payload at its centre of mass with a World force (3,) [N], from now on."""
@@ -127,40 +138,17 @@ class Beam:
 
     def clear(self) -> None:
         """Take off arms and payload whatever was put on them in the step before."""
-        self._data.xfrc_applied[[self._body, *(pad.tip for pad in self._pads)]] = 0.0
+        self._forces[self._bodies] = 0.0
 
     def pull(self) -> None:
         """Add the pads' wrenches on arms and payload, for the positions and speeds of now."""
-        data, body = self._data, self._body
-        R, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
-        (stiff, stiff_turn), (damp, damp_turn) = (
-            self._section.grasp_stiffness,
-            self._section.grasp_damping,
-        )
-        own = np.zeros(6)
-        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, body, own, 0)
-        data.xfrc_applied[body, :3] += self._lifted
-        twist = np.zeros(6)
-        for i, pad in enumerate(self._pads):
-            p, turned = self._seen(i)
-            at = origin + R @ self._p[i]
-            mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, pad.tip, twist, 0)
-            v_pad = twist[3:] + _cross(twist[:3], at - data.xipos[pad.tip])
-            v_own = own[3:] + _cross(own[:3], at - data.xipos[body])
-            self._apart[i] = p - self._p[i]
-            turn = np.zeros(3)
-            quat = np.zeros(4)
-            mujoco.mju_mat2Quat(quat, (turned @ self._R[i].T).ravel())
-            mujoco.mju_quat2Vel(turn, quat, 1.0)
-            force = stiff * self._apart[i] + damp * (R.T @ (v_pad - v_own))
-            moment = stiff_turn * turn + damp_turn * (R.T @ (twist[:3] - own[:3]))
-            self.wrenches[i, :3], self.wrenches[i, 3:] = force, moment
-            self.wrenches[i] *= self._closed[i]
-            f, m = R @ self.wrenches[i, :3], R @ self.wrenches[i, 3:]
-            data.xfrc_applied[body, :3] += f
-            data.xfrc_applied[body, 3:] += m + _cross(at - data.xipos[body], f)
-            data.xfrc_applied[pad.tip, :3] -= f
-            data.xfrc_applied[pad.tip, 3:] -= m + _cross(at - data.xipos[pad.tip], f)
+        for body, twist in zip(self._bodies.tolist(), self._twists, strict=True):
+            mujoco.mj_objectVelocity(self._model, self._data, _A_BODY, body, twist, 0)
+        self._forces[self._body, :3] += self._lifted
+        pull_pads(
+            self._places, self._bodies, self._twists, (self._p_tip, self._R_tip),
+            (self._p, self._R, self._closed), self._gains, self.wrenches, self._apart, self._forces,
+        )  # fmt: skip
 
     def internal_force(self) -> float:
         """Return the greatest force at a grasp that moves nothing [N].
@@ -238,9 +226,3 @@ def _placed(pose: PoseSection) -> tuple[Vector, Vector]:
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(quaternion(pose)))
     return np.array(pose.xyz), R.reshape(3, 3)
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    """Return a × b (3,); numpy's takes 20 times as long."""
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
