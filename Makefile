@@ -36,7 +36,7 @@ $(STAMP): pyproject.toml constraints.txt $(LOCK)
 	@echo "fetching what the console's page is served with"
 	@$(BIN)/python -m telerobot.tools.operator.web.vendor || true
 	@echo "compiling its kernels"
-	@$(BIN)/python -c 'import telerobot.server.daemon'
+	@$(BIN)/python -c 'import telerobot.server.daemon, telerobot.drivers.rig.rig'
 	@touch $@
 
 demo: venv ## Virtual arm and daemon on this machine, ready to drive
