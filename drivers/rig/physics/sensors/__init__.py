@@ -1,1 +1,1 @@
-"""What sensors see of the virtual world: cameras, the tags they look for, the rays of a scanner."""
+"""Simulated sensors that look at the world: cameras, tags, the rays of a laser scanner."""
