@@ -1,6 +1,6 @@
 import ast
 import tomllib
-from collections import Counter, defaultdict
+from collections import defaultdict
 from importlib import resources
 from pathlib import Path
 
@@ -33,28 +33,14 @@ def test_constraints_name_versions_only_and_cover_what_we_need():
     assert {n.split(">=")[0].lower() for n in needed} <= {name.lower() for name in pinned}
 
 
-MOST_FILES, MOST_LINES = 12, 300
-"""A room holds a dozen files, `__init__.py` among them; a file has 300 lines."""
-
-
 def modules(*folders):
     return [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
 
 
-def test_no_room_holds_more_than_a_dozen_files():
-    rooms = Counter(str(path.parent.relative_to(ROOT)) for path in modules(*FOLDERS))
-    assert [room for room, files in rooms.items() if files > MOST_FILES] == []
-
-
-def test_no_file_is_longer_than_300_lines():
-    lines = {path: len(path.read_text().splitlines()) for path in modules(*FOLDERS)}
-    assert [str(path.relative_to(ROOT)) for path, n in lines.items() if n > MOST_LINES] == []
-
-
-def test_no_public_class_is_defined_in_two_files():
-    where: defaultdict[str, set[str]] = defaultdict(set)
+def test_no_public_class_is_defined_twice_in_a_room():
+    where: defaultdict[tuple[Path, str], set[str]] = defaultdict(set)
     for path in modules(*FOLDERS):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                where[node.name].add(str(path.relative_to(ROOT)))
-    assert {name: sorted(files) for name, files in where.items() if len(files) > 1} == {}
+                where[path.parent, node.name].add(path.name)
+    assert {name: sorted(files) for (_, name), files in where.items() if len(files) > 1} == {}
