@@ -41,6 +41,7 @@ class Cause(StrEnum):
     SECOND_MASTER = "second_master"
     BUS_ERROR = "bus_error"
     BUS_SILENT = "bus_silent"
+    SATURATED = "saturated"
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,9 @@ class RobotousSensor(WrenchSensor):
     `discarded` counts halves that found no partner within the pairing window: nothing numbers
     them, so a lost frame must not join halves of two samples. Nothing is averaged.
 
+    A sample at an end of the measuring range, or with the sensor's overload status set, says no
+    more than that the load is at least that: for `timeout_s` after it nothing is read.
+
     Its trouble is not vital: what uses the wrench fades, or the cell calls the sensor essential.
     """
 
@@ -42,6 +45,10 @@ class RobotousSensor(WrenchSensor):
         self._sample: robotous.Sample | None = None
         self._stamp = 0.0
         self._arrival_s = self._told_s = 0.0
+        most = zip(config.measuring_range, robotous.HALF_COUNTS, strict=True)
+        self._ends = tuple(end - half for end, half in most)
+        self._saturated: robotous.Sample | None = None
+        self._saturated_s = 0.0
         self._unread: list[tuple[robotous.Sample, float]] = []
         self._before: list[tuple[float, ...]] = []
         self._mean: MeanWrench | None = None
@@ -50,7 +57,7 @@ class RobotousSensor(WrenchSensor):
 
     def open(self) -> None:
         """Set the rate, start the stream and wait for its first sample. Raises `DeviceError`."""
-        self._sample = self._first = self._mean = None
+        self._sample = self._first = self._mean = self._saturated = None
         self._unread.clear()
         self._before.clear()
         if not self._start():
@@ -66,7 +73,7 @@ class RobotousSensor(WrenchSensor):
         sample = self._sample
         if sample is None:
             lost = Trouble(Cause.PDO_LOST, self.name, "no sample yet")
-            return WrenchReading(False, None, 0.0, 0.0, False, lost)
+            return WrenchReading(False, None, 0.0, 0.0, lost)
         age = self._bus.now - self._arrival_s
         if age > self.config.timeout_s and self._bus.now - self._told_s > START_AGAIN_S:
             self._start()
@@ -76,7 +83,6 @@ class RobotousSensor(WrenchSensor):
             wrench=-load,
             stamp=self._stamp,
             age_s=age,
-            overload=sample.overload != 0,
             trouble=self._judge(sample, age),
         )
 
@@ -127,7 +133,37 @@ class RobotousSensor(WrenchSensor):
         if sample.error:
             detail = f"the sensor reports error {sample.error:#06x}"
             return Trouble(Cause.EMERGENCY, self.name, detail, {"error": sample.error})
+        beyond = self._saturated
+        if beyond is not None and self._bus.now - self._saturated_s <= self.config.timeout_s:
+            return self._saturation(beyond)
         return None
+
+    def _at_an_end(self, sample: robotous.Sample) -> list[int]:
+        """Return which axes of a sample are at an end of their range."""
+        load = (*sample.force, *sample.torque)
+        return [i for i, end in enumerate(self._ends) if not -end < load[i] < end]
+
+    def _saturation(self, sample: robotous.Sample) -> Trouble:
+        axes = self._at_an_end(sample)
+        if not axes:
+            detail = f"the sensor reports an overload, status {sample.overload:#04x}"
+            return Trouble(Cause.SATURATED, self.name, detail, {"overload": sample.overload})
+        load, first = (*sample.force, *sample.torque), axes[0]
+        words = [
+            f"{robotous.AXES[i]} is at {load[i]:.4g} of {self.config.measuring_range[i]:.4g} "
+            + ("N" if i < 3 else "N·m")
+            for i in axes
+        ]
+        return Trouble(
+            Cause.SATURATED,
+            self.name,
+            ", ".join(words),
+            {
+                "axis": robotous.AXES[first],
+                "load": load[first],
+                "range": self.config.measuring_range[first],
+            },
+        )
 
     def _on_first(self, data: bytes, stamp: float) -> None:
         self._drop_half()
@@ -148,6 +184,8 @@ class RobotousSensor(WrenchSensor):
         self._sample = robotous.join_sample(first[0], data)
         self._stamp = stamp
         self._arrival_s = self._bus.now
+        if self._sample.overload or self._at_an_end(self._sample):
+            self._saturated, self._saturated_s = self._sample, self._arrival_s
         self.samples += 1
         if len(self._unread) < MOST_UNREAD:
             self._unread.append((self._sample, stamp))

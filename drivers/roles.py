@@ -21,7 +21,6 @@ class WrenchReading:
     stamp: float
     """The bus' stamp of the sample's second half [s], on the bus' own clock."""
     age_s: float
-    overload: bool
     trouble: Trouble | None
 
 

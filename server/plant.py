@@ -45,6 +45,8 @@ class UnitReading:
     """The same, as the mean of all samples since the reading before; None when stale."""
     wrench_mean_lag_s: float
     """How much older that mean is than the joints' angles [s]."""
+    wrench_trouble: Trouble | None
+    """Why the sensor's newest sample is none; None where there is no sensor, or it is well."""
 
     @property
     def wrench_over_period(self) -> tuple[Array, float] | None:
@@ -113,6 +115,7 @@ class _UnitDevices:
             wrench_lag_s=0.0 if sample is None else stamp - sample.stamp,
             wrench_mean=mean if fresh else None,
             wrench_mean_lag_s=0.0 if mean is None else stamp - mean.stamp,
+            wrench_trouble=None if sample is None else sample.trouble,
         )
 
 

@@ -18,8 +18,15 @@ HALF: Final = 8
 COUNTS_PER_NEWTON: Final = 50
 COUNTS_PER_NEWTON_METRE: Final = 2000
 
+AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+"""Of a sample, in its order."""
+
 _SAMPLE: Final = struct.Struct(">B6hBH")
 _LIMIT: Final = 2**15 - 1
+RAILS: Final = (_LIMIT / COUNTS_PER_NEWTON,) * 3 + (_LIMIT / COUNTS_PER_NEWTON_METRE,) * 3
+"""Greatest reading of each axis that 16 bits hold [N, N·m]; a load beyond reads like it."""
+HALF_COUNTS: Final = (0.5 / COUNTS_PER_NEWTON,) * 3 + (0.5 / COUNTS_PER_NEWTON_METRE,) * 3
+"""Half the steps in which each axis reads [N, N·m]."""
 
 
 class SensorCommand(IntEnum):

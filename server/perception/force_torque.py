@@ -1,10 +1,11 @@
-"""Force/torque monitor: tells when the sensor falls silent, and averages it for a tare."""
+"""Force/torque monitor: tells when the sensor falls silent or saturates, averages it for a tare."""
 
 from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
 
+from ...drivers.device import Cause
 from ..commands.settings import WRENCH_SOURCES
 from ..control.mechanism.payload import Payload
 from ..control.spatial import GRAVITY, Array, sizes
@@ -62,7 +63,8 @@ class ForceTorqueMonitor:
     def __init__(self, events: Events, essential: bool, period_s: float) -> None:
         self._events = events
         self._essential = essential
-        self._stale = False
+        self._stale: str | None = None
+        """The event that told why there is no reading; None while there is one."""
         self._unloaded: deque[Array] = deque(maxlen=round(TARE_S / period_s))
         self._stood: deque[Array] = deque(maxlen=round(TARE_S / period_s))
         """Where the joints were (n,), while nothing was asked of the arm."""
@@ -78,11 +80,16 @@ class ForceTorqueMonitor:
             self._stood.clear()
         else:
             self._stood.append(reading.q)
-        stale = reading.wrench is None
-        if stale and not self._stale:
-            self._events.warning("sensor_stale", NAME, age_s=reading.wrench_age_s)
-        elif self._stale and not stale:
+        trouble, stale = reading.wrench_trouble, None
+        if reading.wrench is None:
+            saturated = trouble is not None and trouble.cause is Cause.SATURATED
+            stale = "sensor_saturated" if saturated else "sensor_stale"
+        if stale is None and self._stale is not None:
             self._events.info("sensor_fresh", NAME)
+        elif stale == "sensor_stale" and self._stale != stale:
+            self._events.warning(stale, NAME, age_s=reading.wrench_age_s)
+        elif stale is not None and trouble is not None and self._stale != stale:
+            self._events.warning(stale, f"{NAME}: {trouble.detail}", **trouble.values)
         self._stale = stale
         if reading.wrench is None:
             self._unloaded.clear()
@@ -105,7 +112,7 @@ class ForceTorqueMonitor:
     @property
     def stale(self) -> tuple[str, ...]:
         """The sensor's name while it is stale."""
-        return (NAME,) if self._stale else ()
+        return () if self._stale is None else (NAME,)
 
     @property
     def missed(self) -> tuple[str, ...]:

@@ -155,7 +155,9 @@ class PlayedSensor:
 class Cell:
     """Bus, drive and sensor, from both sides, and a period to step."""
 
-    def __init__(self, direction: int = 1, mode: OperationMode = OperationMode.CSP) -> None:
+    def __init__(
+        self, direction: int = 1, mode: OperationMode = OperationMode.CSP, **sensor: Any
+    ) -> None:
         self.hub = Hub()
         self.timing = TimingSection()
         self.drive = DriveSection(
@@ -170,7 +172,7 @@ class Cell:
             max_acceleration=5,
             max_jerk=50,
         )
-        self.ft = ForceTorqueSection()
+        self.ft = ForceTorqueSection(**sensor)
         self.fieldbus = Fieldbus(InProcessBus(self.hub), clock=lambda: self.hub.time_s)
         self.servo = ServoDrive(
             self.fieldbus, self.drive, self.timing, lower=-2.0, upper=3.0, mode=mode
@@ -204,8 +206,8 @@ class Cell:
 def make_cell() -> Iterator[Callable[..., Cell]]:
     made: list[Cell] = []
 
-    def make(direction: int = 1, mode: OperationMode = OperationMode.CSP) -> Cell:
-        made.append(Cell(direction, mode))
+    def make(direction: int = 1, mode: OperationMode = OperationMode.CSP, **sensor: Any) -> Cell:
+        made.append(Cell(direction, mode, **sensor))
         return made[-1]
 
     yield make

@@ -116,16 +116,65 @@ def test_a_sensor_that_falls_silent_is_told_to_start_once_a_second(cell: Any) ->
     assert told == 5 * start
 
 
-def test_overload_and_error_are_told(cell: Any) -> None:
+def test_an_error_is_told(cell: Any) -> None:
     cell.sensor.open()
-    assert not cell.sensor.read().overload
-    cell.played_sensor.sample = Sample((0.0,) * 3, (0.0,) * 3, 1, 2)
+    hear(cell, Sample((0.0,) * 3, (0.0,) * 3, 0, 2))
+    trouble = cell.sensor.read().trouble
+    assert trouble.cause is Cause.EMERGENCY
+    assert trouble.values == {"error": 2}
+
+
+def hear(cell: Any, sample: Sample) -> None:
+    cell.played_sensor.sample = sample
     cell.played_sensor.send()
-    cell.fieldbus.receive(0.0)
-    reading = cell.sensor.read()
-    assert reading.overload
-    assert reading.trouble.cause is Cause.EMERGENCY
-    assert reading.trouble.values == {"error": 2}
+    cell.fieldbus.receive(cell.fieldbus.now)
+
+
+RAILS = [(axis, sign) for axis in range(6) for sign in (1.0, -1.0)]
+
+
+@pytest.mark.parametrize(("axis", "sign"), RAILS)
+def test_a_sample_at_an_end_of_its_range_is_none_and_its_axis_is_told(
+    cell: Any, axis: int, sign: float
+) -> None:
+    cell.sensor.open()
+    load = np.zeros(6)
+    load[axis] = sign * 1e4
+    hear(cell, Sample(tuple(load[:3]), tuple(load[3:]), 0, 0))
+    trouble = cell.sensor.read().trouble
+    assert trouble.cause is Cause.SATURATED
+    assert trouble.values["axis"] == ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")[axis]
+    assert trouble.values["load"] == pytest.approx(sign * (655.34 if axis < 3 else 16.3835))
+
+
+def test_the_range_of_the_cell_is_the_one_that_is_judged(make_cell: Any) -> None:
+    cell = make_cell(measuring_range=(200.0, 200.0, 200.0, 4.0, 4.0, 4.0))
+    cell.sensor.open()
+    hear(cell, Sample((199.9, 0.0, 0.0), (3.99, 0.0, 0.0), 0, 0))
+    assert cell.sensor.read().trouble is None
+    hear(cell, Sample((200.0, 0.0, 0.0), (0.0, -4.0, 0.0), 0, 0))
+    assert "Fx is at 200 of 200 N, Ty is at -4 of 4 N·m" in cell.sensor.read().trouble.detail
+
+
+def test_a_sample_with_the_overload_status_is_none_wherever_it_reads(cell: Any) -> None:
+    cell.sensor.open()
+    hear(cell, Sample((0.0,) * 3, (0.0,) * 3, 4, 0))
+    trouble = cell.sensor.read().trouble
+    assert trouble.cause is Cause.SATURATED
+    assert trouble.values == {"overload": 4}
+
+
+def test_readings_count_again_once_none_was_at_an_end_for_the_timeout(cell: Any) -> None:
+    """Contact that chatters against the end is known no better between two such samples."""
+    cell.sensor.open()
+    hear(cell, Sample((1e4, 0.0, 0.0), (0.0,) * 3, 0, 0))
+    well = Sample((1.0, 0.0, 0.0), (0.0,) * 3, 0, 0)
+    cell.fieldbus.receive(0.04)
+    hear(cell, well)
+    assert cell.sensor.read().trouble.cause is Cause.SATURATED
+    cell.fieldbus.receive(0.06)
+    hear(cell, well)
+    assert cell.sensor.read().trouble is None
 
 
 def test_a_bias_is_asked_of_the_sensor(cell: Any) -> None:

@@ -114,6 +114,11 @@ class PayloadSection(Section):
 Moment = Annotated[float, Field(ge=-1e6, le=1e6)]
 """Of inertia [kg·m²]."""
 
+MostForce = Annotated[float, Field(gt=0, le=655.34)]
+MostMoment = Annotated[float, Field(gt=0, le=16.3835)]
+"""Of a measuring range [N], [N·m]: 16 bits hold no more in the sensor's counts."""
+MeasuringRange = tuple[MostForce, MostForce, MostForce, MostMoment, MostMoment, MostMoment]
+
 
 class LinkInertialSection(Section):
     """Mass and inertia of a link, where the URDF has none or one that no body can have."""
@@ -139,6 +144,11 @@ class ForceTorqueSection(OnBusSection):
         0.002, gt=0, le=0.02, description="the two halves of a sample arrive within [s]"
     )
     timeout_s: float = Field(0.05, gt=0, le=1, description="a sample is stale after [s]")
+    measuring_range: MeasuringRange = Field(
+        (655.34,) * 3 + (16.3835,) * 3,
+        description="greatest reading of each axis, by its data sheet; one at an end is none: the "
+        "sensor is stale [N, N·m]",
+    )
     essential: bool = Field(
         False, description="true: a stale sensor stops the arm; false: the force source fades"
     )

@@ -31,6 +31,11 @@ _WORDS: dict[str, tuple[str, str]] = {
         "The sensor {detail} tells nothing new: force control fades.",
         "Check the sensor and its cable.",
     ),
+    "sensor_saturated": (
+        "A sensor is at an end of its range: {detail}. What it reads is not used, force control "
+        "fades.",
+        "Take load off it: jog away, or take the payload off.",
+    ),
     "sensor_fresh": ("The sensor {detail} tells again.", ""),
     "touched": ("The arm touched something: {detail}.", f"Free the arm, then {RESUME}."),
     "touch_found": ("Contact is felt again.", ""),

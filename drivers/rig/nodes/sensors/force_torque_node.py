@@ -1,4 +1,8 @@
-"""The simulated Robotous force/torque sensor: free-running, with noise, bias and quantisation."""
+"""The simulated Robotous force/torque sensor: free-running, with noise, bias and quantisation.
+
+It saturates as the real one does: beyond its measuring range it reads the range's end, and reports
+an overload.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -50,6 +54,7 @@ class SimulatedForceTorque:
         self._noise = np.array(truth.noise)
         self._bias = np.array(truth.bias)
         self._response = response(truth.cross_talk, response_rng)
+        self._range = np.array(config.measuring_range)
         self._offset = np.zeros(6)
         self._period_s = 1.0 / config.rate_hz
         self.due_s = float("inf")
@@ -110,9 +115,13 @@ class SimulatedForceTorque:
         if self._mute:
             return
         if not self._frozen or self._last is None:
-            reading = self._reading() - self._offset + self._rng.normal(size=6) * self._noise
-            x, y, z, mx, my, mz = reading.tolist()
-            self._last = robotous.encode_sample(robotous.Sample((x, y, z), (mx, my, mz), 0, 0))
+            reading = self._reading() + self._rng.normal(size=6) * self._noise
+            held = np.clip(reading, -self._range, self._range)
+            # One bit for each axis; nobody reads more of it than whether it is zero.
+            overload = int((1 << np.flatnonzero(held != reading)).sum())
+            x, y, z, mx, my, mz = (held - self._offset).tolist()
+            sample = robotous.Sample((x, y, z), (mx, my, mz), overload, 0)
+            self._last = robotous.encode_sample(sample)
         for can_id, half in zip(self._reply_ids, self._last, strict=True):
             self.link.send(can_id, half)
 

@@ -17,6 +17,16 @@ COMMAND, FIRST, SECOND = 0x64, 0x01, 0x02
 
 def samples(master: Master, seconds: float) -> NDArray[np.float64]:
     """Return what comes in within `seconds`, (k, 6) [N, N·m]."""
+    found = heard(master, seconds)
+    return np.array([(*s.force, *s.torque) for s in found]).reshape(-1, 6)
+
+
+def overloads(master: Master, seconds: float) -> NDArray[np.int_]:
+    """Return the overload statuses that come in within `seconds` (k,)."""
+    return np.array([s.overload for s in heard(master, seconds)])
+
+
+def heard(master: Master, seconds: float) -> list[robotous.Sample]:
     before = len(master.frames)
     master.rig.advance(seconds)
     master.listen()
@@ -24,8 +34,7 @@ def samples(master: Master, seconds: float) -> NDArray[np.float64]:
     for _, can_id, data in master.frames[before:]:
         if can_id in halves:
             halves[can_id].append(data)
-    found = [robotous.join_sample(a, b) for a, b in zip(*halves.values(), strict=True)]
-    return np.array([(*s.force, *s.torque) for s in found]).reshape(-1, 6)
+    return [robotous.join_sample(a, b) for a, b in zip(*halves.values(), strict=True)]
 
 
 @pytest.fixture
@@ -109,6 +118,20 @@ def test_cross_talk_shows_each_force_in_the_others(pa10_with) -> None:
 def test_readings_are_whole_steps(running: Master) -> None:
     read = samples(running, 0.5) * ([50] * 3 + [2000] * 3)
     np.testing.assert_allclose(read, np.round(read), atol=1e-9)
+
+
+def test_beyond_its_range_it_reads_the_end_and_reports_an_overload(running: Master) -> None:
+    assert not overloads(running, 0.1).any()
+    running.rig.inject(RigFault(kind="push", target="force_torque", vector=(-500.0, 0.0, 700.0)))
+    samples(running, 0.1)
+    read = samples(running, 0.1)
+    assert overloads(running, 0.1).all()
+    at_its_end = np.isclose(np.abs(read), robotous.RAILS).all(axis=0)
+    assert at_its_end.any()
+    assert (np.abs(read) <= robotous.RAILS).all()
+    running.rig.inject(RigFault(kind="push", target="force_torque", on=False))
+    samples(running, 0.1)
+    assert not overloads(running, 0.1).any()
 
 
 def test_the_bias_command_takes_the_present_load_as_zero(running: Master) -> None:
