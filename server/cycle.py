@@ -147,7 +147,8 @@ class Cycle:
         """Send SYNC, and now and then the heartbeat that only a living tick produces.
 
         Before it goes the quick stop of all drives, if one told of an emergency since the last
-        tick: they obey it with this SYNC, a period before they would by what is read after it.
+        tick, or a bus left the last SYNC unanswered: they obey it with this SYNC, a period before
+        they would by what is read after it.
         """
         self.tick += 1
         trouble = self.plant.emergency() if self.mode.energised else None

@@ -131,6 +131,9 @@ class Plant:
         self.opened = False
         self._others = tuple(d for d in devices if not isinstance(d, JointDrive))
         self._outputs = {d.name: d for d in devices if isinstance(d, SwitchedOutput)}
+        self._by_bus: dict[str, list[JointDrive]] = {}
+        for drive in self.drives:
+            self._by_bus.setdefault(drive.bus, []).append(drive)
         self._units: list[_UnitDevices] = []
         first = 0
         for part in range(max((d.part or 0 for d in self.devices), default=0) + 1):
@@ -161,14 +164,25 @@ class Plant:
         return all(drive.answered for drive in self.drives)
 
     def emergency(self) -> Trouble | None:
-        """Return the trouble that a drive tells of at once, asked by no SYNC; None: all are well.
+        """Return the trouble that the drives are to be stopped for with the next SYNC, or None.
 
-        Of what was received by now.
+        Of what was received by now: what a drive tells of at once, asked by no SYNC; or a bus of
+        which no drive has answered the last SYNC, in all of its period, while drives of another bus
+        have. Where all buses are silent nobody would hear the stop, and a daemon or a network that
+        stood still for a moment is the likelier cause: that is judged drive by drive, in `read`.
         """
         for drive in self.drives:
             trouble = drive.emergency
             if trouble is not None:
                 return trouble
+        if len(self._by_bus) == 1:
+            return None
+        silent = [not any(d.answered for d in drives) for drives in self._by_bus.values()]
+        if not any(silent) or all(silent):
+            return None
+        for (bus, drives), quiet in zip(self._by_bus.items(), silent, strict=True):
+            if quiet and len(drives) > 1:
+                return _bus_silent(bus, drives)
         return None
 
     def read(self, now_s: float) -> PlantReading:
@@ -274,9 +288,7 @@ class Plant:
         lost = [t for t in troubles if t is not None and t.cause is Cause.PDO_LOST]
         if len(troubles) < 2 or len(lost) < len(troubles):
             return None
-        names = [drive.name for drive in self.drives if drive.bus == bus]
-        detail = f"none of its {len(lost)} drives answers, {names[0]} to {names[-1]}"
-        return Trouble(Cause.BUS_SILENT, bus, detail, {"drives": len(lost)})
+        return _bus_silent(bus, self._by_bus[bus])
 
     def _interlock(self) -> str | None:
         for device in self._others:
@@ -284,6 +296,12 @@ class Plant:
             if reason is not None:
                 return reason
         return None
+
+
+def _bus_silent(bus: str, drives: Sequence[JointDrive]) -> Trouble:
+    """Return that none of the drives of a bus answers."""
+    detail = f"none of its {len(drives)} drives answers, {drives[0].name} to {drives[-1].name}"
+    return Trouble(Cause.BUS_SILENT, bus, detail, {"drives": len(drives)})
 
 
 def _together(readings: Sequence[ServoReading]) -> float | None:

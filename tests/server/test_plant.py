@@ -54,7 +54,7 @@ class Lamp(Known, SwitchedOutput):
 
 
 class Drive(Known, JointDrive):
-    answer_stamp, answered = 0.0, True
+    answer_stamp, answered, emergency = 0.0, True, None
 
     def read(self):
         return ServoReading.of_none(0, self.trouble)
@@ -108,6 +108,56 @@ def test_interlocks_and_values_are_handed_on(plant):
     plant.devices[1].reason, plant.devices[2].told = "quiet is moved", {"warm": 3.5}
     assert plant.read(0.0).interlock == "quiet is moved"
     assert plant.read(0.0).values == {"lamp": {"warm": 3.5}}
+
+
+def of_buses(*counts):
+    """Return a plant of so many drives on each of several buses."""
+    log.clear()
+    drives = []
+    for bus, count in enumerate(counts):
+        for j in range(count):
+            drives.append(Drive(f"{bus}.j{j}"))
+            drives[-1].bus = f"bus {bus}"
+    hub = Hub()
+    return Plant(Fieldbuses(Fieldbus(InProcessBus(hub), lambda: 0.0)), drives), drives
+
+
+def unheard(drives, bus):
+    for drive in drives:
+        drive.answered = drive.bus not in bus
+
+
+def test_a_bus_of_which_nobody_answers_one_sync_is_silent_if_another_one_answers():
+    plant, drives = of_buses(2, 3)
+    assert plant.emergency() is None
+    unheard(drives, ["bus 1"])
+    trouble = plant.emergency()
+    assert (trouble.cause, trouble.device) == (Cause.BUS_SILENT, "bus 1")
+    assert trouble.detail == "none of its 3 drives answers, 1.j0 to 1.j2"
+    drives[3].answered = True
+    assert plant.emergency() is None, "one of its drives does answer"
+
+
+def test_buses_that_are_all_silent_at_once_are_judged_drive_by_drive():
+    plant, drives = of_buses(2, 3)
+    unheard(drives, ["bus 0", "bus 1"])
+    assert plant.emergency() is None
+    plant, drives = of_buses(3)
+    unheard(drives, ["bus 0"])
+    assert plant.emergency() is None, "an only bus has nobody else who could hear the stop"
+
+
+def test_one_silent_drive_alone_on_its_bus_is_no_silent_bus():
+    plant, drives = of_buses(1, 3)
+    unheard(drives, ["bus 0"])
+    assert plant.emergency() is None
+
+
+def test_an_emergency_counts_before_a_silent_bus():
+    plant, drives = of_buses(2, 3)
+    unheard(drives, ["bus 0"])
+    drives[3].emergency = Trouble(Cause.EMERGENCY, "1.j1", "")
+    assert plant.emergency().device == "1.j1"
 
 
 def test_outputs_are_switched_by_name_and_others_left_alone(plant):

@@ -65,6 +65,21 @@ def test_a_bus_that_is_unplugged_in_motion_stops_the_whole_arm(play, split, bus)
     assert run.summary["limit_violations"] == 0
 
 
+@pytest.mark.parametrize("bus", ["left", "right"])
+def test_the_other_bus_hears_the_stop_a_period_after_the_sync_that_nobody_answered(
+    play, split, bus
+):
+    run = play(
+        MOVING,
+        {"at_s": 1.2, "rig/fault": {"kind": "unplug", "target": bus}},
+        seconds=1.5,
+        cell=split,
+    )
+    (fault,) = run.events("fault")
+    # Unplugged just before a SYNC, which nobody answers; the stop goes out before the next.
+    assert fault.time_s - run.simulation.player.start_s - 1.2 == pytest.approx(0.01, abs=1e-6)
+
+
 def test_a_bus_whose_interface_fails_stops_the_drives_of_the_other(split):
     script = Script.model_validate({"duration_s": 2.5, "step": [MOVING]})
     simulation = Simulation(split, script)

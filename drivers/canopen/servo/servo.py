@@ -114,7 +114,13 @@ class ServoDrive(JointDrive):
 
     @property
     def emergency(self) -> Trouble | None:
-        """Trouble that an emergency message told of: it comes before the next answer to a SYNC."""
+        """Trouble that a message of its own told of: it comes before the next answer to a SYNC.
+
+        That is an emergency message, or a heartbeat by which the node has left Operational.
+        """
+        if self._restarted is not None:
+            detail = "the node left Operational: its configuration is lost"
+            return self._wrong(Cause.NODE_RESTARTED, detail, nmt_state=self._restarted)
         if self._emcy is None:
             return None
         cause, detail, values = wrong_emergency(self._emcy.code)
@@ -247,11 +253,9 @@ class ServoDrive(JointDrive):
     def _judge(self, age: int) -> Trouble | None:
         """Return what is wrong now, the cause that explains most first."""
         bus, timing = self._bus, self._timing
-        if self._restarted is not None:
-            detail = "the node left Operational: its configuration is lost"
-            return self._wrong(Cause.NODE_RESTARTED, detail, nmt_state=self._restarted)
-        if self._emcy is not None:
-            return self.emergency
+        told = self.emergency
+        if told is not None:
+            return told
         if age > servo_status.MOST_MISSED_SYNCS:
             return self._wrong(Cause.PDO_LOST, f"no answer to {age} SYNCs", age_syncs=age)
         silence = bus.now - (self._heartbeat_s if self._heartbeat_s is not None else bus.now)
