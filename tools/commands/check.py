@@ -8,12 +8,12 @@ from typing import Final
 
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
+from ...config.urdf.meshes import packages_of
 from ...drivers.device import DeviceError
 from ..checks.findings import Finding, Severity, failed, summary, table, to_json
 from ..checks.hardware.on_bus import on_bus
 from ..checks.hardware.profile import profile
 from ..checks.judge import judge
-from ..init.shape.packages import packages_of
 
 STANDS_OUT: Final = 5e-4
 """A shape that its capsules do not hold by more than this is worth a word [m]."""

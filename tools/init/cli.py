@@ -7,11 +7,11 @@ from pathlib import Path
 
 from ...config.errors import ConfigError
 from ...config.load import load_cell
+from ...config.urdf.meshes import packages_of
 from ..checks.findings import Severity
 from ..checks.judge import judge
 from .make import Made, make
 from .robot import UrdfArm, read_arm
-from .shape.packages import packages_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 from ...config.load import Cell, ConfigError, load_cell, shipped
 from ..host.local_plant import ChildDied
-from ..operator.web.scene import describe, mesh_files
+from ..operator.web.scene import scene_of
 from .moments import MOMENTS, Moment, run_of
 from .whole import take_whole
 
@@ -44,16 +44,14 @@ LARGEST_WHOLE: Final = 300_000
 class _Handler(SimpleHTTPRequestHandler):
     """Serves the page's modules, one description and one run."""
 
-    def __init__(self, *args: Any, told: Mapping[str, bytes], files: Mapping[str, Path]) -> None:
-        self._told, self._files = told, files
+    def __init__(self, *args: Any, told: Mapping[str, bytes]) -> None:
+        self._told = told
         super().__init__(*args)
 
     def do_GET(self) -> None:
         path = urlsplit(self.path).path
-        file = self._files.get(path)
-        if file is None and path not in self._told:
-            file = STATIC / path.removeprefix("/")
-        body = self._told.get(path) if file is None or not file.is_file() else file.read_bytes()
+        file = STATIC / path.removeprefix("/")
+        body = self._told.get(path) or (file.read_bytes() if file.is_file() else None)
         self.send_response(404 if body is None else 200)
         kind = "text/html" if path == "/" else self.guess_type(path)
         self.send_header("Content-Type", kind)
@@ -66,14 +64,14 @@ class _Handler(SimpleHTTPRequestHandler):
 
 def take(browser: Browser, cell: Cell, moment: Moment, picture: Path) -> list[str]:
     """Write the picture of a cell; return what the page complained of."""
+    scene = scene_of(cell)
     told = {
-        "/description.json": json.dumps(describe(cell)).encode(),
+        **scene.files,
+        "/description.json": json.dumps(scene.description).encode(),
         "/run.json": run_of(cell, moment).json(),
         "/": (STATIC / "scene" / "still.html").read_bytes(),
     }
-    server = ThreadingHTTPServer(
-        ("127.0.0.1", 0), partial(_Handler, told=told, files=mesh_files(cell))
-    )
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, told=told))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     complaints: list[str] = []
     page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})

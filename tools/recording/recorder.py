@@ -15,6 +15,8 @@ from ...config.load import Cell
 from ...protocols.messages.messages import Message
 from ...server.flight.container import ABOUT, CELL, MEMORY, TICK
 from ...server.flight.log import KeptTick, pack_memories
+from ..operator.web.scene import scene_of
+from .run_file import SCENE
 
 CHUNK_BYTES = 128 * 1024
 """Small chunks: a crash loses no more than one."""
@@ -85,8 +87,14 @@ class Recorder:
         self.ticks(row.stamp_ns, row.data, memory)
 
     def about(self, cell: Cell, **facts: str) -> None:
-        """Write what is being run; the whole cell, too."""
+        """Write what is being run: the whole cell, and what a page draws of it."""
         self._writer.add_attachment(0, 0, CELL, "application/json", to_text(cell).encode())
+        description, meshes = scene_of(cell)
+        self._writer.add_attachment(
+            0, 0, SCENE, "application/json", json.dumps(description).encode()
+        )
+        for address, mesh in meshes.items():
+            self._writer.add_attachment(0, 0, address, "model/gltf-binary", mesh)
         version = metadata.version("telerobot")
         self._writer.add_metadata(
             ABOUT, {"cell": str(cell.path.resolve()), "version": version, **facts}

@@ -11,7 +11,7 @@ import struct
 import tempfile
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
@@ -21,6 +21,10 @@ from zstandard import ZstdError
 from ...config.bundle import from_text
 from ...config.load import Cell, ConfigError
 from ...server.flight.container import ABOUT, CELL
+from ..operator.web.scene import PREFIX, Scene
+
+SCENE: Final = "scene.json"
+"""Name of the attachment that holds what a page draws of the cell; meshes are beside it."""
 
 
 class RecordError(Exception):
@@ -100,6 +104,23 @@ def read_cell(path: Path) -> Cell:
             except (ConfigError, UnicodeDecodeError) as error:
                 raise RecordError(f"{path}: {error}") from None
     raise RecordError(f"{path}: holds no cell")
+
+
+def read_scene(path: Path) -> Scene | None:
+    """Return what a page draws of the cell; None of a recording that does not hold it.
+
+    Raises as `read_run`.
+    """
+    description: dict[str, Any] | None = None
+    meshes: dict[str, bytes] = {}
+    for record in _records(path):
+        if not isinstance(record, Attachment):
+            continue
+        if record.name.startswith(PREFIX):
+            meshes[record.name] = record.data
+        elif record.name == SCENE:
+            description = Recorded(SCENE, 0, record.data).json()
+    return None if description is None else Scene(description, meshes)
 
 
 def _records(path: Path) -> Iterator[McapRecord]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ....config.errors import ConfigError
 from ....config.urdf.elements import check_shape
-from .packages import find_mesh
+from ....config.urdf.meshes import find_mesh, read_mesh
 
 Array = NDArray[np.float64]
 _ROUND = 16
@@ -156,28 +156,9 @@ def _triangles(
 
 def _mesh(path: Path, where: str) -> Array:
     try:
-        mesh = coal.MeshLoader().load(str(path), np.ones(3))
-        vertices = np.array(mesh.vertices())
-        corners = [mesh.tri_indices(i) for i in range(mesh.num_tris)]
-    except (RuntimeError, ValueError) as error:
-        words = str(error).strip().splitlines()
-        raise ConfigError(
-            f"{where}: {path}: cannot be read: {words[-1] if words else ''}"
-        ) from None
-    if not len(corners) or not np.isfinite(vertices).all():
-        raise ConfigError(f"{where}: {path}: holds no triangles of finite numbers")
-    index = np.array([[t[0], t[1], t[2]] for t in corners], dtype=np.int64)
-    return np.asarray(vertices[index] * _unit(path))
-
-
-def _unit(path: Path) -> float:
-    """Return the length of a COLLADA file's unit [m]; other formats have none."""
-    if path.suffix.lower() != ".dae":
-        return 1.0
-    for _, element in ET.iterparse(path):
-        if element.tag.endswith("}unit"):
-            return float(element.get("meter", "1"))
-    return 1.0
+        return np.concatenate([np.asarray(part.triangles) for part in read_mesh(path)])
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
 
 
 def _between(rings: list[Array]) -> Array:

@@ -9,12 +9,12 @@ from aiohttp import WSMsgType, web
 
 from ....config.load import Cell
 from ....protocols.topics import Role
-from . import scene
 from .access import Access, Listen, same_origin
 from .catalogue import catalogue
 from .login import LOGIN, welcome
 from .pages.hub import PageHub
 from .pages.page import Page
+from .scene import Scene, scene_of
 
 STATIC: Final = Path(__file__).resolve().parent / "static"
 ROLE: Final = web.RequestKey("role", Role)
@@ -29,8 +29,18 @@ class SceneServer:
 
     INDEX = "index.html"
 
-    def __init__(self, cell: Cell, access: Access, listen: Listen, secure: bool) -> None:
+    def __init__(
+        self,
+        cell: Cell,
+        access: Access,
+        listen: Listen,
+        secure: bool,
+        drawn: Scene | None = None,
+    ) -> None:
+        """Build it; it draws what is `drawn`, or what the cell's files hold now."""
         self._cell, self._access, self._listen = cell, access, listen
+        self._drawn: asyncio.Future[Scene] | None = None
+        self._recorded = drawn
         self._scheme = "https" if secure else "http"
         self.port = listen.port
         """The port that is listened on, once it is."""
@@ -46,8 +56,8 @@ class SceneServer:
         app.router.add_get("/", self._index)
         app.router.add_post("/login", self._login)
         app.router.add_get("/scene.json", self._scene)
+        app.router.add_get(r"/meshes/{number:\d{1,6}}.glb", self._mesh)
         self._add_routes(app.router)
-        scene.add_routes(app, self._cell)
         app.router.add_static("/", STATIC)
         return app
 
@@ -131,7 +141,21 @@ class SceneServer:
         return self._admit(str(form.get("key", "")).strip())
 
     async def _scene(self, _request: web.Request) -> web.StreamResponse:
-        return web.json_response(scene.describe(self._cell))
+        return web.json_response((await self._scene_of_cell()).description)
+
+    async def _mesh(self, request: web.Request) -> web.StreamResponse:
+        data = (await self._scene_of_cell()).files.get(request.path)
+        if data is None:
+            raise web.HTTPNotFound
+        return web.Response(body=data, content_type="model/gltf-binary")
+
+    async def _scene_of_cell(self) -> Scene:
+        """Return the scene; meshes are read once, beside what is served meanwhile."""
+        if self._recorded is not None:
+            return self._recorded
+        if self._drawn is None:
+            self._drawn = asyncio.ensure_future(asyncio.to_thread(scene_of, self._cell))
+        return await asyncio.shield(self._drawn)
 
 
 class Server(SceneServer):

@@ -13,7 +13,7 @@ class PlaybackServer(SceneServer):
     INDEX = "playback.html"
 
     def __init__(self, timeline: Timeline, access: Access, listen: Listen, secure: bool) -> None:
-        super().__init__(timeline.cell, access, listen, secure)
+        super().__init__(timeline.cell, access, listen, secure, timeline.scene)
         self._timeline = timeline
 
     def _add_routes(self, router: web.UrlDispatcher) -> None:

@@ -23,7 +23,7 @@ from ...operator.web.pages.hub import limits_of
 from ...operator.web.pages.surroundings import told_contour, told_obstacle, told_picture, told_truth
 from ...operator.words.events import event_words
 from ...operator.words.why import is_cause, why
-from ..run_file import Recorded, RecordError, read_cell, read_run
+from ..run_file import Recorded, RecordError, read_cell, read_run, read_scene
 
 PIECE_S: Final = 4.0
 """Length of a piece [s]."""
@@ -40,6 +40,8 @@ class Timeline:
     def __init__(self, path: Path) -> None:
         """Read it."""
         self.cell = read_cell(path)
+        self.scene = read_scene(path)
+        """What the page drew when the run was recorded; None in older recordings."""
         self.events: list[Words] = []
         """All events in words, each with its time `t` [s]."""
         self.length_s = 0.0

@@ -4,14 +4,18 @@ import asyncio
 import json
 
 import pytest
+import trimesh
 from aiohttp.test_utils import TestClient, TestServer
 from telerobot.config.load import load_cell
 from telerobot.protocols.topics import Role
 from telerobot.tools.cli import main
 from telerobot.tools.operator.web.access import Access, Listen
+from telerobot.tools.operator.web.scene import Scene, scene_of
+from telerobot.tools.operator.web.server import SceneServer
 from telerobot.tools.recording.playback.server import PlaybackServer
 from telerobot.tools.recording.playback.timeline import PIECE_S, Timeline
 from telerobot.tools.recording.recorder import Recorder
+from telerobot.tools.recording.run_file import read_scene
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -129,3 +133,33 @@ def test_the_player_shows_each_message_once_and_begins_anew_wherever_it_is_put(i
     assert told["jumped"] == [[True, [8, 9]]]
     assert told["end"] == [10, False]
     assert told["asked"] == [0, 1, 2]
+
+
+def test_a_recording_carries_the_meshes_that_its_page_draws(small, tmp_path):
+    mesh = small.urdf.parent / "link.stl"
+    trimesh.creation.icosphere(radius=0.1).export(mesh)
+    urdf = small.urdf.read_text()
+    visual = '<visual><geometry><mesh filename="link.stl"/></geometry></visual>'
+    small.urdf.write_text(urdf.replace('<link name="l1">', f'<link name="l1">{visual}'))
+    cell, file = load_cell(small.cell), tmp_path / "run.mcap"
+    drawn = scene_of(cell)
+    with Recorder(file) as recorder:
+        recorder.about(cell)
+    mesh.unlink()
+    small.urdf.unlink()
+    scene = read_scene(file)
+    assert scene == Scene(json.loads(json.dumps(drawn.description)), drawn.files)
+    (address,) = scene.files
+
+    async def run():
+        access = Access("small")
+        server = SceneServer(cell, access, Listen("127.0.0.1", 0), False, scene)
+        async with TestClient(TestServer(server.application())) as client:
+            server.port = client.port
+            await client.get("/", params={"key": access.keys[Role.OBSERVER]})
+            told = await (await client.get("/scene.json")).json()
+            assert told["links"][1]["shapes"][0]["url"] == address
+            assert await (await client.get(address)).read() == scene.files[address]
+            assert (await client.get("/meshes/1.glb")).status == 404
+
+    asyncio.run(run())

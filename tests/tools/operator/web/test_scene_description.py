@@ -1,12 +1,15 @@
 """The description of a cell for the console's page: frames, shapes, tunnels and meshes."""
 
 import json
+from io import BytesIO
 from itertools import pairwise
 
 import numpy as np
 import pytest
+import trimesh
 from telerobot.config.load import load_cell, shipped
-from telerobot.tools.operator.web.scene import describe, mesh_files
+from telerobot.tools.operator.web.scene import describe, scene_of
+from telerobot.tools.operator.web.scene.meshes import TRIANGLES
 from telerobot.tools.oracle.poses import Array
 from telerobot.tools.oracle.tunnel import Tunnel
 
@@ -75,6 +78,30 @@ def test_names_of_links_stay_data(small):
 BALL = (
     '<collision><geometry><sphere radius="0.05"/></geometry></collision></link>\n<link name="l1">'
 )
+WEDGE = np.array([[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.1]], dtype=float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+
+
+def visual(small, filename, scale="1 1 1"):
+    mesh = f'<visual><geometry><mesh filename="{filename}" scale="{scale}"/></geometry></visual>'
+    return load_cell(small.replace_in_urdf(BALL, mesh + BALL))
+
+
+def stored(small, name, mesh):
+    path = small.urdf.parent / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    mesh.export(path)
+    return path
+
+
+def parts_of(data):
+    """Return corners (p, 3), triangles and own colour of each primitive that a page loads."""
+    found = []
+    for part in trimesh.load_scene(BytesIO(data), file_type="glb").dump():
+        material = part.visual.material
+        colour = tuple(material.baseColorFactor[:3]) if material.name == "own" else None
+        found.append((part.vertices, part.faces, colour))
+    return found
 
 
 @pytest.mark.parametrize(
@@ -88,19 +115,105 @@ BALL = (
     ],
 )
 def test_meshes_are_asked_for_by_number_and_others_are_not_served(small, filename, found):
-    mesh = small.urdf.parent / "arm_description" / "meshes" / "a b.STL"
-    mesh.parent.mkdir(parents=True)
-    for file in (mesh, mesh.with_suffix(".step")):
-        file.write_text("solid a\nendsolid a\n")
-    visual = f'<visual><geometry><mesh filename="{filename}" scale="2 2 2"/></geometry></visual>'
-    cell = load_cell(small.replace_in_urdf(BALL, visual + BALL))
-    (shape,) = describe(cell)["links"][0]["shapes"]
+    mesh = stored(small, "arm_description/meshes/a b.STL", trimesh.Trimesh(WEDGE, FACES))
+    mesh.with_suffix(".step").write_text("solid a")
+    scene = scene_of(visual(small, filename, "2 2 2"))
+    (shape,) = scene.description["links"][0]["shapes"]
     if found:
-        assert (shape["url"], shape["scale"]) == ("/meshes/0.stl", [2.0, 2.0, 2.0])
-        assert mesh_files(cell) == {"/meshes/0.stl": mesh.resolve()}
+        assert (shape["url"], shape["scale"]) == ("/meshes/0.glb", [2.0, 2.0, 2.0])
+        ((corners, triangles, colour),) = parts_of(scene.files["/meshes/0.glb"])
+        assert np.ptp(corners, axis=0) == pytest.approx([0.2, 0.2, 0.1])
+        assert (len(triangles), colour) == (4, None)
+        assert scene.description["missing"] == []
     else:
         assert shape["kind"] == "sphere", "the collision shape is drawn in its place"
-        assert mesh_files(cell) == {}
+        (missing,) = scene.description["missing"]
+        assert (missing["link"], missing["mesh"]) == ("base", filename)
+        assert missing["why"] == "not found" or "cannot be read" in missing["why"]
+        assert scene.files == {}
+
+
+def collada(unit, parts):
+    """Return a COLLADA file of wedges, each of a colour and at an x in the file's unit."""
+
+    def effect(name, colour):
+        phong = f"<diffuse><color>{colour} 1</color></diffuse>"
+        return (
+            f'<effect id="e{name}"><profile_COMMON><technique sid="t"><phong>{phong}</phong>'
+            "</technique></profile_COMMON></effect>"
+        )
+
+    def geometry(name, x):
+        corners = WEDGE / unit + [x, 0, 0]
+        numbers = " ".join(map(str, corners.ravel()))
+        axes = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+        corner = f'<input semantic="VERTEX" source="#v{name}" offset="0"/>'
+        return (
+            f'<geometry id="g{name}"><mesh><source id="p{name}">'
+            f'<float_array id="a{name}" count="12">{numbers}</float_array><technique_common>'
+            f'<accessor source="#a{name}" count="4" stride="3">{axes}</accessor>'
+            f'</technique_common></source><vertices id="v{name}">'
+            f'<input semantic="POSITION" source="#p{name}"/></vertices>'
+            f'<triangles count="4" material="m">{corner}<p>{" ".join(map(str, FACES.ravel()))}</p>'
+            "</triangles></mesh></geometry>"
+        )
+
+    def node(name):
+        bound = f'<instance_material symbol="m" target="#m{name}"/>'
+        return (
+            f'<node id="n{name}"><instance_geometry url="#g{name}"><bind_material>'
+            f"<technique_common>{bound}</technique_common></bind_material></instance_geometry></node>"
+        )
+
+    named = list(enumerate(parts))
+    effects = "".join(effect(i, colour) for i, (colour, _) in named)
+    materials = "".join(
+        f'<material id="m{i}"><instance_effect url="#e{i}"/></material>' for i, _ in named
+    )
+    return (
+        '<?xml version="1.0"?>'
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        f'<asset><unit meter="{unit}"/><up_axis>Y_UP</up_axis></asset>'
+        f"<library_effects>{effects}</library_effects>"
+        f"<library_materials>{materials}</library_materials><library_geometries>"
+        f"{''.join(geometry(i, x) for i, (_, x) in named)}</library_geometries>"
+        f'<library_visual_scenes><visual_scene id="s">{"".join(node(i) for i, _ in named)}'
+        '</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>'
+        "</COLLADA>"
+    )
+
+
+def test_a_collada_mesh_keeps_its_unit_and_its_colours_and_is_not_turned(small):
+    text = collada(0.001, [("1 0 0", 0.0), ("0 0 1", 1000.0)])
+    (small.urdf.parent / "link.dae").write_text(text)
+    scene = scene_of(visual(small, "link.dae"))
+    found = {colour: corners for corners, _, colour in parts_of(scene.files["/meshes/0.glb"])}
+    assert found.keys() == {(255, 0, 0), (0, 0, 255)}
+    least, most = (pick(found[0, 0, 255], axis=0) for pick in (np.min, np.max))
+    assert least == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    assert most == pytest.approx([1.2, 0.2, 0.1], abs=1e-6)
+
+
+def test_meshes_of_a_cell_are_coarsened_to_a_bound_together(small):
+    ball = trimesh.creation.icosphere(subdivisions=7, radius=0.1)
+    stored(small, "ball.stl", ball)
+    assert len(ball.faces) > TRIANGLES
+    ((corners, triangles, _),) = parts_of(
+        scene_of(visual(small, "ball.stl")).files["/meshes/0.glb"]
+    )
+    assert 0.9 * TRIANGLES < len(triangles) <= TRIANGLES
+    assert np.linalg.norm(corners, axis=1) == pytest.approx(0.1, rel=1e-3)
+
+
+def test_capsules_stand_for_a_link_that_has_nothing_else_to_draw(small):
+    mesh = '<visual><geometry><mesh filename="none.stl"/></geometry></visual>'
+    small.replace_in_urdf(BALL, mesh + '</link>\n<link name="l1">')
+    capsule = 'link = "base"\nstart = [0, 0, 0.1]\nend = [0.2, 0, 0.1]\nradius = 0.04\n'
+    text = small.cell.read_text()
+    small.cell.write_text(f"{text}\n[[avoidance.capsules]]\n{capsule}")
+    (shape,) = describe(load_cell(small.cell))["links"][0]["shapes"]
+    assert (shape["kind"], shape["radius"], shape["length"]) == ("capsule", 0.04, 0.2)
+    assert shape["pose"][:3] == pytest.approx([0.1, 0.0, 0.1])
 
 
 def test_a_contours_plane_begins_at_the_arms_foot(described):

@@ -1,7 +1,6 @@
 """The cell as the console's page draws it: frames, shapes and surroundings, as JSON."""
 
-from .description import describe
-from .meshes import mesh_files
-from .routes import add_routes
+from .description import Scene, describe, scene_of
+from .meshes import PREFIX
 
-__all__ = ["add_routes", "describe", "mesh_files"]
+__all__ = ["PREFIX", "Scene", "describe", "scene_of"]

@@ -1,11 +1,12 @@
 """Description of a cell for the page: all that does not change while it runs, as JSON."""
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from .....config.drives.joint_bounds import joint_bounds
 from .....config.load import Cell
 from .....config.schema.sensors.cameras import CameraSection
 from .links import described_links
+from .meshes import Meshes
 from .poses import of_pose
 from .surroundings import described_obstacles, described_rig
 from .tunnels import described_tunnels
@@ -14,14 +15,31 @@ BOUNDLESS: Final = 1e6
 """Joints that may turn this far turn for ever [rad]."""
 
 
-def describe(cell: Cell) -> dict[str, Any]:
+class Scene(NamedTuple):
+    """All that a page needs to draw a cell."""
+
+    description: dict[str, Any]
+    """What `describe` returns."""
+    files: dict[str, bytes]
+    """Meshes as binary glTF, by the addresses that the description has."""
+
+
+def scene_of(cell: Cell) -> Scene:
+    """Return a cell's description and its meshes; reads them, which may take seconds."""
+    meshes = Meshes()
+    description = describe(cell, meshes)
+    return Scene(description, meshes.files())
+
+
+def describe(cell: Cell, meshes: Meshes | None = None) -> dict[str, Any]:
     """Return a cell's frames, shapes and surroundings.
 
     Joint vectors are in the order of State. Poses are `[x, y, z, qx, qy, qz, qw]`, SI throughout;
-    meshes are addresses of `mesh_files`. Names are as files have them, those of a URDF's links any
-    text at all: whoever shows them must escape them.
+    shapes have addresses of `meshes`, and `missing` those that cannot be drawn. Names are as files
+    have them, those of a URDF's links any text at all: whoever shows them must escape them.
     """
-    config, links = cell.config, described_links(cell)
+    meshes = Meshes() if meshes is None else meshes
+    config, links = cell.config, described_links(cell, meshes)
     workspace = config.avoidance.workspace
     return {
         "cell": config.name,
@@ -29,6 +47,7 @@ def describe(cell: Cell) -> dict[str, Any]:
         "period_s": config.timing.period_s,
         "joints": _joints(cell),
         "links": links,
+        "missing": [row._asdict() for row in meshes.missing],
         "tasks": _tasks(cell, {link["name"]: i for i, link in enumerate(links)}),
         "cameras": [
             _camera(camera, part.task) for part in cell.parts for camera in part.config.cameras

@@ -3,33 +3,36 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from .....config.load import Cell, ConfigError
 from .....server.control.proximity.capsules import fitted
 from .....server.control.proximity.forest import Forest
-from .meshes import address_of
-from .poses import of_origin, of_pose, three
+from .meshes import Meshes
+from .poses import along, of_origin, of_pose, three
 from .shapes import colours_of, shapes_of
 
 
-def described_links(cell: Cell) -> list[dict[str, Any]]:
+def described_links(cell: Cell, meshes: Meshes) -> list[dict[str, Any]]:
     """Return the links of all mechanisms; `parent` is an index among them, −1 for a Base.
 
-    A link's `pose` is its joint's in the parent at zero (in World, of a Base), `axis` the joint's
+    A link whose meshes cannot be drawn has its collision shapes, or its capsules, in their place. A
+    link's `pose` is its joint's in the parent at zero (in World, of a Base), `axis` the joint's
     in the link itself, and `joint` its index in State's joint vectors, −1 where nothing moves it.
     """
     links: list[dict[str, Any]] = []
-    meshes, first = address_of(cell), 0
+    first = 0
     for part in cell.parts:
         links += _tree(part, len(links), first, meshes)
         first += len(part.robot.joints)
     _add_capsules(cell, links)
+    _add_lost_shapes(links, {row.link for row in meshes.missing})
     return links
 
 
-def _tree(part: Cell, before: int, first: int, meshes: Mapping[Path, str]) -> list[dict[str, Any]]:
+def _tree(part: Cell, before: int, first: int, meshes: Meshes) -> list[dict[str, Any]]:
     root = ET.fromstring(part.robot.description(looks=True))
     colours = colours_of(root)
     index = {joint.name: first + i for i, joint in enumerate(part.robot.joints)}
@@ -41,7 +44,7 @@ def _tree(part: Cell, before: int, first: int, meshes: Mapping[Path, str]) -> li
 
     def add(name: str, told: dict[str, Any]) -> None:
         number[name] = before + len(links)
-        shapes = shapes_of(by_name[name], part.robot.urdf, meshes, colours)
+        shapes = shapes_of(by_name[name], part.prefix + name, part.robot.urdf, meshes, colours)
         links.append({"name": part.prefix + name, **told, "shapes": shapes, "capsules": []})
 
     place = of_pose(part.config.mechanism.T_world_base)
@@ -87,6 +90,22 @@ def _add_capsules(cell: Cell, links: list[dict[str, Any]]) -> None:
                 "radius": capsule.radius,
             }
         )
+
+
+def _add_lost_shapes(links: list[dict[str, Any]], lost: set[str]) -> None:
+    """Draw the capsules of links that lost all their meshes."""
+    bare = {link["name"] for link in links if not link["shapes"]} & lost
+    for link in links:
+        link["shapes"] += [_drawn(c) for c in link["capsules"] if c["of"] in bare]
+
+
+def _drawn(capsule: dict[str, Any]) -> dict[str, Any]:
+    """Return a capsule as a shape of the link that it is fixed to."""
+    start, end = np.array(capsule["start"]), np.array(capsule["end"])
+    length = float(np.linalg.norm(end - start))
+    turn = along(end - start) if length > 0.0 else [0.0, 0.0, 0.0, 1.0]
+    pose = [*(0.5 * (start + end)).tolist(), *turn]
+    return {"kind": "capsule", "pose": pose, "radius": capsule["radius"], "length": length}
 
 
 def _end(joint: ET.Element, which: str) -> str:

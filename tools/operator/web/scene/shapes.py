@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .meshes import resolved
+from .meshes import Meshes
 from .poses import of_origin, three
 
 Colours = Mapping[str, list[float]]
@@ -22,11 +22,11 @@ def colours_of(root: ET.Element) -> dict[str, list[float]]:
 
 
 def shapes_of(
-    link: ET.Element, urdf: Path, meshes: Mapping[Path, str], colours: Colours
+    link: ET.Element, name: str, urdf: Path, meshes: Meshes, colours: Colours
 ) -> list[dict[str, Any]]:
-    """Return a link's visual shapes; its collision shapes where it has none that can be drawn."""
+    """Return the visual shapes of a link of that name, or its collision shapes if it has none."""
     for kind in ("visual", "collision"):
-        each = [_shape(element, urdf, meshes, colours) for element in link.findall(kind)]
+        each = [_shape(element, name, urdf, meshes, colours) for element in link.findall(kind)]
         found = [shape for shape in each if shape is not None]
         if found:
             return found
@@ -34,7 +34,7 @@ def shapes_of(
 
 
 def _shape(
-    element: ET.Element, urdf: Path, meshes: Mapping[Path, str], colours: Colours
+    element: ET.Element, link: str, urdf: Path, meshes: Meshes, colours: Colours
 ) -> dict[str, Any] | None:
     geometry = element.find("geometry")
     if geometry is None or not len(geometry):
@@ -50,10 +50,10 @@ def _shape(
         case "sphere":
             shape["radius"] = float(form.get("radius", "0"))
         case "mesh":
-            file = resolved(urdf, form.get("filename", ""))
-            if file is None or file not in meshes:
+            address = meshes.address(link, urdf, form.get("filename", ""))
+            if address is None:
                 return None
-            shape |= {"url": meshes[file], "scale": three(form, "scale", "1 1 1")}
+            shape |= {"url": address, "scale": three(form, "scale", "1 1 1")}
     colour = _colour(element, colours)
     return shape if colour is None else {**shape, "colour": colour}
 

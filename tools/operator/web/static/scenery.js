@@ -4,7 +4,7 @@
 // in which the arm can be stopped and steered already. There it is drawn plainly, unless the page's
 // address says `?fine`.
 
-import { el } from "./dom.js";
+import { el, setText } from "./dom.js";
 
 const KEPT = ["obstacle"];
 
@@ -14,9 +14,14 @@ export function sceneIn(element, description) {
   const newest = new Map();
   const callbacks = [];
   let scene = null;
+  const waiting = element.querySelector(".waiting");
+  const told = description.missing.length ? element.appendChild(undrawn(description.missing)) : null;
 
   async function make() {
+    if (waiting) setText(waiting, "Drawing the scene…");
     if (!document.createElement("canvas").getContext("webgl2")) {
+      waiting?.remove();
+      told?.remove();
       element.append(el("p", { className: "unseeable" }, "The scene cannot be drawn: this browser has no WebGL. Everything else works."));
       return null;
     }
@@ -30,6 +35,7 @@ export function sceneIn(element, description) {
     if (still) made.jump(still);
     newest.clear();
     scene = made;
+    made.loaded.then(() => waiting?.remove());
     return VIEWS;
   }
 
@@ -52,4 +58,13 @@ export function sceneIn(element, description) {
     leadTo: (handle, tool) => scene.leadTo(handle, tool),
     handleOnScreen: () => scene?.handleOnScreen() ?? [0, 0],
   };
+}
+
+/** Return a note that names the meshes which cannot be drawn, and why. */
+function undrawn(missing) {
+  const note = el("details", { className: "undrawn" });
+  const many = missing.length === 1 ? "A mesh" : `${missing.length} meshes`;
+  note.append(el("summary", {}, `${many} cannot be drawn: collision shapes or capsules stand for it`));
+  for (const { link, mesh, why } of missing.slice(0, 20)) note.append(el("p", {}, `${link}: ${mesh}: ${why}`));
+  return note;
 }

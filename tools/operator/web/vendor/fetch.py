@@ -22,8 +22,9 @@ SERVED: Final = {
     "three/examples/jsm/controls/OrbitControls.js": "OrbitControls.js",
     "three/examples/jsm/controls/TransformControls.js": "TransformControls.js",
     "three/examples/jsm/environments/RoomEnvironment.js": "RoomEnvironment.js",
-    "three/examples/jsm/loaders/OBJLoader.js": "OBJLoader.js",
-    "three/examples/jsm/loaders/STLLoader.js": "STLLoader.js",
+    "three/examples/jsm/loaders/GLTFLoader.js": "GLTFLoader.js",
+    "three/examples/jsm/utils/BufferGeometryUtils.js": "BufferGeometryUtils.js",
+    "three/examples/jsm/utils/SkeletonUtils.js": "SkeletonUtils.js",
     "three/LICENSE": "three.LICENSE",
     "uplot/dist/uPlot.esm.js": "uPlot.esm.js",
     "uplot/dist/uPlot.min.css": "uPlot.min.css",
@@ -52,9 +53,8 @@ def fetch() -> None:
     VENDOR.mkdir(parents=True)
     for source, name in SERVED.items():
         text = (PACKAGES / source).read_text(encoding="utf-8")
-        (VENDOR / name).write_text(
-            text.replace("from 'three'", "from './three.module.js'"), encoding="utf-8"
-        )
+        text = text.replace("from 'three'", "from './three.module.js'")
+        (VENDOR / name).write_text(text.replace("from '../utils/", "from './"), encoding="utf-8")
 
 
 def main() -> int:

@@ -7,7 +7,6 @@
 
 import { forward } from "./geometry/kinematics.js";
 import { leadTo } from "./geometry/lead.js";
-import { attitude, turned } from "./geometry/poses.js";
 import { createTimeline } from "./geometry/timeline.js";
 import { atRest, viewOf } from "./geometry/view.js";
 import { THREE, createMaterials } from "./stage/kit.js";
@@ -47,8 +46,7 @@ export function createScene(element, description, drawn = {}) {
   const paths = createPaths(description, materials, labels, scale);
   const handle = createHandle(description, materials, stage, scale);
   const pictures = createPictures(element, description);
-  const wall = description.rig?.wall;
-  const views = createViews(stage, stage.invalidate, wall && turned(attitude(wall.pose), [0, 0, 1]));
+  const views = createViews(stage, stage.invalidate, surroundings.opaque);
   const parts = { arms, surroundings, tunnels, contour, scan, frames, gaps, forces, paths, handle };
   for (const part of Object.values(parts)) stage.scene.add(part.object);
   const bodies = [arms, surroundings, tunnels, frames];
@@ -64,6 +62,10 @@ export function createScene(element, description, drawn = {}) {
   views.go("home", false);
   stage.canvas.setAttribute("aria-label", `cell ${description.cell}: ${description.description}`);
   stage.controls.addEventListener("start", views.taken);
+  arms.loaded.then(() => {
+    frameAll();
+    views.again();
+  });
 
   let shown = null;
   let last = performance.now();
@@ -105,7 +107,8 @@ export function createScene(element, description, drawn = {}) {
     const sphere = box.getBoundingSphere(new THREE.Sphere());
     stage.ground.lay(sphere.center, Math.min(0, box.min.z), 3.4 * sphere.radius);
     stage.light(sphere.center, 1.05 * sphere.radius);
-    views.around(points);
+    const at = [...current.links, ...current.tasks.map(({ mrf }) => mrf)].filter(Boolean);
+    views.around(points, at.map(([x, y, z]) => new THREE.Vector3(x, y, z)));
   }
 
   function setOptions(options) {
@@ -161,6 +164,8 @@ export function createScene(element, description, drawn = {}) {
     abandon: handle.abandon,
     leadTo,
     setOptions,
+    /** Resolves once all meshes are there. */
+    loaded: arms.loaded,
     upToDate: stage.upToDate,
     handleOnScreen: () => handle.onScreen(),
     /** Take up all room again after what is there has changed. */
@@ -181,12 +186,12 @@ function blobOf(text) {
   return new Blob([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], { type: "image/jpeg" });
 }
 
-/** Return the corners of the boxes around all bodies of an object; ghosts and mere lines are none. */
+/** Return the corners of the boxes around all bodies of an object; ghosts, lines and walls are none. */
 function cornersOf(object) {
   const corners = [];
   object.updateMatrixWorld(true);
   object.traverseVisible((part) => {
-    if (!part.isMesh || !(part.castShadow || part.userData.body)) return;
+    if (!part.isMesh || part.userData.backdrop || !(part.castShadow || part.userData.body)) return;
     part.geometry.boundingBox ?? part.geometry.computeBoundingBox();
     const { min, max } = part.geometry.boundingBox;
     for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {

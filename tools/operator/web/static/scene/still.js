@@ -13,6 +13,7 @@ scene.setOptions({ handle: asked.get("handle") });
 for (const state of run.states) scene.jump(state);
 for (const message of run.news) scene.update(message);
 if (run.states.length) scene.jump(run.states.at(-1));
+await scene.loaded;
 scene.setOptions({ view: asked.get("view") ?? "home", easing: false });
 globalThis.scene = scene;
 do await new Promise((done) => { setTimeout(done, 600); }); while (!scene.upToDate());

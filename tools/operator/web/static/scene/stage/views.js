@@ -14,13 +14,20 @@ const EASE_S = 0.45;
 /** Things fill the picture less by this factor. */
 const ROOM = 1.12;
 
-/** Views of a stage; where a wall faces `normal`, the first one looks at its face. */
-export function createViews(stage, invalidate, normal = null) {
+/** The first view is turned by these about the vertical until nothing hides the arm [rad]. */
+const TURNS = [0, 1, -1, 2, -2, 3, -3, 4].map((step) => (step * Math.PI) / 4);
+/** What stands this near before a point does not hide it [m]. */
+const BEFORE = 0.08;
+
+/** Views of a stage; the first one looks from where nothing `opaque` hides the arm. */
+export function createViews(stage, invalidate, opaque = []) {
   const { camera, controls } = stage;
   const calm = globalThis.matchMedia?.("(prefers-reduced-motion: reduce)");
   let goal = null;
   let following = false;
   let points = [new THREE.Vector3()];
+  let aims = [];
+  let first = true;
   const last = new THREE.Vector3();
 
   /**
@@ -47,16 +54,36 @@ export function createViews(stage, invalidate, normal = null) {
     return { position, target };
   }
 
+  /** Return how many aims something hides from a place. */
+  function hidden(place) {
+    return aims.filter((aim) => {
+      const way = aim.clone().sub(place);
+      const ray = new THREE.Raycaster(place, way.clone().normalize(), 0, way.length() - BEFORE);
+      return ray.intersectObjects(opaque, true).length > 0;
+    }).length;
+  }
+
+  function home() {
+    const [x, y, z] = FROM.home;
+    const each = TURNS.map((turn) => {
+      const [c, s] = [Math.cos(turn), Math.sin(turn)];
+      const to = seen([c * x - s * y, s * x + c * y, z]);
+      return { to, hides: hidden(to.position) };
+    });
+    return each.reduce((best, next) => (next.hides < best.hides ? next : best)).to;
+  }
+
   return {
-    /** Tell what there is to see: points. */
-    around(all) { points = all; },
+    /** Tell what there is to see: points, and of the arm those that nothing shall hide. */
+    around(all, arm) { [points, aims] = [[...all, ...arm], arm]; },
+    /** Take the first view anew, unless somebody chose another. */
+    again() { if (first) this.go("home", false); },
     /** Go to a view by its name; at once without `easing`, and for who asks for little motion. */
     go(name, easing = true) {
       following = name === "follow";
+      first = name === "home";
       if (!(name in FROM)) return;
-      const [x, y, z] = FROM[name];
-      const behind = name === "home" && normal && normal[0] * x + normal[1] * y < 0;
-      const to = seen(behind ? [-0.6 * x, y, z] : [x, y, z]);
+      const to = name === "home" ? home() : seen(FROM[name]);
       if (!easing || calm?.matches) {
         camera.position.copy(to.position);
         controls.target.copy(to.target);
@@ -86,6 +113,6 @@ export function createViews(stage, invalidate, normal = null) {
       invalidate();
     },
     /** The operator took the camera in hand. */
-    taken() { goal = null; },
+    taken() { [goal, first] = [null, false]; },
   };
 }

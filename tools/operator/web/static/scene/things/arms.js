@@ -27,6 +27,7 @@ export function createArms(description, materials, invalidate) {
   };
   const hands = new Set(description.tasks.map(({ tip }) => carrierOf(tip)));
   let arm = -1;
+  const loading = [];
   const links = description.links.map((link, i) => {
     if (roots.includes(i)) arm += 1;
     const own = new THREE.Group();
@@ -34,9 +35,9 @@ export function createArms(description, materials, invalidate) {
     const caps = jointCaps(description, i);
     const tool = hands.has(carrierOf(i));
     const bare = tool ? materials.joint() : materials.shell();
-    dress(own, solidOf(description, link), () => invalidate(), (shape) => (
-      shape.colour ? materials.painted(shape.colour) : bare), true);
-    dress(ghost, link, () => invalidate(), () => ghostMaterial, false);
+    loading.push(...dress(own, solidOf(description, link), invalidate, (colour) => (
+      colour ? materials.painted(colour) : bare), true));
+    loading.push(...dress(ghost, link, invalidate, () => ghostMaterial, false));
     const marks = caps.map((cap) => place(solid(cap.geometry, materials.joint()), cap.pose));
     const faces = caps.flatMap((cap) => cap.faces.map(
       (face) => place(solid(cap.face, materials.accent(arm)), face),
@@ -50,6 +51,8 @@ export function createArms(description, materials, invalidate) {
   return {
     object,
     showGhost: true,
+    /** Resolves once all meshes are there. */
+    loaded: Promise.all(loading),
     /** Put links at poses of measured and of commanded joints. */
     pose(measured, commanded, q) {
       let most = 0;
@@ -82,24 +85,31 @@ function boundOf(joint, way) {
   return room > 0.15 * NEAR_BOUND ? 0 : 1;
 }
 
-/** Add a link's shapes to a group, each of its material; tell when those that load have come. */
+/**
+ * Add a link's shapes to a group, each of the material of its colour; return promises of those that
+ * load. A mesh's own colours win over the URDF's.
+ */
 function dress(group, link, done, materialOf, shadows) {
+  const loading = [];
   for (const shape of link.shapes) {
-    const add = (geometry) => {
-      const mesh = solid(geometry, materialOf(shape));
+    const add = (geometry, colour) => {
+      const mesh = solid(geometry, materialOf(colour));
       mesh.castShadow = mesh.receiveShadow = shadows;
       group.add(place(mesh, shape.pose));
       return mesh;
     };
     if (shape.kind === "mesh") {
-      loadMesh(shape.url).then((geometries) => {
-        for (const geometry of geometries) add(geometry).scale.set(...shape.scale);
+      loading.push(loadMesh(shape.url).then((parts) => {
+        for (const { geometry, colour } of parts) {
+          add(geometry, colour ?? shape.colour).scale.set(...shape.scale);
+        }
         done();
-      }, (error) => globalThis.console?.warn(`${link.name}: ${error.message}`));
+      }, (error) => globalThis.console?.warn(`${link.name}: ${error.message}`)));
     } else {
-      add(geometryOf(shape));
+      add(geometryOf(shape), shape.colour);
     }
   }
+  return loading;
 }
 
 /** Return a link; one that turns for ever is a wheel, whose ball becomes a tyre about its axis. */

@@ -1,27 +1,26 @@
-/** Meshes of robots: STL and OBJ, loaded once each, by the reader of their format. */
+/** Meshes of robots: binary glTF as the console sends it, loaded once each. */
 
 const loaded = new Map();
+/** Edges that bend more than this are sharp [rad]. */
+const CREASE = 0.6;
 
-/** Return a promise of the geometries in a file. */
+/** Return a promise of the parts of a file: geometry and its own colour, null for none. */
 export function loadMesh(url) {
   if (!loaded.has(url)) loaded.set(url, load(url));
   return loaded.get(url);
 }
 
 async function load(url) {
-  const suffix = url.split(".").at(-1);
-  if (suffix === "stl") {
-    const { STLLoader } = await import("../../vendor/STLLoader.js");
-    const geometry = await new STLLoader().loadAsync(url);
-    geometry.computeVertexNormals();
-    return [geometry];
-  }
-  if (suffix === "obj") {
-    const { OBJLoader } = await import("../../vendor/OBJLoader.js");
-    const group = await new OBJLoader().loadAsync(url);
-    const found = [];
-    group.traverse((part) => part.geometry && found.push(part.geometry));
-    return found;
-  }
-  throw new Error(`meshes of ${suffix} cannot be drawn`);
+  const [{ GLTFLoader }, { toCreasedNormals }] = await Promise.all([
+    import("../../vendor/GLTFLoader.js"), import("../../vendor/BufferGeometryUtils.js"),
+  ]);
+  const { scene } = await new GLTFLoader().loadAsync(url);
+  const parts = [];
+  scene.traverse(({ isMesh, geometry, material }) => {
+    if (!isMesh) return;
+    const { r, g, b } = material.color;
+    const colour = material.name === "own" ? [r, g, b, material.opacity] : null;
+    parts.push({ geometry: toCreasedNormals(geometry.deleteAttribute("normal"), CREASE), colour });
+  });
+  return parts;
 }

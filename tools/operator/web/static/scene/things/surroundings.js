@@ -6,15 +6,17 @@ import { composed, fromRpy, placed } from "../geometry/poses.js";
 export function createSurroundings(description, materials, labels) {
   const object = new THREE.Group();
   const rig = description.rig ?? {};
-  for (const each of rig.boxes ?? []) {
-    object.add(place(solid(box(each.half_size), materials.furniture()), each.pose));
-  }
+  const opaque = (rig.boxes ?? []).map(
+    (each) => place(solid(box(each.half_size), materials.furniture()), each.pose),
+  );
   if (rig.wall) {
     const { half_size: half } = rig.wall;
     const plate = solid(box([half, half, 0.02]).translate(0, 0, -0.02), materials.wall());
-    object.add(place(plate, rig.wall.pose));
+    plate.userData.backdrop = true;
+    opaque.push(place(plate, rig.wall.pose));
   }
-  for (const hole of rig.holes ?? []) object.add(place(block(hole, materials), hole.pose));
+  opaque.push(...(rig.holes ?? []).map((hole) => place(block(hole, materials), hole.pose)));
+  if (opaque.length) object.add(...opaque);
   const tags = (rig.tags ?? []).map((tag) => ({ tag, sheet: sheet(tag) }));
   for (const { tag, sheet: shown } of tags) object.add(place(shown, tag.pose));
   if (description.workspace) object.add(space(description.workspace, materials));
@@ -35,6 +37,8 @@ export function createSurroundings(description, materials, labels) {
 
   return {
     object,
+    /** What hides whatever is behind it. */
+    opaque,
     /** Shapes that gaps are told to, by name: `{shape, xyz, to, pose, half_size, radius}`. */
     obstacles,
     /** Take in news of an obstacle, or its removal; one that only moves is not made anew. */

@@ -1,16 +1,23 @@
-"""Files that a URDF names: `package://` and relative paths, and where they are looked for.
+"""Meshes that a URDF names: where their files are looked for, and their triangles.
 
-Beside the URDF and above it, in `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`, in installed Python
-packages (and the `share` of those that hold a prefix), and where `--package NAME=DIR` says.
+A file is looked for beside the URDF and above it, in `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`,
+in installed Python packages (and the `share` of those that hold a prefix), and where
+`--package NAME=DIR` says.
 """
 
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
-from ....config.errors import ConfigError
+import numpy as np
+
+from ..errors import ConfigError
+
+if TYPE_CHECKING:
+    import trimesh
 
 _UP = 6
 """Folders above the URDF's that are looked into [1]."""
@@ -30,6 +37,29 @@ def packages_of(given: Sequence[str]) -> dict[str, Path]:
 def find_mesh(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | None:
     """Return the file that a URDF calls `name`, or None where there is none."""
     return next((path for path in _places(name, urdf, packages) if path.is_file()), None)
+
+
+def read_mesh(path: Path) -> "list[trimesh.Trimesh]":
+    """Return the parts of a mesh file with their looks, in the file's own frame [m].
+
+    A COLLADA file is scaled by its unit; its up axis is ignored, as ROS does. Reads STL, OBJ,
+    COLLADA, PLY and glTF. Raises `ConfigError` for a file without triangles of finite numbers.
+    """
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(str(path), process=False)
+        if path.suffix.lower() == ".dae":
+            scene = scene.convert_units("meters")
+        # A part that stands in several places of its file comes back in each of them.
+        found = scene.dump()
+    except Exception as error:  # noqa: BLE001  readers of eight formats raise what they like
+        words = " ".join(str(error).split())[:160]
+        raise ConfigError(f"{path}: cannot be read: {words or type(error).__name__}") from None
+    parts = [part for part in found if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    if not parts or not all(np.isfinite(part.vertices).all() for part in parts):
+        raise ConfigError(f"{path}: holds no triangles of finite numbers")
+    return parts
 
 
 def _places(name: str, urdf: Path, packages: Mapping[str, Path]) -> Iterator[Path]:
