@@ -212,3 +212,22 @@ def test_one_changed_digit_of_an_input_changes_the_hash():
     changed = {**SCRIPT["step"][0], "cmd/joystick": {"twist": twist, "expressed_in": "base"}}
     other = {**SCRIPT, "step": [changed, *SCRIPT["step"][1:]]}
     assert command_hash(other) != command_hash(SCRIPT)
+
+
+def shifted(frames, offset):
+    """Return the frames with all of the joint's targets offset [rad], from the enable on."""
+    doctored = []
+    for frame in frames:
+        if frame.can_id == RPDO1:
+            controlword, counts = struct.unpack("<Hi", frame.data)
+            counts += round(DRIVE.direction * DRIVE.counts_per_radian * offset)
+            frame = frame._replace(data=struct.pack("<Hi", controlword, counts))  # noqa: PLW2901
+        doctored.append(frame)
+    return doctored
+
+
+@pytest.mark.parametrize(
+    ("offset", "found"), [(-1.0, {"leap": 1}), (-0.0011, {"leap": 1}), (-0.0009, {}), (0.0, {})]
+)
+def test_a_leap_from_the_measured_posture_to_the_first_setpoint_counts(recording, offset, found):
+    assert counted(shifted(recording, offset)) == found

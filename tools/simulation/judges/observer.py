@@ -6,7 +6,8 @@ tolerance is what quantised targets add: `STEPS` encoder steps, over T for speed
 acceleration and T³ for jerk.
 
 A joint that stood outside its limits when its drive was enabled may be anywhere from there inwards,
-and never further out than it has come since.
+and never further out than it has come since. The first setpoint that a drive gets after it was
+enabled is to be where its joint stood.
 
 Drives in CSV and CST are sent speeds and torques, which are judged by their own bounds (torque and
 its rate in CST); the motion is then judged by what the joints did, as TPDOs tell.
@@ -41,6 +42,9 @@ TRACKING = 0.05
 SAG = 0.005
 """A joint that is enabled at its limit, or outside, may sag by so much [rad]."""
 
+LEAP = 0.001
+"""The first setpoint after enabling may be so far from where the joint stood [rad]."""
+
 _SYNC = 0x080
 _RPDO1 = 0x200
 _TPDO1 = 0x180
@@ -72,6 +76,8 @@ class _Joint:
     high: float
     turns: Unwrapped | None = None
     """Counts of a wheel, which wrap."""
+    stood: float | None = None
+    """Where the joint stood when its drive was last off [rad]; None once it was sent a position."""
     measured: float | None = None
     before: float | None = None
     """Setpoint at the SYNC before the last [rad]."""
@@ -88,6 +94,7 @@ class _Joint:
     def stands(self, q: float) -> None:
         """Take in where the joint stands while its drive is off."""
         self.low, self.high = min(self.lower, q - SAG), max(self.upper, q + SAG)
+        self.stood = q
 
     def left(self, q: float, sag: float = 0.0) -> float | None:
         """Return the bound that an angle is beyond, if any; one further in is a new bound."""
@@ -206,6 +213,12 @@ class Observer:
         beyond = joint.left(q)
         if beyond is not None:
             self._found(time_s, joint, "position", q, beyond)
+        if joint.stood is not None:
+            # Whatever the daemon takes it for: a drive leaps to its first setpoint.
+            leap = q - joint.stood
+            if abs(leap) > LEAP + joint.step:
+                self._found(time_s, joint, "leap", leap, LEAP)
+            joint.stood = None
         joint.sent = list(accumulate((q, *joint.sent[:3]), operator.sub))
         for order, difference in enumerate(joint.sent[1:]):
             power, bound = self._powers[order], joint.bounds[order]
