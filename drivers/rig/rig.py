@@ -215,24 +215,30 @@ class Rig:
             frames=self.frames,
             arms=arms,
             between_arms_m=self.world.distances.between_arms(),
-            beam=None if self.world.beam is None else _beam_truth(self.world.beam),
+            own_contact_peak=self.world.contacts.own_peak(),
+            beam=None if self.world.beam is None else self._beam_truth(self.world.beam),
         )
 
     def _arm_truth(self, arm: int) -> ArmTruth:
-        fx, fy, fz = self.world.contact_force(arm).tolist()
-        return ArmTruth(pose_mrf=_six(*self.world.mrf_pose(arm)), contact_force=(fx, fy, fz))
+        contacts = self.world.contacts
+        return ArmTruth(
+            pose_mrf=_six(*self.world.mrf_pose(arm)),
+            contact_force=_three(contacts.force(arm)),
+            contact_sum=contacts.total(arm),
+            contact_peak=contacts.peak(arm),
+        )
 
-
-def _beam_truth(beam: Beam) -> BeamTruth:
-    x, y, z = beam.push().tolist()
-    return BeamTruth(
-        pose=_six(*beam.pose()),
-        grasps=tuple((a, b, c, d, e, f) for a, b, c, d, e, f in beam.wrenches.tolist()),
-        internal_force=beam.internal_force(),
-        stretch=beam.stretch(),
-        peg_depth=beam.peg_depths(),
-        push=(x, y, z),
-    )
+    def _beam_truth(self, beam: Beam) -> BeamTruth:
+        payload = len(self._names)
+        return BeamTruth(
+            pose=_six(*beam.pose()),
+            grasps=tuple((a, b, c, d, e, f) for a, b, c, d, e, f in beam.wrenches.tolist()),
+            internal_force=beam.internal_force(),
+            stretch=beam.stretch(),
+            peg_depth=beam.peg_depths(),
+            push=_three(self.world.contacts.force(payload)),
+            push_peak=self.world.contacts.peak(payload),
+        )
 
 
 def _node(entry: Entry, bench: Bench) -> Node:
@@ -245,6 +251,11 @@ def _node(entry: Entry, bench: Bench) -> Node:
 
 def _ignore() -> None:
     """Stand in for a listener."""
+
+
+def _three(vector: Vector) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z
 
 
 def _six(position: Vector, R: Vector) -> Vector6:

@@ -34,12 +34,16 @@ class RigFault(Message):
 class ArmTruth(Message):
     """The truth about one arm.
 
-    True MRF pose in World `[x, y, z, roll, pitch, yaw]`, and contact force of the arm and its tool
-    [N] in World, as exerted on the environment.
+    True MRF pose in World `[x, y, z, roll, pitch, yaw]`, and net contact force of the arm and its
+    tool [N] in World, as exerted on the environment. `contact_sum` adds up magnitudes over the
+    pairs of solids that touch, where opposite forces do not cancel [N]; `contact_peak` is the
+    greatest of these in the physics steps of the last period.
     """
 
     pose_mrf: Vector6
     contact_force: Vector3
+    contact_sum: float = 0.0
+    contact_peak: float = 0.0
 
 
 class BeamTruth(Message):
@@ -48,8 +52,9 @@ class BeamTruth(Message):
     Its pose in World `[x, y, z, roll, pitch, yaw]`; the wrench of each arm on it at its grasp
     [N, N·m], in the payload's axes; the greatest force at a grasp that moves nothing
     (`internal_force`) [N], how far the grasps are from fitting each other (`stretch`) [m], how deep
-    each peg is in the nearest hole (`peg_depth`) [m], negative before it, and what payload and pegs
-    `push` on what they touch, in World [N].
+    each peg is in the nearest hole (`peg_depth`) [m], negative before it, what payload and pegs
+    `push` on what stands around, in World [N], and the greatest sum of the magnitudes of that in
+    the physics steps of the last period (`push_peak`) [N].
     """
 
     pose: Vector6
@@ -58,6 +63,7 @@ class BeamTruth(Message):
     stretch: float
     peg_depth: tuple[float, ...] = ()
     push: Vector3
+    push_peak: float = 0.0
 
 
 class RigTruth(Message):
@@ -68,6 +74,8 @@ class RigTruth(Message):
     fixed things, and of arms from each other (at most 1) [m]; poses of the tags that stand in
     World, names of those that are covered, poses of `base` and `carrier` where they may move, and
     for each camera that stands in World how far each link is from its `sight` line [m].
+    `own_contact_peak` is the greatest sum, in the physics steps of the last period, of what arms
+    and payload press on themselves and each other [N].
     """
 
     time_s: float
@@ -84,5 +92,6 @@ class RigTruth(Message):
     sight: dict[str, dict[str, float]] = Field(default_factory=dict)
     arms: dict[str, ArmTruth] = Field(default_factory=dict)
     between_arms_m: float | None = None
+    own_contact_peak: float = 0.0
     beam: BeamTruth | None = None
     """The payload that several arms hold; None where there is none."""

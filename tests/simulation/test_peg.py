@@ -25,14 +25,16 @@ def test_rate_and_force_together_insert_the_peg_gently(direction, part):
     assert found.inserted, found
     assert found.limit_violations == 0
     # It was felt on the way: the hole really is off.
-    assert found.peak_n > 10.0
+    assert found.net_n > 10.0
+    # A sum of magnitudes is never below the net force; a tilted peg is pressed from two sides.
+    assert found.peak_n > 2.0 * found.net_n
 
 
 @pytest.mark.parametrize("direction", [0, 19])
 def test_without_force_control_the_same_motion_is_rough(direction):
     found = attempt(Attempt(direction, stiff=True))
     assert not found.inserted
-    assert found.peak_n > ROUGH > GENTLE
+    assert found.net_n > ROUGH > GENTLE
     assert found.limit_violations == 0
 
 

@@ -17,8 +17,9 @@ from ....config.schema.rig.rig import RigGripperSection
 from .bodies.beam import Beam
 from .bodies.solids import place
 from .clearance.distances import WorldDistances
+from .contacts import Contacts
 from .robot.brakes import Brakes
-from .robot.chassis import GRIP, ROLLS
+from .robot.chassis import GRIP
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 
 Vector = NDArray[np.float64]
@@ -60,7 +61,6 @@ class World:
         self._arms = tuple(
             self._arm(part, prefix) for part, prefix in zip(cell.parts, prefixes(cell), strict=True)
         )
-        self._root_of = self.model.body_rootid[self.model.geom_bodyid]
         arm = slice(self._first, self._first + self.n)
         behind = [
             (len(p.config.mechanism.drives), p.config.rig.drive) for p in cell.parts if p.config.rig
@@ -85,6 +85,10 @@ class World:
         if cell.config.rig.beam is not None:
             self.beam = Beam(self.model, self.data, cell)
             self.beam.grasp()
+            roots = [*roots, self.beam.body]
+        steps = round(cell.config.timing.period_s / self.dt)
+        self.contacts = Contacts(self.model, self.data, self._fixed, roots, steps)
+        """Of the arms, in the cell's order, and of the payload after them."""
         mujoco.mj_forward(self.model, self.data)
 
     def _arm(self, part: Cell, prefix: str) -> _Arm:
@@ -123,10 +127,11 @@ class World:
             self._apply_push(body, force)
         if self.beam is None:
             mujoco.mj_step(self.model, self.data)
-            return
-        mujoco.mj_step1(self.model, self.data)
-        self.beam.pull()
-        mujoco.mj_step2(self.model, self.data)
+        else:
+            mujoco.mj_step1(self.model, self.data)
+            self.beam.pull()
+            mujoco.mj_step2(self.model, self.data)
+        self.contacts.note()
 
     # --- what holds and pushes the arm --------------------------------------------------------
 
@@ -244,32 +249,6 @@ class World:
         body = mujoco.mjtObj.mjOBJ_XBODY
         mujoco.mj_objectVelocity(self.model, self.data, body, self._arms[0].root, found, 0)
         return np.concatenate([found[3:], found[:3]])
-
-    def contact_force(self, arm: int = 0) -> Vector:
-        """Return the force (3,) [N] that an arm and its tool exert on wall and boxes, in World."""
-        root, total = self._arms[arm].root, np.zeros(3)
-        wrench = np.zeros(6)
-        for i in range(self.data.ncon):
-            contact = self.data.contact[i]
-            first, second = contact.geom
-            if (first in self._fixed) == (second in self._fixed):
-                continue
-            if self._root_of[second if first in self._fixed else first] != root:
-                continue
-            mujoco.mj_contactForce(self.model, self.data, i, wrench)
-            on_second = contact.frame.reshape(3, 3).T @ wrench[:3]
-            total += on_second if second in self._fixed else -on_second
-        return total
-
-    def own_contact_force(self) -> float:
-        """Return the greatest force between two parts of arms that touch [N], 0 for none."""
-        most, wrench = 0.0, np.zeros(6)
-        for i in range(self.data.ncon):
-            pair = self.data.contact[i].geom.tolist()
-            if not self._fixed.intersection(pair) and self.model.geom_contype[pair].max() < ROLLS:
-                mujoco.mj_contactForce(self.model, self.data, i, wrench)
-                most = max(most, float(np.linalg.norm(wrench[:3])))
-        return most
 
     def place(self, obstacle: str, xyz: Vector) -> None:
         """Move an obstacle of the cell to a place in World [m]. Raises `ValueError`."""

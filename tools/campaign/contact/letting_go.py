@@ -165,7 +165,7 @@ def play(plan: ContactPlan, held_s: float = HELD_S, hold_s: float | None = None)
 
     def look(of: Simulation) -> None:
         times.append(of.rig.time_s)
-        forces.append(float(np.linalg.norm(of.rig.world.contact_force())))
+        forces.append(of.rig.world.contacts.total(0))
 
     simulation.on_physics = look
     result = simulation.run()

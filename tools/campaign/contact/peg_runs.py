@@ -10,6 +10,7 @@ from .insertion import (
     DIRECTIONS,
     GENTLE,
     ROUGH,
+    SQUEEZED,
     WITHIN_S,
     Attempt,
     PegInsertion,
@@ -54,13 +55,17 @@ class PegReport:
         columns = [(stiff, part) for stiff in (False, True) for part in PARTS_OF_STEP]
         head = [f"{'stiff' if s else 'force'}, step 1/{p}" for s, p in columns]
         found = {(i.direction, i.stiff, i.part): i for i in self.insertions}
-        lines = ["direction  " + "".join(f"{text:24}" for text in head).rstrip()]
+        lines = ["direction  " + "".join(f"{text:36}" for text in head).rstrip()]
         for d in range(DIRECTIONS):
             cells = [found.get((d, *column)) for column in columns]
             words = ["-" if i is None else i.words for i in cells]
-            lines.append(f"{d:9d}  " + "".join(f"{word:24}" for word in words).rstrip())
+            lines.append(f"{d:9d}  " + "".join(f"{word:36}" for word in words).rstrip())
         for stiff, bound in (
-            (False, f"to {1e3 * DEEP:g} mm within {WITHIN_S:g} s below {GENTLE:g} N"),
+            (
+                False,
+                f"to {1e3 * DEEP:g} mm within {WITHIN_S:g} s below {GENTLE:g} N net and "
+                f"{SQUEEZED:g} N in all",
+            ),
             (True, f"at least one of {ROUGH:g} N exceeded, not {1e3 * DEEP:g} mm deep, a fault"),
         ):
             some = self._of(stiff)

@@ -52,7 +52,7 @@ def play(seed: int, name: str | None = None) -> Outcome:
 
     def on_tick(now: Simulation) -> None:
         attacker.attack(now)
-        force = math.hypot(*now.truths[-1].contact_force) + now.rig.world.own_contact_force()
+        force = math.hypot(*now.truths[-1].contact_force) + now.rig.world.contacts.own()
         if force > TOUCHING_N:
             touched.append(now.clock.time_s)
 

@@ -131,7 +131,7 @@ def play(plan: HostilePlan) -> Verdict:
 def _watch_itself(simulation: Simulation) -> list[float]:
     """Return the forces between the arm's own parts [N], one for every tick that is yet to come."""
     forces = [0.0]
-    simulation.on_tick = lambda s: forces.append(s.rig.world.own_contact_force())
+    simulation.on_tick = lambda s: forces.append(s.rig.world.contacts.own())
     return forces
 
 

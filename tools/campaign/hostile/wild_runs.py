@@ -6,7 +6,6 @@ that nobody told of, faster than the leash can stop it, and a joint falls behind
 stop by the table of stops; the report counts it.
 """
 
-import math
 from dataclasses import dataclass, field
 
 from ....config.load import load_cell
@@ -76,8 +75,8 @@ def play_in(name: str, seed: int) -> Wild:
     touches: list[float] = []
 
     def look(s: Simulation) -> None:
-        forces = math.hypot(*s.rig.world.contact_force()), s.rig.world.own_contact_force()
-        if max(forces) > TOUCHING:
+        contacts, arms = s.rig.world.contacts, range(len(cell.parts))
+        if max(contacts.own(), *(contacts.total(arm) for arm in arms)) > TOUCHING:
             touches.append(s.clock.time_s)
 
     simulation.on_physics = look

@@ -26,5 +26,5 @@ def beam_figures(truths: Sequence[RigTruth], period_s: float) -> dict[str, objec
         },
         "stretch_m": max(beam.stretch for beam in beams),
         "peg_depth_m": list(beams[-1].peg_depth),
-        "push_n": max(math.hypot(*beam.push) for beam in beams),
+        "push_n": max(beam.push_peak for beam in beams),
     }

@@ -1,6 +1,5 @@
 """Judge of an arm in tunnels: where its links truly are, and what they press on the walls."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -20,20 +19,30 @@ class TunnelJudge:
         self._tunnel = None if backbone is None else Tunnel(backbone)
         self.centre_error = 0.0
         """The farthest that a link was off the centre line inside [m]."""
+        self.insertion = self.deepest = 0.0
+        """How far in along the centre line the tip is, and has been [m]."""
         self.wall_force = 0.0
-        """The greatest force on the walls, and on what else stands around [N]."""
+        """The greatest force on walls and what else stands around, in any physics step [N]."""
 
     def judge(self, truth: RigTruth) -> None:
         """Take in a tick."""
         if self._arm is None or self._tunnel is None:
             return
         links = self._arm.frames(np.array(truth.q))[1:, :3, 3]
+        self.insertion = self._tunnel.along(links[-1])
+        self.deepest = max(self.deepest, self.insertion)
         points = np.concatenate((links, 0.5 * (links[1:] + links[:-1])))
         self.centre_error = max(self.centre_error, self._tunnel.off_centre(points))
-        self.wall_force = max(self.wall_force, math.hypot(*truth.contact_force))
+        arms = truth.arms.values()
+        self.wall_force = max(self.wall_force, *(arm.contact_peak for arm in arms))
 
     def figures(self) -> dict[str, Any]:
         """Return what a simulation's JSON tells; nothing for a plain arm."""
         if self._tunnel is None:
             return {}
-        return {"centre_error_m": self.centre_error, "wall_force_n": self.wall_force}
+        return {
+            "insertion_m": self.insertion,
+            "deepest_m": self.deepest,
+            "centre_error_m": self.centre_error,
+            "wall_force_n": self.wall_force,
+        }

@@ -78,7 +78,7 @@ class Beam:
         if rig is None or rig.beam is None or not cell.joint_tasks:
             raise ValueError(f"cell {cell.config.name} has no [rig.beam] with a joint task")
         self._model, self._data, self._section = model, data, rig.beam
-        self._body = int(model.body(BEAM).id)
+        self.body = int(model.body(BEAM).id)
         self._at = int(model.joint(BEAM).qposadr[0])
         self._first = _placed(cell.joint_tasks[0].T_wrist_mrf[0])
         self.held_by = held_by(cell)
@@ -92,7 +92,7 @@ class Beam:
         # As `pull_pads` takes them: the payload and the last links, and MuJoCo's own arrays.
         self._p_tip = np.array([pad.p_tip for pad in self._pads])
         self._R_tip = np.array([pad.R_tip for pad in self._pads])
-        self._bodies = np.array([self._body, *(pad.tip for pad in self._pads)])
+        self._bodies = np.array([self.body, *(pad.tip for pad in self._pads)])
         self._twists = np.zeros((k + 1, 6))
         self._places = (data.xpos, data.xmat, data.xipos)
         self._forces: Vector = data.xfrc_applied
@@ -144,7 +144,7 @@ class Beam:
         """Add the pads' wrenches on arms and payload, for the positions and speeds of now."""
         for body, twist in zip(self._bodies.tolist(), self._twists, strict=True):
             mujoco.mj_objectVelocity(self._model, self._data, _A_BODY, body, twist, 0)
-        self._forces[self._body, :3] += self._lifted
+        self._forces[self.body, :3] += self._lifted
         pull_pads(
             self._places, self._bodies, self._twists, (self._p_tip, self._R_tip),
             (self._p, self._R, self._closed), self._gains, self.wrenches, self._apart, self._forces,
@@ -169,25 +169,11 @@ class Beam:
         apart = self._apart
         return float(max(np.linalg.norm(a - b) for a in apart for b in apart))
 
-    def push(self) -> Vector:
-        """Return the force (3,) [N] that payload and pegs exert on what they touch, in World."""
-        model, data, total, wrench = self._model, self._data, np.zeros(3), np.zeros(6)
-        for i in range(data.ncon):
-            contact = data.contact[i]
-            first, second = (
-                model.body_rootid[model.geom_bodyid[geom]] == self._body for geom in contact.geom
-            )
-            if first != second:
-                mujoco.mj_contactForce(model, data, i, wrench)
-                on_second = contact.frame.reshape(3, 3).T @ wrench[:3]
-                total += on_second if first else -on_second
-        return total
-
     def pose(self) -> tuple[Vector, Vector]:
         """Return the payload's origin (3,) [m] and rotation matrix (3, 3) in World."""
         mujoco.mj_kinematics(self._model, self._data)
-        at = self._data.xpos[self._body].copy()
-        return at, self._data.xmat[self._body].reshape(3, 3).copy()
+        at = self._data.xpos[self.body].copy()
+        return at, self._data.xmat[self.body].reshape(3, 3).copy()
 
     def peg_depths(self) -> tuple[float, ...]:
         """Return how deep each peg's end is in the nearest hole [m]; negative before its mouth."""
@@ -206,8 +192,8 @@ class Beam:
     def _seen(self, pad: int) -> tuple[Vector, Vector]:
         """Return where a pad is on the payload: place (3,) [m] and attitude (3, 3)."""
         data, (tip, p, R) = self._data, self._pads[pad]
-        R_beam, R_tip = data.xmat[self._body].reshape(3, 3), data.xmat[tip].reshape(3, 3)
-        at = data.xpos[tip] + R_tip @ p - data.xpos[self._body]
+        R_beam, R_tip = data.xmat[self.body].reshape(3, 3), data.xmat[tip].reshape(3, 3)
+        at = data.xpos[tip] + R_tip @ p - data.xpos[self.body]
         return R_beam.T @ at, R_beam.T @ R_tip @ R
 
 

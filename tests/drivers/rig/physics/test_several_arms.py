@@ -53,4 +53,4 @@ def test_the_distance_between_arms_is_told_and_arms_collide(pair):
     world.q[3] = world.q[10] = 0.5
     assert world.distances.between_arms() < 0.0
     world.step(np.zeros(world.n))
-    assert world.own_contact_force() > 10.0
+    assert world.contacts.own() > 10.0

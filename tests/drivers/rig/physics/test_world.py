@@ -60,11 +60,11 @@ def test_pa10_masses_are_the_published_ones(cell: Cell) -> None:
 
 def test_only_parts_of_the_arm_that_press_on_each_other_count_as_its_own_contact() -> None:
     world = World(load_cell("ur5e"))
-    assert world.own_contact_force() == 0.0
+    assert world.contacts.own() == 0.0
     world.q[:] = [2.3, -1.76, 2.91, -2.78, 0.95, 0.0]  # wrist in shoulder
     mujoco.mj_forward(world.model, world.data)
-    assert world.own_contact_force() > 10.0
-    assert world.contact_force().tolist() == [0.0, 0.0, 0.0]
+    assert world.contacts.own() > 10.0
+    assert world.contacts.force(0).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_a_closed_brake_holds_the_arm_against_its_weight(cell: Cell) -> None:
@@ -142,7 +142,7 @@ def pressed() -> Pressed:
 
 
 def test_the_wall_gives_way_by_force_over_stiffness(pressed: Pressed) -> None:
-    force = pressed.world.contact_force()
+    force = pressed.world.contacts.force(0)
     assert 30 < force[0] < 45  # about 2 mm of 20 kN/m; drives without droop
     assert pressed.world.wall_travel() == pytest.approx(force[0] / pressed.wall.stiffness, rel=1e-3)
 
@@ -152,7 +152,7 @@ def test_pressing_loads_the_sensor_with_the_opposite_of_the_contact_force(presse
     _, R_world_sensor = world.mrf_pose()  # the PA-10's sensor has the MRF's axes
     load = R_world_sensor @ world.sensor_wrench()[:3]
     weight = np.array([0, 0, -0.98 * 9.81])
-    np.testing.assert_allclose(load - weight, -world.contact_force(), atol=0.1)
+    np.testing.assert_allclose(load - weight, -world.contacts.force(0), atol=0.1)
     assert load[0] < -30
 
 

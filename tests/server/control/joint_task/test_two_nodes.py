@@ -31,7 +31,7 @@ def inserted(run, seconds=12.0, deep=20e-3, ahead=AHEAD):
     push = 0.0
     for _ in range(round(seconds / T)):
         run.tick(ahead)
-        push = max(push, float(np.linalg.norm(run.world.beam.push())))
+        push = max(push, float(np.linalg.norm(run.world.contacts.force(2))))
         if min(run.world.beam.peg_depths()) >= deep:
             break
     return run.world.beam.peg_depths(), push

@@ -1,0 +1,113 @@
+"""Contact forces in the physics: of arms and payload on what stands around, and on each other.
+
+A net force hides what is pressed from two sides, and what is looked at once a period misses a
+spike. Therefore a contact counts as the sum of magnitudes over the pairs of solids that touch, and
+`note` takes it in at every physics step. Solids are convex: within a pair, forces cannot cancel.
+"""
+
+from collections import deque
+from collections.abc import Collection, Iterator, Sequence
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from .robot.chassis import FLOOR, ROLLS
+
+Vector = NDArray[np.float64]
+
+OWN: Final = -1
+"""Side of a contact between two parts of arms or payload."""
+NOBODY: Final = -2
+"""Side of a contact that does not count: of wheels on their floor."""
+
+
+class Contacts:
+    """Contacts of one world's arms, and of a payload after them; `roots` are their root bodies.
+
+    `fixed` are the geoms of what stands around; the floor is one of these for all but wheels.
+    Peaks are those of the newest `steps` physics steps: of one period.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        fixed: Collection[int],
+        roots: Sequence[int],
+        steps: int,
+    ) -> None:
+        self._model, self._data = model, data
+        floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, FLOOR)
+        self._fixed = frozenset(fixed) | ({floor} if floor >= 0 else frozenset())
+        root_of = model.body_rootid[model.geom_bodyid].tolist()
+        self._side_of = [roots.index(root) if root in roots else NOBODY for root in root_of]
+        self._rolls = [bool(t & ROLLS) and g != floor for g, t in enumerate(model.geom_contype)]
+        self._wrench = np.zeros(6)
+        self._totals = tuple(deque([0.0] * steps, steps) for _ in roots)
+        self._own = deque([0.0] * steps, steps)
+
+    def force(self, side: int) -> Vector:
+        """Return the net force (3,) [N] of an arm, or the payload, on what stands, in World."""
+        total = np.zeros(3)
+        for (first, second), i in self._touching():
+            if self._side(first, second) == side:
+                on_second = self._on_second(i)
+                total += on_second if second in self._fixed else -on_second
+        return total
+
+    def total(self, side: int) -> float:
+        """Return the sum over pairs of solids of an arm's forces on what stands, now [N]."""
+        return self._sums()[side]
+
+    def own(self) -> float:
+        """Return the sum over pairs of solids of arms and payload that touch each other [N]."""
+        return self._sums()[OWN]
+
+    def peak(self, side: int) -> float:
+        """Return the greatest `total` of the newest period [N]."""
+        return max(self._totals[side])
+
+    def own_peak(self) -> float:
+        """Return the greatest `own` of the newest period [N]."""
+        return max(self._own)
+
+    def note(self) -> None:
+        """Take in the contacts of one physics step."""
+        *totals, own = self._sums()
+        for newest, total in zip(self._totals, totals, strict=True):
+            newest.append(total)
+        self._own.append(own)
+
+    def _sums(self) -> list[float]:
+        """Return the sums of every side [N], the last for `OWN`."""
+        sums = [0.0] * (len(self._totals) + 1)
+        if not self._data.ncon:
+            return sums
+        forces: dict[tuple[int, int], Vector] = {}
+        for pair, i in self._touching():
+            if self._side(*pair) != NOBODY:
+                forces[pair] = forces.get(pair, 0.0) + self._on_second(i)
+        for pair, force in forces.items():
+            sums[self._side(*pair)] += float(np.sqrt(force @ force))
+        return sums
+
+    def _touching(self) -> Iterator[tuple[tuple[int, int], int]]:
+        """Yield the two geoms of every contact, and its index."""
+        for i, (first, second) in enumerate(self._data.contact.geom.tolist()):
+            yield (first, second), i
+
+    def _side(self, first: int, second: int) -> int:
+        """Return whose contact with what stands this is, `OWN` or `NOBODY`."""
+        if self._rolls[first] or self._rolls[second]:
+            return NOBODY
+        if (first in self._fixed) != (second in self._fixed):
+            return self._side_of[second if first in self._fixed else first]
+        return OWN if first not in self._fixed else NOBODY
+
+    def _on_second(self, contact: int) -> Vector:
+        """Return the force (3,) [N] of a contact on its second geom, in World."""
+        mujoco.mj_contactForce(self._model, self._data, contact, self._wrench)
+        R: Vector = self._data.contact[contact].frame.reshape(3, 3)
+        return np.asarray(self._wrench[:3] @ R)
