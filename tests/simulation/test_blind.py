@@ -1,5 +1,7 @@
 """What is left where a machine can make no pictures: everything else."""
 
+import os
+import subprocess
 import sys
 
 import pytest
@@ -30,7 +32,8 @@ def test_a_cell_with_cameras_runs_without_pictures_and_says_why_in_one_line(no_o
     script = Script.model_validate({"duration_s": 1.2, "step": steps})
     simulation = Simulation(load_cell("pa10_vision"), script)
     run = Run(simulation, simulation.run())
-    assert run.summary["failure"] is None
+    assert run.summary["failure"].startswith("simulated without its cameras: pictures need OpenCV")
+    assert not run.result.ok
     assert run.summary["limit_violations"] == 0
     assert run.truths[-1].pose_mrf[1] > 0.02
     assert "sensor_stale: camera wrist sees no tag now" in run.summary["refused"][0]
@@ -43,6 +46,31 @@ def test_the_command_then_says_why_and_ends_with_1(no_opencv, capsys, tmp_path):
     script = tmp_path / "short.toml"
     script.write_text("duration_s = 0.1\n", encoding="utf-8")
     assert main(["simulate", "pa10_vision", str(script)]) == 1
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith("telerobot: simulated without its cameras: pictures need OpenCV")
-    assert "pip install" in last
+    (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("failure")]
+    assert "simulated without its cameras: pictures need OpenCV" in line
+    assert "pip install" in line
+
+
+TWICE = """
+from telerobot.config.load import load_cell
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import simulate
+for _ in range(2):
+    print(simulate(load_cell("pa10_vision"), Script(duration_s=0.02)).summary["failure"])
+"""
+
+
+def test_a_second_simulation_without_a_renderer_fails_as_the_first_did_and_does_not_abort():
+    nothing = {"MUJOCO_GL": "glfw", "DISPLAY": ":none", "WAYLAND_DISPLAY": ""}
+    ran = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", TWICE],
+        env={**os.environ, **nothing},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    first, second = ran.stdout.splitlines()
+    assert first.startswith("simulated without its cameras: pictures cannot be rendered here")
+    assert second == first

@@ -49,11 +49,20 @@ def run_shipped(name, cell):
 @pytest.mark.parametrize("name", sorted(set(shipped("scripts")) - ELSEWHERE - FRAMES - FIELD))
 def test_every_shipped_script_plays_without_refusal_fault_or_violation(name):
     run = run_shipped(name, load_cell(CELL_OF.get(name, "pa10")))
+    assert run.result.ok, [str(row) for row in run.result.expected if not row.met]
     assert run.summary["failure"] is None
     assert run.summary["refused"] == []
     assert run.summary["mode"] == "enabled"
     assert run.summary["limit_violations"] == 0
     assert [e for e in run.simulation.events if e.severity == "error"] == []
+
+
+@pytest.mark.parametrize("name", shipped("scripts"))
+def test_every_shipped_script_says_what_it_is_to_reach(name):
+    expect = load_script(name).expect
+    bounds = expect.model_fields_set - {"mode", "events", "refused"}
+    assert bounds, "nothing that the physics could judge"
+    assert expect.mode in (("hold",) if name == "stop_together" else ("enabled", None))
 
 
 def test_a_pose_move_is_within_a_millimetre_right_after_the_paths_end(pa10):

@@ -2,12 +2,12 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from tqdm import tqdm
 
 from ..host.progress import SHOWN_AFTER_S
+from ..scripts.expectations import Expected
 from ..simulation.simulation import Simulation, simulate
 
 
@@ -27,16 +27,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulate; return 1 if the script failed, a limit was violated or pictures are missing."""
-    blind = None
+    """Simulate; return 1 if the script failed or missed what it expects, or a limit was violated.
+
+    A cell with cameras has failed where no pictures can be made.
+    """
     with tqdm(
         desc="simulated", unit="s", delay=SHOWN_AFTER_S, disable=None, leave=False,
         bar_format="{desc}: {n:.1f} of {total:.1f} s [{elapsed}<{remaining}]",
     ) as bar:  # fmt: skip
 
         def show(simulation: Simulation) -> None:
-            nonlocal blind
-            blind, player = simulation.blind, simulation.player
+            player = simulation.player
             bar.total = player.start_s + player.script.duration_s
             bar.update(simulation.clock.time_s - bar.n)
 
@@ -45,9 +46,6 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(result.summary))
     else:
         print(_table(result.summary))
-    if blind is not None:
-        print(f"telerobot: simulated without its cameras: {blind}", file=sys.stderr)
-        return 1
     return 0 if result.ok else 1
 
 
@@ -58,6 +56,10 @@ def _table(summary: dict[str, object]) -> str:
         if key == "events" and isinstance(value, list):
             lines.append("events")
             lines += [f"  {e['t_s']:8.2f} s  {e['name']:22} {e['detail']}" for e in value]
+        elif key == "expected" and isinstance(value, list):
+            lines.append("expected")
+            rows = [Expected(**row) for row in value]
+            lines += [f"  {'met' if row.met else 'MISSED':8}{row}" for row in rows]
         elif isinstance(value, list):
             shown = ", ".join(f"{v:.4f}" if isinstance(v, float) else str(v) for v in value)
             lines.append(f"{key:24} {shown or '-'}")

@@ -6,6 +6,9 @@ import numpy as np
 
 from .shape.shapes import Array
 
+WITHIN = 0.2
+"""The push on the wall is expected within this part of what is asked for [1]."""
+
 
 class ScriptFigures(NamedTuple):
     """Figures of the script's steps; in World."""
@@ -58,7 +61,13 @@ def text_of(plan: ScriptFigures, name: str) -> str:
     steps += [_step(at, stick)]
     at += plan.press_s
     words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
-    head = [f'description = "{words}"', f"duration_s = {at:.1f}", ""]
+    least, most = plan.force * (1.0 - WITHIN), plan.force * (1.0 + WITHIN)
+    head = [
+        f'description = "{words}"',
+        f"duration_s = {at:.1f}",
+        '\n[expect]\nmode = "enabled"',
+        f"contact_force_n = {{ least = {least:.3g}, most = {most:.3g} }}\n",
+    ]
     return "\n".join([*head, *steps])
 
 

@@ -45,7 +45,7 @@ class LiveRun:
         self._operator, self._say = operator, say
 
     def run(self) -> int:
-        """Play; print events and where the arm ended. Return 0 if it was played without FAULT."""
+        """Play, print events and where the arm ended; return 0 if that is as expected."""
         self.play()
         state = self._operator.state
         for line in self.player.refused:
@@ -54,7 +54,9 @@ class LiveRun:
             self._say(ending(state))
         if self.failure:
             self._say(f"not played: {self.failure}")
-        return 0 if not self.failure and state is not None and state.mode != "fault" else 1
+        if self.failure or state is None:
+            return 1
+        return 0 if self.player.script.expect.ends_well(state.mode) else 1
 
     def play(self, end_s: float = math.inf, watch: Callable[[], None] = lambda: None) -> None:
         """Play the script to its end, or until `end_s`, and give back the lease.

@@ -5,6 +5,8 @@
     at_s = 0.5
     for_s = 2.0
     "cmd/joystick" = { twist = [0.05, 0, 0, 0, 0, 0], expressed_in = "base" }
+    [expect]
+    mode = "enabled"
 
 A step is a topic (`protocols/topics.py`) and the fields of its message. Times count from the moment
 the arm is enabled. The same script drives a simulation and a running daemon.
@@ -17,6 +19,7 @@ from pydantic import Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from ...config.load import ConfigError, read_toml, script_path
+from .expectations import Expectations
 from .generators.tables import Network, ScriptTable
 from .step import Step
 
@@ -32,6 +35,8 @@ class Script(ScriptTable):
     auto_enable: bool = True
     """The operator takes the lease and enables the arm before time starts."""
     network: Network = Network()
+    expect: Expectations = Expectations()
+    """What the run is to reach."""
     step: tuple[Step, ...] = ()
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
+from ..scripts.expectations import Expected
 
 CONTACT_S = 1.0
 """The contact force is the mean over this long before the end [s]."""
@@ -21,11 +22,17 @@ class Result:
     states: tuple[State, ...]
     truths: tuple[RigTruth, ...]
     """The physics' truth after every tick."""
+    expected: tuple[Expected, ...] = ()
+    """What the script was to reach, beside what was found."""
 
     @property
     def ok(self) -> bool:
-        """True when the script could be played and no limit was violated."""
-        return self.summary["failure"] is None and self.summary["limit_violations"] == 0
+        """True when the script was played, met what it expects, and no limit was violated."""
+        return (
+            self.summary["failure"] is None
+            and self.summary["limit_violations"] == 0
+            and all(row.met for row in self.expected)
+        )
 
 
 def event_rows(events: Sequence[Event]) -> list[dict[str, object]]:
@@ -53,11 +60,16 @@ def least_sight(truths: Sequence[RigTruth]) -> float | None:
 
 
 def contact_force(truths: Sequence[RigTruth], period_s: float) -> float:
-    """Return the mean contact force of the last `CONTACT_S` [N]."""
-    forces = [truth.contact_force for truth in truths[-round(CONTACT_S / period_s) :]]
-    if not forces:
-        return 0.0
-    return math.fsum(math.sqrt(x * x + y * y + z * z) for x, y, z in forces) / len(forces)
+    """Return the mean contact force of the last `CONTACT_S`, of the arm that presses most [N]."""
+    late = truths[-round(CONTACT_S / period_s) :]
+    names = late[0].arms if late else ()
+    sums = [math.fsum(truth.arms[name].contact_sum for truth in late) for name in names]
+    return max(sums, default=0.0) / max(len(late), 1)
+
+
+def contact_peak(truths: Sequence[RigTruth]) -> float:
+    """Return the greatest contact force of an arm in any physics step [N]."""
+    return max((arm.contact_peak for t in truths for arm in t.arms.values()), default=0.0)
 
 
 def tick_times(compute_s: Sequence[float]) -> dict[str, float]:

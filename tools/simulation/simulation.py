@@ -31,6 +31,8 @@ from .frame_sensors import SimulatedFrameSensors
 from .judges.base import base_figures
 from .judges.observer import Observer
 from .judges.payload import beam_figures
+from .judges.peg import PegJudge
+from .judges.posture import posture_figures
 from .judges.tool import ToolJudge
 from .judges.tunnel import TunnelJudge
 from .judges.view import ViewJudge
@@ -38,6 +40,7 @@ from .memory_link import MemoryLink
 from .result import (
     Result,
     contact_force,
+    contact_peak,
     event_rows,
     least_between_arms,
     least_clearance,
@@ -244,9 +247,10 @@ class Simulation:
         view = self.view.error(self.truths[-1]) if self.truths else None
         tools = [error for judge in self._tools if (error := judge.error) is not None]
         tool = (max(e[0] for e in tools), max(e[1] for e in tools)) if tools else None
-        failure = self.player.failure or (
-            None if self.player.phase in (Phase.OVER, Phase.PLAYING) else "the arm was not enabled"
-        )
+        enabled = self.player.phase in (Phase.OVER, Phase.PLAYING)
+        failure = self.player.failure or (None if enabled else "the arm was not enabled")
+        if failure is None and self.blind is not None:
+            failure = f"simulated without its cameras: {self.blind}"
         summary: dict[str, object] = {
             "cell": self.cell.config.name,
             "failure": failure,
@@ -269,13 +273,22 @@ class Simulation:
             "view_error_rad": None if view is None else view[1],
             **self._tunnel.figures(),
             "contact_force_n": contact_force(self.truths, period),
+            "contact_peak_n": contact_peak(self.truths),
+            "own_contact_n": max((truth.own_contact_peak for truth in self.truths), default=0.0),
             "q_final": list(self.truths[-1].q) if self.truths else [],
             "tick_us": tick_times(self._compute),
             "command_hash": self._hash.hexdigest(),
         }
+        if self.truths:
+            summary |= posture_figures(self.cell, self.player.script, self.truths[-1])
+            summary |= PegJudge(self.cell).figures(self.truths[-1])
         summary |= beam_figures(self.truths, period)
         summary |= base_figures(self.cell, self.states, self.truths)
-        return Result(summary, tuple(self.states), tuple(self.truths))
+        expected = tuple(self.player.script.expect.judge(summary))
+        summary["expected"] = [row._asdict() for row in expected]
+        result = Result(summary, tuple(self.states), tuple(self.truths), expected)
+        summary["ok"] = result.ok
+        return result
 
 
 def simulate(

@@ -32,6 +32,13 @@ _LENS_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
 _COVERED = 5
 """Geoms of this group are not drawn."""
 
+_unusable: list[str] = []
+"""Why nothing can be rendered in this process, once that is known.
+
+A graphics library that failed to start is left half initialised: asked a second time, it aborts the
+process.
+"""
+
 
 class RigCameras:
     """Makes the pictures of all rendered cameras of a cell. Raises `DeviceError`.
@@ -110,14 +117,15 @@ class RigCameras:
 
     def _renderer(self, camera: CameraSection) -> "mujoco.Renderer":
         width, height = camera.size
-        try:
-            return mujoco.Renderer(self._model, height, width)
-        except Exception as error:  # noqa: BLE001  graphics libraries raise whatever they like
-            words = " ".join(str(error).split())[:120]
-            raise DeviceError(
-                "pictures cannot be rendered here: apt-get install libosmesa6 "
-                f"({type(error).__name__}: {words})"
-            ) from None
+        if not _unusable:
+            try:
+                return mujoco.Renderer(self._model, height, width)
+            except Exception as error:  # noqa: BLE001  graphics libraries raise whatever they like
+                words = " ".join(str(error).split())[:120]
+                _unusable.append(f"{type(error).__name__}: {words}")
+        raise DeviceError(
+            f"pictures cannot be rendered here: apt-get install libosmesa6 ({_unusable[0]})"
+        )
 
 
 def _root(body: mujoco.MjsBody) -> mujoco.MjsBody:
