@@ -90,6 +90,15 @@ def decode_as(kind: type[MessageT], payload: bytes, max_bytes: int = 4096) -> Me
     return message
 
 
+def text_field(topic: Topic, payload: bytes, name: str) -> str:
+    """Return a text in bytes that were refused as a message; empty where there is none."""
+    try:
+        value = _unpack(topic.message, payload).get(name)
+    except CodecError:
+        return ""
+    return value if isinstance(value, str) else ""
+
+
 def message_of(topic: Topic, fields: Mapping[str, Any]) -> Message:
     """Return the message that plain fields make, as of TOML: judged as by `decode`.
 

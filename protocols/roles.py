@@ -68,22 +68,31 @@ class Rights:
         )
 
 
-def rights(grants: Iterable[Grant]) -> Rights:
-    """Return what the holder of some grants may do."""
+def rights(grants: Iterable[Grant], holder: str = "") -> Rights:
+    """Return what the holder of some grants may do, by its common name.
+
+    On a topic `by_sender` it puts under its own name, or under none.
+    """
     every = Rights()
     for grant in grants:
-        every |= _rights(grant)
+        every |= _rights(grant, sender_name(holder))
     return every
 
 
-def _rights(grant: Grant) -> Rights:
-    sent = [t for t in TOPICS if t.flow.sender is grant.role and _granted(grant, t)]
+def sender_name(holder: str) -> str:
+    """Return the name of a certificate's holder in keys: of `sensor-lidar` it is `lidar`."""
+    return holder.removeprefix(f"{Role.SENSOR}-")
+
+
+def _rights(grant: Grant, sender: str) -> Rights:
+    granted = [t for t in TOPICS if t.flow.sender is grant.role and _granted(grant, t)]
+    sent = granted + [t.by(sender) for t in granted if t.by_sender and sender]
     received = [t for t in TOPICS if grant.role in t.flow.receivers]
     return Rights(
-        puts=_keys(grant.cell, sent, asks=False),
-        hears=_keys(grant.cell, received, asks=False),
-        asks=_keys(grant.cell, sent, asks=True),
-        answers=_keys(grant.cell, received, asks=True),
+        puts=frozenset(t.full_key(grant.cell) for t in sent if not t.flow.asks),
+        hears=frozenset(t.heard_key(grant.cell) for t in received if not t.flow.asks),
+        asks=frozenset(t.full_key(grant.cell) for t in sent if t.flow.asks),
+        answers=frozenset(t.full_key(grant.cell) for t in received if t.flow.asks),
     )
 
 
@@ -92,7 +101,3 @@ def _granted(grant: Grant, topic: Topic) -> bool:
     if grant.role is not Role.SENSOR:
         return True
     return grant.topic in (topic.key, topic.told_with)
-
-
-def _keys(cell: str, topics: Iterable[Topic], *, asks: bool) -> frozenset[str]:
-    return frozenset(topic.full_key(cell) for topic in topics if topic.flow.asks is asks)

@@ -5,9 +5,11 @@ library, any language can drive an arm: `agreement.py` says how the lease's secr
 `proof.py` what a message of its holder carries.
 """
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from functools import cached_property
+from typing import Self
 
 from .bounds import bounds_of
 from .messages import messages as m
@@ -24,6 +26,9 @@ from .messages.telemetry import Description, Event, RecordedTick, State
 
 PREFIX = "telerobot"
 """First part of every key."""
+
+SENDER = r"[a-z][a-z0-9_-]{0,63}"
+"""Names of senders in keys; with certificates that of the certificate."""
 
 
 class Role(StrEnum):
@@ -103,6 +108,10 @@ class Topic:
     """So many unread messages are kept; older ones are dropped for newer ones."""
     told_with: str = ""
     """Key of the sensor whose certificate covers this topic, too."""
+    by_sender: bool = False
+    """Its full key may go on with its sender's name, `KEY/NAME`: what one tells is its own."""
+    sender: str = ""
+    """Name of who sends, of a topic `by_sender`."""
 
     @cached_property
     def max_bytes(self) -> int:
@@ -119,9 +128,25 @@ class Topic:
         """True where only the lease's holder is heard, and has to prove the lease (`proof.py`)."""
         return issubclass(self.message, m.Command)
 
+    def by(self, sender: str) -> Self:
+        """Return this topic as one sender puts on it; itself where keys name no sender."""
+        return replace(self, sender=sender) if self.by_sender else self
+
     def full_key(self, cell: str) -> str:
         """Return the Zenoh key of this topic in a cell."""
-        return f"{PREFIX}/{cell}/{self.key}"
+        named = f"/{self.sender}" if self.sender else ""
+        return f"{PREFIX}/{cell}/{self.key}{named}"
+
+    def heard_key(self, cell: str) -> str:
+        """Return the key expression to listen on: that of all senders."""
+        return self.full_key(cell) + ("/**" if self.by_sender else "")
+
+    def sender_on(self, full_key: str, cell: str) -> str | None:
+        """Return who sent on a full key: empty for nobody by name; None if it is another key."""
+        own, _, name = full_key.partition(self.full_key(cell))
+        if own or not (name == "" or (self.by_sender and re.fullmatch(f"/{SENDER}", name))):
+            return None
+        return name.removeprefix("/")
 
 
 def _command(key: str, message: type[m.Message], life: Life, rate_hz: float | None = None) -> Topic:
@@ -147,8 +172,10 @@ CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
 # News of one obstacle must not push out another's.
 OBSTACLE = Topic(
-    "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, reliable=True, unread=128
-)
+    "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, reliable=True, unread=128,
+    by_sender=True,
+)  # fmt: skip
+"""An obstacle is its first sender's: nobody else moves or removes it."""
 CONTOUR = Topic("sensor/contour", ContourNews, Flow.SENSOR, Life.STREAM, 25)
 PICTURE = Topic("view/picture", CameraPicture, Flow.PICTURE, Life.STREAM, 5, told_with=SIGHTING.key)
 """Only while somebody looks."""

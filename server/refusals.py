@@ -31,6 +31,8 @@ class Why(StrEnum):
     UNKNOWN_CAMERA = "unknown_camera"
     UNKNOWN_OBSTACLE = "unknown_obstacle"
     FIXED_OBSTACLE = "fixed_obstacle"
+    ANOTHERS_OBSTACLE = "anothers_obstacle"
+    UNNAMED_SENDER = "unnamed_sender"
     TOO_MANY_OBSTACLES = "too_many_obstacles"
     UNKNOWN_FRAME = "unknown_frame"
     SENSOR_STALE = "sensor_stale"

@@ -3,7 +3,8 @@
 A message passes a router twice: in by the rules of who sent it, out by the rules of who gets it.
 What a subscriber or a queryable declares goes the other way, to those who may put or ask there,
 or they would not know that somebody listens. Each key is allowed by itself: an expression with a
-wildcard, of a stranger or not, is included in none and passes nothing.
+wildcard, of a stranger or not, is included in none and passes nothing. But those who hear of
+obstacles hear of them by all senders, whose keys end with their names.
 """
 
 from collections.abc import Iterable, Mapping
@@ -84,7 +85,7 @@ def _control(
 
 
 def _rules(name: str, grants: tuple[Grant, ...]) -> list[dict[str, object]]:
-    may = rights(grants)
+    may = rights(grants, name)
     every = (
         ("puts", "ingress", "put", may.puts),
         ("learns who hears", "egress", "declare_subscriber", may.puts),

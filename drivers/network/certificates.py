@@ -34,7 +34,7 @@ class Certificate:
     @property
     def rights(self) -> Rights:
         """Rights of the holder."""
-        return rights(self.grants)
+        return rights(self.grants, self.name)
 
     @property
     def serves(self) -> bool:

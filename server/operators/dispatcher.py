@@ -1,6 +1,6 @@
 """Dispatcher: answers the requests of one period, admits commands and puts them in force."""
 
-from ...protocols.codec import encode
+from ...protocols.codec import Reason, encode, text_field
 from ...protocols.messages.messages import Command, Keepalive
 from ...protocols.messages.perception.contour import ContourNews
 from ...protocols.messages.perception.moving import FrameNews
@@ -94,13 +94,16 @@ class Dispatcher:
             if isinstance(news, Sighting):
                 self._units.seeing(news.camera).perception.vision.take(news, tick)
             elif isinstance(news, ObstacleNews):
-                self._units.obstacles.take(news, tick)
+                self._units.obstacles.take(news, tick, queued.sender)
             elif isinstance(news, ContourNews):
                 self._units.ahead().take(news, tick)
             elif isinstance(news, FrameNews):
                 for unit in self._units.each:
                     unit.perception.moving_frames.take(news, tick)
         except Refused as refused:
+            if queued.topic.message is ObstacleNews and isinstance(refused.reason, Reason):
+                name = text_field(queued.topic, queued.payload, "name")
+                self._units.obstacles.doubt(name, tick, f"told of, and {refused.reason}")
             self._events.refused("command", queued.topic.key, refused.reason, refused.detail)
 
     def _answer(self, refusal: Refusal, context: RequestContext) -> None:

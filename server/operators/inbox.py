@@ -50,6 +50,8 @@ class QueuedMessage:
     payload: bytes
     proof: Proof | None
     answer: Answer | None = None
+    sender: str = ""
+    """Of a topic whose keys name their senders."""
 
     def reply(self, content: bytes | None) -> None:
         """Answer a request; with None it ends without an answer."""
@@ -153,7 +155,7 @@ class Inbox:
                     still.append((topic, take, left - 1))
                 payload = self._read(topic, raw)
                 if payload is not None:
-                    yield QueuedMessage(topic, payload, None)
+                    yield QueuedMessage(topic, payload, None, sender=raw.sender)
                 if self._clock() > end_s:
                     self._sensors = [*self._sensors[1:], self._sensors[0]]
                     return

@@ -48,6 +48,8 @@ class RawMessage(NamedTuple):
     """A proof of the lease, judged by nobody yet."""
     answer: Answer | None = None
     """Of a request."""
+    sender: str = ""
+    """Name in the key, of a topic whose keys name their senders; else empty."""
 
 
 Receive = Callable[[], RawMessage | None]
@@ -105,7 +107,7 @@ class ZenohLink:
             raise DeviceError(f"zenoh.{key}: value {endpoint!r}: {cause}") from None
         ring = zenoh.handlers.RingChannel
         self._puts = {
-            topic.key: self._session.declare_subscriber(topic.full_key(cell), ring(room(topic)))
+            topic.key: self._session.declare_subscriber(topic.heard_key(cell), ring(room(topic)))
             for topic in (*COMMANDS, *SENSORS)
         }
         self._queries = {
@@ -127,7 +129,10 @@ class ZenohLink:
         if topic.flow is Flow.REQUEST:
             queries = self._queries[topic.key]
             return partial(_next_request, queries.try_recv, self._answers, self._keys[topic.key])
-        return partial(_next_put, self._puts[topic.key].try_recv)
+        receive = self._puts[topic.key].try_recv
+        if topic.by_sender:
+            return partial(_next_signed, receive, topic, self._cell)
+        return partial(_next_put, receive)
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
@@ -164,6 +169,17 @@ class ZenohLink:
 def _next_put(receive: "Callable[[], zenoh.Sample | None]") -> RawMessage | None:
     sample = receive()
     return None if sample is None else RawMessage(sample.payload, sample.attachment or b"")
+
+
+def _next_signed(
+    receive: "Callable[[], zenoh.Sample | None]", topic: Topic, cell: str
+) -> RawMessage | None:
+    """Return the next message with its sender; who puts on many keys at once is not named."""
+    sample = receive()
+    if sample is None:
+        return None
+    sender = topic.sender_on(str(sample.key_expr), cell) or ""
+    return RawMessage(sample.payload, sample.attachment or b"", sender=sender)
 
 
 def _next_request(

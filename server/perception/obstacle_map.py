@@ -2,6 +2,10 @@
 
 News says where an obstacle was in a telemetry tick; from there its age counts, whatever the way
 took. Between news an obstacle is somewhere within its bounds, which `control/scene.py` states.
+
+An obstacle belongs to its first sender until that one removes it. News of it by anybody else is
+refused, and makes it stale until its own sender tells of it again. So does news that is refused for
+another reason, except for coming out of order: then newer news is in force.
 """
 
 from collections.abc import Iterable
@@ -50,6 +54,8 @@ class TrackedObstacle:
     carried: bool
     fixed: bool
     """True for one of the cell file that stands still."""
+    owner: str | None
+    """Who tells of it, by the name in the key; None for the cell's that nobody has told of yet."""
     tick: int
     """Telemetry tick of the newest news."""
 
@@ -69,22 +75,31 @@ class ObstacleMap:
         clearance: float,
         period_s: float,
         events: Events,
+        certified: bool = False,
     ) -> None:
-        """Begin with the obstacles of a cell; `clearance` [m] is promised where none is told."""
+        """Begin with the obstacles of a cell; `clearance` [m] is promised where none is told.
+
+        Where senders are certified, each has to tell under its own name.
+        """
         self._events = events
+        self._certified = certified
         self._period_s = period_s
         self._clearance = clearance
         self._cameras = {c.name: c for c in cameras}
         self._known = {o.name: self._of_cell(o) for o in obstacles}
         self._gone: dict[str, int] = {}
         self._stale: set[str] = set()
+        self._doubts: dict[str, tuple[int, str]] = {}
+        """By name: the tick since when an obstacle is doubted, and why in words."""
         self._still: Scene | None = None
 
     @classmethod
     def from_cell(cls, cell: Cell, events: Events) -> Self:
         """Return the map of a loaded cell."""
         c = cell.config
-        return cls(c.obstacles, c.cameras, c.avoidance.clearance, c.timing.period_s, events)
+        certified = c.zenoh.security.directory is not None
+        clearance, period_s = c.avoidance.clearance, c.timing.period_s
+        return cls(c.obstacles, c.cameras, clearance, period_s, events, certified)
 
     @property
     def known(self) -> tuple[TrackedObstacle, ...]:
@@ -103,45 +118,72 @@ class ObstacleMap:
 
     # --- news --------------------------------------------------------------------------------
 
-    def take(self, news: ObstacleNews, tick: int) -> None:
-        """Take in what was told of an obstacle. Raises `Refused` where it does not fit."""
+    def take(self, news: ObstacleNews, tick: int, sender: str = "") -> None:
+        """Take in what a sender told of an obstacle. Raises `Refused` where it does not fit."""
         before = self._known.get(news.name)
+        if self._certified and not sender:
+            self.doubt(news.name, tick, "told of by nobody by name")
+            raise Refused(Why.UNNAMED_SENDER, f"{news.name}: put on sensor/obstacle/YOUR_NAME")
+        if before is not None and before.fixed:
+            raise Refused(Why.FIXED_OBSTACLE, f"{news.name} stands in the cell file")
+        if before is not None and before.owner not in (None, sender):
+            what = "removed" if news.remove else "told of"
+            self.doubt(news.name, tick, f"{what} by {_named(sender)} too")
+            whose = f"{_named(before.owner)} tells of {news.name}, not {_named(sender)}"
+            raise Refused(Why.ANOTHERS_OBSTACLE, whose)
         newest = self._gone.get(news.name, -1) if before is None else before.tick
         if news.tick > tick:
+            self.doubt(news.name, tick, f"told of for tick {news.tick}, this is tick {tick}")
             raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
         if news.tick < newest:
             raise Refused(Why.OUT_OF_ORDER, f"{news.name}: tick {news.tick} after {newest}")
-        if before is not None and before.fixed:
-            raise Refused(Why.FIXED_OBSTACLE, f"{news.name} stands in the cell file")
         if news.remove:
             self._remove(news, before)
             return
-        after = self._created(news) if news.shape is not None else self._moved(news, before)
+        if news.shape is not None:
+            after = self._created(news, sender)
+        else:
+            after = self._moved(news, before, sender)
         if before is None:
             self._events.info("obstacle_set", news.name, shape=after.shape)
         elif news.shape is None:
             self._check_speed(before, after)
         self._known[news.name] = after
+        if news.name in self._doubts and news.tick > self._doubts[news.name][0]:
+            del self._doubts[news.name]
         self._still = None
+
+    def doubt(self, name: str, tick: int, why: str) -> None:
+        """Count an obstacle as stale until its own sender tells of it again.
+
+        `why` news of it was not taken in words. What stands in the cell file is beyond doubt.
+        """
+        known = self._known.get(name)
+        if known is not None and not known.fixed:
+            self._doubts[name] = tick, why
 
     def update(self, tick: int) -> None:
         """Update which news is stale, and report each change as an event."""
         for known in self._known.values():
-            is_stale = known.moves and self._age(known, tick) > known.timeout_s
+            age = self._age(known, tick)
+            doubt = self._doubts.get(known.name)
+            is_stale = doubt is not None or (known.moves and age > known.timeout_s)
             if is_stale and known.name not in self._stale:
                 self._stale.add(known.name)
-                age = self._age(known, tick)
+                self._still = None
+                why = f"no news for {age:.2f} s" if doubt is None else doubt[1]
                 self._events.warning(
                     "obstacle_stale",
-                    f"{known.name}: no news for {age:.2f} s: {known.stale}",
+                    f"{known.name}: {why}: {known.stale}",
                     obstacle=known.name,
                     policy=known.stale,
                 )
             elif not is_stale and known.name in self._stale:
                 self._stale.discard(known.name)
+                self._still = None
                 self._events.info("obstacle_fresh", known.name)
 
-    def _created(self, news: ObstacleNews) -> TrackedObstacle:
+    def _created(self, news: ObstacleNews, sender: str) -> TrackedObstacle:
         if len(self._known) >= MOST and news.name not in self._known:
             raise Refused(Why.TOO_MANY_OBSTACLES, f"{MOST} are known already")
         shape = news.shape or "point"
@@ -163,10 +205,13 @@ class ObstacleMap:
             hard=shape != "sight_line" if news.hard is None else news.hard,
             carried=False,
             fixed=False,
+            owner=sender,
             tick=news.tick,
         )
 
-    def _moved(self, news: ObstacleNews, before: TrackedObstacle | None) -> TrackedObstacle:
+    def _moved(
+        self, news: ObstacleNews, before: TrackedObstacle | None, sender: str
+    ) -> TrackedObstacle:
         if before is None:
             raise Refused(Why.UNKNOWN_OBSTACLE, f"{news.name} is not known: give its shape")
         told = {key: value for key in _CHANGEABLE if (value := getattr(news, key)) is not None}
@@ -177,13 +222,14 @@ class ObstacleMap:
                 way = np.subtract(news.xyz, before.xyz) + np.array(before.to)
                 told["to"] = tuple(way.tolist())
             told["carried"] = False
-        return replace(before, tick=news.tick, **told)
+        return replace(before, tick=news.tick, owner=sender, **told)
 
     def _remove(self, news: ObstacleNews, before: TrackedObstacle | None) -> None:
         if before is None:
             raise Refused(Why.UNKNOWN_OBSTACLE, f"{news.name} is not known")
         del self._known[news.name]
         self._stale.discard(news.name)
+        self._doubts.pop(news.name, None)
         if len(self._gone) >= 4 * MOST:
             del self._gone[next(iter(self._gone))]
         self._gone[news.name] = news.tick
@@ -282,6 +328,7 @@ class ObstacleMap:
             hard=obstacle.shape != "sight_line" if obstacle.hard is None else obstacle.hard,
             carried=carried,
             fixed=obstacle.max_speed == 0.0,
+            owner=None,
             tick=0,
         )
 
@@ -290,6 +337,10 @@ _CHANGEABLE = (
     "xyz", "to", "rpy", "half_size", "radius", "velocity", "max_speed", "max_acceleration",
     "timeout_s", "stale", "clearance", "hard",
 )  # fmt: skip
+
+
+def _named(sender: str | None) -> str:
+    return sender or "a sender without a name"
 
 
 def _rows(vectors: Iterable[Vector]) -> Array:

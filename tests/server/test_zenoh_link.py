@@ -84,3 +84,18 @@ def test_who_asks_on_all_keys_at_once_is_heard_on_none_and_gets_no_answer(networ
     seen = [link.source(topic)() for topic in t.REQUESTS for _ in range(10)]
     assert not [parcel for parcel in seen if parcel is not None and bytes(parcel.payload) == b"x"]
     assert list(replies) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "sender"),
+    [("", ""), ("/lidar", "lidar"), ("/*", ""), ("/a/b", ""), ("/UPPER", "")],
+)
+def test_news_of_obstacles_comes_with_the_name_of_who_put_it(network, key, sender):
+    link, peer = network
+    take = link.source(t.OBSTACLE)
+    for _ in range(TRIES):
+        peer.put(f"telerobot/cell/sensor/obstacle{key}", b"news")
+        if (raw := take()) is not None:
+            break
+    assert raw.sender == sender
+    assert bytes(raw.payload) == b"news"

@@ -200,3 +200,30 @@ def test_forged_pictures_move_nothing_until_the_source_is_on_and_then_at_its_own
     vision = run.simulation.cell.config.sources.vision
     rates = np.array([s.sources["vision"] for s in run.states])
     assert np.linalg.norm(rates[:, :3], axis=1).max() < 1.5 * vision.speed
+
+
+PLACE = (0.7, -0.3, 0.45)
+WATCHED = [
+    {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
+    {"at_s": 0.2, "obstacle": {"name": "visitor", "shape": "sphere", "radius": 0.12, "xyz": PLACE,
+                               "max_speed": 0.3, "velocity": (0.0, 1e-6, 0.0), "stale": "keep"}},
+    {"at_s": 2.5, "for_s": 3.5, "cmd/joystick": {"twist": [0, -0.1, 0, 0, 0, 0],
+                                                 "expressed_in": "base"}},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("claim", [{"remove": True}, {"shape": "point", "xyz": (5.0, 5.0, 5.0)}])
+def test_nobody_takes_anothers_obstacle_out_of_the_arms_way(claim):
+    """The stick leads the tool at an obstacle that another sender says is gone."""
+
+    def steals(since, tick, _simulation):
+        if since > 1.5 and tick % 20 == 0:
+            news = ObstacleNews(name="visitor", tick=tick, **claim)
+            yield t.OBSTACLE.by("thief"), news
+            yield t.OBSTACLE, news
+
+    run = play("pa10_scene", steals, 6.0, WATCHED)
+    assert run.summary["min_clearance_m"] > run.simulation.cell.config.avoidance.clearance
+    refused = {e.detail for e in run.events("command_refused")}
+    assert "sensor/obstacle: script tells of visitor, not thief" in refused
+    assert "too: keep" in run.events("obstacle_stale")[-1].detail

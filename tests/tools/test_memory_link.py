@@ -15,7 +15,7 @@ def test_commands_come_oldest_first_and_only_once():
     link = MemoryLink()
     link.put(t.JOYSTICK, b"1", b"proof")
     link.put(t.JOYSTICK, b"2")
-    assert link.source(t.JOYSTICK)() == (b"1", b"proof", None)
+    assert link.source(t.JOYSTICK)() == (b"1", b"proof", None, "")
     assert rest(link, t.JOYSTICK) == [b"2"]
     assert link.source(t.JOYSTICK)() is None
 

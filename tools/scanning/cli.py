@@ -25,7 +25,7 @@ from ..host.ending import until_told
 from ..operator.client.sensor_session import Over, dial
 from ..operator.client.session import Session
 from .geometry import instant_of
-from .scanning import Looked, Scanning
+from .scanning import SCAN, Looked, Scanning
 
 STATES = 64
 """Unread telemetry that is kept [1]: a search takes some tenths of a second."""
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     # Silence for as long as a search takes would stop the base.
     scanning.reflex.elsewhere = ThreadPoolExecutor(1)
     for topic in (t.OBSTACLE, t.CONTOUR):  # it puts on both
-        identity = identity_of(cell, Role.SENSOR, "scan", topic.key)
+        identity = identity_of(cell, Role.SENSOR, SCAN, topic.key)
     over = until_told(args.seconds)
     session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
     work = None
@@ -120,7 +120,8 @@ class _ScanWork:
         for news in looked.messages:
             contour = isinstance(news, ContourNews)
             self.told += contour
-            self._session.put(t.CONTOUR if contour else t.OBSTACLE, encode(news))
+            topic = t.CONTOUR if contour else t.OBSTACLE.by(SCAN)
+            self._session.put(topic, encode(news))
 
     def _complain(self, why: str) -> None:
         """Tell why a telegram was refused, now or as a part of the next line's count."""

@@ -29,6 +29,9 @@ from .postures import CriticalPoints
 from .reflex import PassageReflex, Reaction
 from .search import Reach, Search
 
+SCAN: Final = "scan"
+"""Name under which a scanner tells of obstacles; that of its certificate, too."""
+
 CONTOUR_EVERY: Final = 2
 """Scans from contour to contour [1]."""
 BOXES_EVERY: Final = 10

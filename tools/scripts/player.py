@@ -16,7 +16,7 @@ from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State
 from ..operator.client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
 from .generators.obstacles import ObstacleMotions
-from .generators.tables import MovingObstacle, Raw
+from .generators.tables import SCRIPT, MovingObstacle, Raw
 from .generators.targets import TargetMotion
 from .message import SPOKEN, TopicMessage
 from .operators import Operators
@@ -185,7 +185,7 @@ class Player:
         if isinstance(made, RigFault | RigMotion):
             self._inject(made)
         else:
-            self._put(topic, encode(made), b"")
+            self._put(topic.by(SCRIPT), encode(made), b"")
 
     def _put_raw(self, raw: Raw, client: ProtocolClient) -> None:
         topic = next(x for x in t.TOPICS if x.key == raw.topic)
@@ -194,7 +194,7 @@ class Player:
         self._put(topic, payload, proof)
 
     def _tell(self, news: ObstacleNews) -> None:
-        self._put(t.OBSTACLE, encode(news), b"")
+        self._put(t.OBSTACLE.by(SCRIPT), encode(news), b"")
 
     def _noted(self, at_s: float, topic: t.Topic) -> OnReply:
         """Return what notes a refusal of a topic's message."""

@@ -18,7 +18,7 @@ class MemoryLink:
         """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
         if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
             raise ValueError(f"{topic.key} is no command")
-        self._ring(topic).append(RawMessage(payload, proof))
+        self._ring(topic).append(RawMessage(payload, proof, sender=topic.sender))
 
     def ask(
         self, topic: Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""

@@ -19,7 +19,7 @@ from ...protocols.sick.scan_data import decode_scan, is_scan
 from ...protocols.topics import CONTOUR, OBSTACLE, Topic
 from ..recording.recorder import Recorder
 from ..scanning.geometry import instant_of
-from ..scanning.scanning import Looked, Scanning
+from ..scanning.scanning import SCAN, Looked, Scanning
 
 Put = Callable[[Topic, bytes], None]
 
@@ -56,7 +56,7 @@ class SimulatedScans:
                 self._record(looked)
             self.on_look(looked)
             for news in looked.messages:
-                topic = CONTOUR if isinstance(news, ContourNews) else OBSTACLE
+                topic = CONTOUR if isinstance(news, ContourNews) else OBSTACLE.by(SCAN)
                 self._underway.append((now_s + LATE_S, topic, encode(news)))
 
     def run(self, now_s: float) -> None:

@@ -17,17 +17,21 @@ TELEMETRY = {"tlm/state", "tlm/event", "tlm/description", "tlm/reflection", "tlm
 FAULTS = {"rig/fault", "rig/motion"}
 TRUTH = {"rig/truth"}
 SENSORS = {"sensor/vision", "sensor/obstacle", "sensor/contour", "sensor/frame"}
+NAMED = {f"sensor/obstacle/{name}" for name in ("lidar", "judge-pa10", "vision")}
 PICTURE, SCAN = {"view/picture"}, {"view/scan"}
-SHOWN = TELEMETRY | TRUTH | SENSORS | PICTURE | SCAN
+SHOWN = TELEMETRY | TRUTH | SENSORS | NAMED | PICTURE | SCAN
 
 MAY = {
     "operator-ann": {"put": COMMANDS, "ask": REQUESTS, "hear": SHOWN},
     "observer-bob": {"hear": SHOWN},
     "sensor-vision": {"put": {"sensor/vision"} | PICTURE, "hear": TELEMETRY | TRUTH},
-    "sensor-lidar": {"put": {"sensor/obstacle", "sensor/frame"}, "hear": TELEMETRY | TRUTH},
+    "sensor-lidar": {
+        "put": {"sensor/obstacle", "sensor/obstacle/lidar", "sensor/frame"},
+        "hear": TELEMETRY | TRUTH,
+    },
     "rig-pa10": {"put": TRUTH | {"sensor/frame"}, "hear": TELEMETRY | FAULTS | TRUTH},
     "judge-pa10": {
-        "put": COMMANDS | FAULTS | SENSORS | PICTURE | SCAN,
+        "put": COMMANDS | FAULTS | SENSORS | {"sensor/obstacle/judge-pa10"} | PICTURE | SCAN,
         "ask": REQUESTS,
         "hear": SHOWN,
     },
@@ -42,7 +46,7 @@ AT_THE_ROUTER = {
     **MAY,
     "operator-lost": MAY["operator-ann"],
     "daemon-ur5e": {},
-    "daemon-pa10": {"put": TELEMETRY, "hear": COMMANDS | SENSORS, "serve": REQUESTS},
+    "daemon-pa10": {"put": TELEMETRY, "hear": COMMANDS | SENSORS | NAMED, "serve": REQUESTS},
 }
 VERBS = ("put", "delete", "hear", "ask", "serve", "alive", "see alive")
 KEYS = all_keys("pa10")

@@ -9,7 +9,7 @@ import queue
 import socket
 
 import zenoh
-from telerobot.protocols.topics import TOPICS
+from telerobot.protocols.topics import OBSTACLE, TOPICS
 
 CONTROL = "control"
 PATIENCE_S = 20.0
@@ -22,8 +22,12 @@ def free_endpoint(protocol="tls"):
         return f"{protocol}/127.0.0.1:{probe.getsockname()[1]}"
 
 
+NAMED = tuple(OBSTACLE.by(name) for name in ("lidar", "judge-pa10", "vision"))
+"""Topics of three who tell of obstacles, or would like to."""
+
+
 def all_keys(*cells):
-    return [topic.full_key(cell) for cell in cells for topic in TOPICS]
+    return [topic.full_key(cell) for cell in cells for topic in (*TOPICS, *NAMED)]
 
 
 def with_control(config, *, out=True):

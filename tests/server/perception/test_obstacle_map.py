@@ -23,6 +23,7 @@ class Knowing:
     """A world model, the tick, and the events that came of it."""
 
     obstacles: tuple[ObstacleSection, ...] = ()
+    certified: bool = False
     tick: int = 1000
     events: Events = field(default_factory=Events)
 
@@ -30,9 +31,16 @@ class Knowing:
         cell = load_cell("pa10")
         config = cell.config.model_copy(update={"obstacles": self.obstacles})
         self.world = ObstacleMap.from_cell(Cell(cell.path, config, cell.robot), self.events)
+        if self.certified:
+            self.world = ObstacleMap(self.obstacles, (), 0.02, 0.01, self.events, certified=True)
 
-    def tell(self, name: str, **news) -> None:
-        self.world.take(ObstacleNews(name=name, **{"tick": self.tick, **news}), self.tick)
+    def tell(self, name: str, by: str = "", **news) -> None:
+        self.world.take(ObstacleNews(name=name, **{"tick": self.tick, **news}), self.tick, by)
+
+    def refused(self, name: str, by: str = "", **news) -> Why:
+        with pytest.raises(Refused) as caught:
+            self.tell(name, by, **news)
+        return caught.value.reason
 
     def go(self, ticks: int) -> None:
         for _ in range(ticks):
@@ -170,6 +178,72 @@ def test_old_news_does_not_bring_back_what_was_removed(knowing):
     with pytest.raises(Refused) as caught:
         knowing.tell("ball", shape="point", xyz=(1, 0, 0), tick=knowing.tick - 1)
     assert caught.value.reason is Why.OUT_OF_ORDER
+
+
+CLAIMS = (
+    {"remove": True},
+    {"xyz": (5, 5, 5)},
+    {"shape": "point", "xyz": (5, 5, 5)},
+    {"shape": "point", "xyz": (5, 5, 5), "tick": 2000},
+)
+"""News by which another sender would have an obstacle gone."""
+
+
+@pytest.mark.parametrize("claim", CLAIMS)
+@pytest.mark.parametrize("thief", ["", "thief"])
+def test_only_its_own_sender_moves_replaces_or_removes_an_obstacle(knowing, claim, thief):
+    knowing.tell("ball", "lidar", shape="sphere", xyz=(1, 0, 0), radius=0.1, stale="stop")
+    knowing.go(1)
+    assert knowing.refused("ball", thief, **claim) is Why.ANOTHERS_OBSTACLE
+    assert knowing.scene.rounds.start.tolist() == [[1, 0, 0]]
+    knowing.tell("ball", "lidar", remove=True)
+    knowing.tell("ball", "radar", shape="point", xyz=(2, 0, 0))
+
+
+@pytest.mark.parametrize("speed", [0.0, 10.0])
+def test_an_obstacle_that_another_says_is_gone_is_stale_until_its_sender_tells_again(
+    knowing, speed
+):
+    ball = {"shape": "sphere", "xyz": (1, 0, 0), "radius": 0.1, "max_speed": speed}
+    knowing.tell("ball", "lidar", **ball)
+    knowing.go(1)
+    assert knowing.scene.stop is None
+    knowing.refused("ball", "thief", remove=True)
+    knowing.tell("ball", "lidar", **ball)  # seen before: the next one counts
+    knowing.go(1)
+    assert knowing.scene.stop == knowing.world.stop == "ball"
+    (stale,) = [e for e in knowing.events.take() if e.name == "obstacle_stale"]
+    assert stale.detail == "ball: removed by thief too: stop"
+    knowing.tell("ball", "lidar", **ball)
+    knowing.go(1)
+    assert knowing.scene.stop is None
+    assert knowing.told == ["obstacle_fresh"]
+
+
+def test_refused_news_of_its_own_sender_makes_an_obstacle_stale_but_for_late_ones(knowing):
+    knowing.tell("post", "lidar", shape="point", xyz=(1, 0, 0))
+    assert knowing.refused("post", "lidar", xyz=(2, 0, 0), tick=900) is Why.OUT_OF_ORDER
+    knowing.go(1)
+    assert knowing.world.stale == ()
+    assert knowing.refused("post", "lidar", xyz=(2, 0, 0), tick=5000) is Why.FUTURE_PICTURE
+    knowing.go(1)
+    assert knowing.world.stale == ("post",)
+
+
+def test_an_obstacle_of_the_cell_that_moves_belongs_to_who_tells_of_it_first():
+    knowing = Knowing((CART,))
+    knowing.tell("cart", "lidar", xyz=(1, 0, 0))
+    assert knowing.refused("cart", "thief", xyz=(5, 0, 0)) is Why.ANOTHERS_OBSTACLE
+
+
+def test_where_senders_are_certified_nobody_tells_without_a_name():
+    knowing = Knowing(certified=True)
+    point = {"shape": "point", "xyz": (1, 0, 0)}
+    assert knowing.refused("ball", **point) is Why.UNNAMED_SENDER
+    knowing.tell("ball", "lidar", **point)
+    assert knowing.refused("ball", remove=True) is Why.UNNAMED_SENDER
+    knowing.go(1)
+    assert knowing.world.stale == ("ball",)
 
 
 def test_there_is_an_end_to_obstacles(knowing):

@@ -251,7 +251,9 @@ def test_news_of_a_sensor_carries_the_newest_tick_and_no_proof(play, daemon):
         at_s = 0.2
         "sensor/obstacle" = { name = "ball", xyz = [1, 0, 0] }
     """).until(2.0)
-    ((payload, proof),) = [(p, proof) for topic, p, proof in told if topic is t.OBSTACLE]
+    ((payload, proof),) = [
+        (p, proof) for topic, p, proof in told if topic == t.OBSTACLE.by("script")
+    ]
     news = decode_as(ObstacleNews, payload)
     assert (news.name, news.xyz, proof) == ("ball", (1.0, 0.0, 0.0), b"")
     assert news.tick > 0
@@ -266,7 +268,11 @@ def test_an_obstacle_that_moves_is_told_and_is_there_as_far_as_its_step_says(
     moving = {"name": "ball", "xyz": [1, 0, 0], "velocity": [0, 1, 0], "max_speed": 2.0}
     step = {"at_s": 0.1, "obstacle": {**moving, "tell": tell, "physical": physical}}
     run = play({"duration_s": 1.0, "step": [step]}).until(3.0)
-    news = [decode_as(ObstacleNews, payload) for topic, payload in told if topic is t.OBSTACLE]
+    news = [
+        decode_as(ObstacleNews, payload)
+        for topic, payload in told
+        if topic == t.OBSTACLE.by("script")
+    ]
     assert [n.max_speed for n in news[:2]] == [2.0, None][: len(news)]
     assert len(news) == (pytest.approx(19, abs=1) if tell else 0)
     assert bool(run.faults) == physical

@@ -12,6 +12,7 @@ from ....drivers.network.sessions import client_config
 from ....protocols import topics as t
 from ....protocols.codec import encode
 from ....protocols.messages import requests
+from ....protocols.roles import sender_name
 
 REPLY_TIMEOUT_S = 5.0
 """A request that is not answered by then will not be [s]."""
@@ -30,11 +31,11 @@ class TopicBuffer:
     def __init__(
         self,
         subscriber: "zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]",
-        max_bytes: int,
+        topic: t.Topic,
+        cell: str,
     ) -> None:
         self._subscriber = subscriber
-        self._key = str(subscriber.key_expr)
-        self._max_bytes = max_bytes
+        self._topic, self._cell = topic, cell
 
     def close(self) -> None:
         """Listen no more."""
@@ -43,7 +44,8 @@ class TopicBuffer:
     def take(self) -> Iterator[bytes]:
         """Yield the payloads that wait, oldest first."""
         while (sample := self._subscriber.try_recv()) is not None:
-            if str(sample.key_expr) == self._key and len(sample.payload) <= self._max_bytes:
+            sender = self._topic.sender_on(str(sample.key_expr), self._cell)
+            if sender is not None and len(sample.payload) <= self._topic.max_bytes:
                 yield sample.payload.to_bytes()
 
 
@@ -83,18 +85,21 @@ class Session:
     def subscribe(self, topic: t.Topic, depth: int) -> TopicBuffer:
         """Listen to a topic, keeping the newest `depth` messages between two looks."""
         ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
-        key = topic.full_key(self.cell)
-        return TopicBuffer(self._session.declare_subscriber(key, ring), topic.max_bytes)
+        key = topic.heard_key(self.cell)
+        return TopicBuffer(self._session.declare_subscriber(key, ring), topic, self.cell)
 
     def may_hear(self, topic: t.Topic) -> bool:
         """Return whether the certificate allows to listen to a topic."""
-        return self._hears is None or topic.full_key(self.cell) in self._hears
+        return self._hears is None or topic.heard_key(self.cell) in self._hears
 
     def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send a command; a congested link drops it.
 
+        Where keys name their sender, that is the certificate's name, if one is shown.
+
         Raises `NotCertified`: the network would drop it without a word.
         """
+        topic = topic if self.shown is None else topic.by(sender_name(self.shown))
         refusal = self._refusal(topic)
         if refusal:
             raise NotCertified(refusal)
@@ -106,15 +111,16 @@ class Session:
         return bool(status.matching)
 
     def _publisher(self, topic: t.Topic) -> "zenoh.Publisher":
-        publisher = self._publishers.get(topic.key)
+        key = topic.full_key(self.cell)
+        publisher = self._publishers.get(key)
         if publisher is None:
             seen = topic.flow is t.Flow.PICTURE  # what people look at gives way to all else
             publisher = self._session.declare_publisher(
-                topic.full_key(self.cell),
+                key,
                 priority=zenoh.Priority.BACKGROUND if seen else zenoh.Priority.REAL_TIME,
                 congestion_control=zenoh.CongestionControl.DROP,
             )
-            self._publishers[topic.key] = publisher
+            self._publishers[key] = publisher
         return publisher
 
     def ask(

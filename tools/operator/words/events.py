@@ -48,7 +48,10 @@ _WORDS: dict[str, tuple[str, str]] = {
         "Tare, tell the payload, or acknowledge the load.",
     ),
     "load_acknowledged": ("The unexplained load is acknowledged: force control acts on it.", ""),
-    "obstacle_stale": ("News of the obstacle {detail} is too old.", "Is its sensor running?"),
+    "obstacle_stale": (
+        "News of an obstacle is stale: {detail}.",
+        "Is its sensor running, and does nobody else tell of it?",
+    ),
     "obstacle_fresh": ("The obstacle {detail} is told of again.", ""),
     "obstacle_jumped": ("The obstacle {detail} was faster than its bound.", ""),
     "view_lost": ("The camera's view is lost: {detail}.", "Uncover the tag, or light the scene."),

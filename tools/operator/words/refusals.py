@@ -13,6 +13,8 @@ NEXT = {
     "lease_taken": "Ask its holder to release it, or wait until it runs out.",
     "protective_stop": "Clear the protective stop, then resume.",
     "not_yours": "Who asked for the stop clears it, or the lease's holder.",
+    "anothers_obstacle": "See who else tells of an obstacle of that name, and stop one of them.",
+    "unnamed_sender": "With certificates a sensor tells of obstacles under its own name.",
     "sensor_stale": "Wait for fresh data of the sensor, then resume.",
     "touched": "Look at what the arm touches; resume once it is free.",
     "still_wrong": "Mend the cause that the message names, then reset.",

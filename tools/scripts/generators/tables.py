@@ -11,6 +11,9 @@ from ..message import TopicMessage
 
 KEYS = tuple(topic.key for topic in t.TOPICS)
 
+SCRIPT = "script"
+"""Name under which a script tells of obstacles, where no certificate has another."""
+
 
 class ScriptTable(BaseModel):
     """A table of a script: unknown keys are errors."""

@@ -7,7 +7,7 @@ from ....protocols import topics as t
 from ....protocols.codec import encode
 from ....protocols.messages.perception.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigFault
-from .tables import MovingTarget
+from .tables import SCRIPT, MovingTarget
 
 NEWS_EVERY_S = 0.05
 """The daemon hears of the target, and the world sees it move, so often [s]."""
@@ -39,7 +39,7 @@ class TargetMotion:
         inject(RigFault(kind="move", target=self._step.tag, vector=place))
         if self._step.sight_line is not None:
             news = ObstacleNews(name=self._step.sight_line, tick=tick, to=place)
-            put(t.OBSTACLE, encode(news), b"")
+            put(t.OBSTACLE.by(SCRIPT), encode(news), b"")
 
     def place(self, now_s: float) -> tuple[Place, bool]:
         """Return where the target is at `now_s` [m], and whether it has arrived."""

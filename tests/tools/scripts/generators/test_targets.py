@@ -28,7 +28,7 @@ def test_tag_and_news_agree_and_end_with_the_last_place():
     for tick in range(300):
         target.run(0.01 * tick, tick, put, moved.append)
     news = [decode_as(ObstacleNews, data, OBSTACLE.max_bytes) for topic, data in sent]
-    assert all(topic is OBSTACLE for topic, _ in sent)
+    assert all(topic == OBSTACLE.by("script") for topic, _ in sent)
     assert [n.to for n in news] == [fault.vector for fault in moved]
     assert {n.name for n in news} == {"view"}
     assert news[-1].to == (0.3, 0.4, 0.0)
