@@ -25,7 +25,8 @@ class RobotousSensor(WrenchSensor):
     them, so a lost frame must not join halves of two samples. Nothing is averaged.
 
     A sample at an end of the measuring range, or with the sensor's overload status set, says no
-    more than that the load is at least that: for `timeout_s` after it nothing is read.
+    more than that the load is at least that. It is none: the reading goes on ageing, and is stale
+    after `timeout_s` of them.
 
     Its trouble is not vital: what uses the wrench fades, or the cell calls the sensor essential.
     """
@@ -47,8 +48,10 @@ class RobotousSensor(WrenchSensor):
         self._arrival_s = self._told_s = 0.0
         most = zip(config.measuring_range, robotous.HALF_COUNTS, strict=True)
         self._ends = tuple(end - half for end, half in most)
+        self._heard_s: float | None = None
+        """When the newest sample came, whatever it was worth [s]."""
         self._saturated: robotous.Sample | None = None
-        self._saturated_s = 0.0
+        """That sample, if it was at an end of its range."""
         self._unread: list[tuple[robotous.Sample, float]] = []
         self._before: list[tuple[float, ...]] = []
         self._mean: MeanWrench | None = None
@@ -57,12 +60,12 @@ class RobotousSensor(WrenchSensor):
 
     def open(self) -> None:
         """Set the rate, start the stream and wait for its first sample. Raises `DeviceError`."""
-        self._sample = self._first = self._mean = self._saturated = None
+        self._sample = self._first = self._mean = self._saturated = self._heard_s = None
         self._unread.clear()
         self._before.clear()
         if not self._start():
             raise DeviceError(f"{self.name}: its commands cannot be sent: {self._bus.trouble}")
-        if not self._bus.wait_until(lambda: self._sample is not None, FIRST_SAMPLE_TIMEOUT_S):
+        if not self._bus.wait_until(lambda: self._heard_s is not None, FIRST_SAMPLE_TIMEOUT_S):
             raise DeviceError(
                 f"{self.name}: no sample within {FIRST_SAMPLE_TIMEOUT_S} s of its start "
                 f"(command id {self.config.command_id:#x})"
@@ -70,20 +73,23 @@ class RobotousSensor(WrenchSensor):
 
     def read(self) -> WrenchReading:
         """Return the newest sample, and how old it is now; tell a silent sensor to start again."""
-        sample = self._sample
-        if sample is None:
-            lost = Trouble(Cause.PDO_LOST, self.name, "no sample yet")
-            return WrenchReading(False, None, 0.0, 0.0, lost)
-        age = self._bus.now - self._arrival_s
-        if age > self.config.timeout_s and self._bus.now - self._told_s > START_AGAIN_S:
+        sample, now, heard_s = self._sample, self._bus.now, self._heard_s
+        silent = heard_s is not None and now - heard_s > self.config.timeout_s
+        if silent and now - self._told_s > START_AGAIN_S:
             self._start()
+        if sample is None:
+            trouble = Trouble(Cause.PDO_LOST, self.name, "no sample yet")
+            if self._saturated is not None and not silent:
+                trouble = self._saturation(self._saturated)
+            return WrenchReading(False, None, 0.0, 0.0, trouble)
+        age = now - self._arrival_s
         load = np.array((*sample.force, *sample.torque))
         return WrenchReading(
             ready=True,
             wrench=-load,
             stamp=self._stamp,
             age_s=age,
-            trouble=self._judge(sample, age),
+            trouble=self._judge(sample, age, silent),
         )
 
     def mean(self) -> MeanWrench | None:
@@ -127,15 +133,14 @@ class RobotousSensor(WrenchSensor):
         commands = (robotous.stop(), robotous.set_rate(self.config.rate_hz), robotous.start())
         return all(self._bus.send(self.config.command_id, command) for command in commands)
 
-    def _judge(self, sample: robotous.Sample, age: float) -> Trouble | None:
+    def _judge(self, sample: robotous.Sample, age: float, silent: bool) -> Trouble | None:
         if age > self.config.timeout_s:
+            if self._saturated is not None and not silent:
+                return self._saturation(self._saturated)
             return Trouble(Cause.PDO_LOST, self.name, f"no sample for {age:.3f} s", {"age_s": age})
         if sample.error:
             detail = f"the sensor reports error {sample.error:#06x}"
             return Trouble(Cause.EMERGENCY, self.name, detail, {"error": sample.error})
-        beyond = self._saturated
-        if beyond is not None and self._bus.now - self._saturated_s <= self.config.timeout_s:
-            return self._saturation(beyond)
         return None
 
     def _at_an_end(self, sample: robotous.Sample) -> list[int]:
@@ -180,13 +185,14 @@ class RobotousSensor(WrenchSensor):
             self._drop_half()
             self.discarded += 1
             return
-        self._first = None
-        self._sample = robotous.join_sample(first[0], data)
-        self._stamp = stamp
-        self._arrival_s = self._bus.now
-        if self._sample.overload or self._at_an_end(self._sample):
-            self._saturated, self._saturated_s = self._sample, self._arrival_s
+        self._first = self._saturated = None
+        sample = robotous.join_sample(first[0], data)
+        self._heard_s = self._bus.now
         self.samples += 1
+        if sample.overload or self._at_an_end(sample):
+            self._saturated = sample
+            return
+        self._sample, self._stamp, self._arrival_s = sample, stamp, self._bus.now
         if len(self._unread) < MOST_UNREAD:
             self._unread.append((self._sample, stamp))
 

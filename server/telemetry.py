@@ -193,6 +193,7 @@ def _of_task(
         "limits": output.limits + _held(perception.passage),
         "held_by": None if output.held is None else output.held.task,
         "internal_force": None if output.held is None else output.held.internal_force,
+        "internal_moment": None if output.held is None else output.held.internal_moment,
         "sigma_min": output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
         "potential": None if output.field is None else potential(output.field),
         "off_path": None if output.off_path is None else _three(output.off_path),

@@ -47,6 +47,9 @@ class JointTaskSection(Section):
     most_internal: float = Field(
         60.0, gt=0, le=1e5, description="internal force beyond which the arms stop [N]"
     )
+    most_internal_moment: float = Field(
+        15.0, gt=0, le=1e4, description="the same of a moment at a grasp [N·m]"
+    )
     quick_stop: Literal["in_proportion", "each"] = Field(
         "in_proportion",
         description="in_proportion: drives are told ramps by which all joints come to rest "

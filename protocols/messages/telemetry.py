@@ -69,6 +69,8 @@ class TaskState(Message):
     """The joint task for which the arm holds a payload with others; None for none."""
     internal_force: float | None = None
     """Greatest force at a grasp of that payload that moves nothing [N]; None while not known."""
+    internal_moment: float | None = None
+    """Greatest such moment [N·m]."""
     sigma_min: float
     potential: dict[str, float] | None = None
     off_path: Vector3 | None = None

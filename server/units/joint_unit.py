@@ -115,8 +115,8 @@ class JointUnit:
             return None
         for unit in self.units:
             held = None if unit.output is None else unit.output.held
-            if held is not None and held.strained:
-                return f"internal force of {self.task}"
+            if held is not None and held.strained is not None:
+                return f"{held.strained.replace('_', ' ')} of {self.task}"
             if held is not None and held.slipped:
                 return f"{self.task} slipped from {unit.mechanism}"
         return None

@@ -130,6 +130,14 @@ def hear(cell: Any, sample: Sample) -> None:
     cell.fieldbus.receive(cell.fieldbus.now)
 
 
+def hear_for_the_timeout(cell: Any, sample: Sample) -> Any:
+    """Return the reading after a sample that is repeated for longer than one is fresh."""
+    for _ in range(6):
+        cell.fieldbus.receive(cell.fieldbus.now + 0.01)
+        hear(cell, sample)
+    return cell.sensor.read()
+
+
 RAILS = [(axis, sign) for axis in range(6) for sign in (1.0, -1.0)]
 
 
@@ -140,8 +148,7 @@ def test_a_sample_at_an_end_of_its_range_is_none_and_its_axis_is_told(
     cell.sensor.open()
     load = np.zeros(6)
     load[axis] = sign * 1e4
-    hear(cell, Sample(tuple(load[:3]), tuple(load[3:]), 0, 0))
-    trouble = cell.sensor.read().trouble
+    trouble = hear_for_the_timeout(cell, Sample(tuple(load[:3]), tuple(load[3:]), 0, 0)).trouble
     assert trouble.cause is Cause.SATURATED
     assert trouble.values["axis"] == ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")[axis]
     assert trouble.values["load"] == pytest.approx(sign * (655.34 if axis < 3 else 16.3835))
@@ -150,31 +157,50 @@ def test_a_sample_at_an_end_of_its_range_is_none_and_its_axis_is_told(
 def test_the_range_of_the_cell_is_the_one_that_is_judged(make_cell: Any) -> None:
     cell = make_cell(measuring_range=(200.0, 200.0, 200.0, 4.0, 4.0, 4.0))
     cell.sensor.open()
-    hear(cell, Sample((199.9, 0.0, 0.0), (3.99, 0.0, 0.0), 0, 0))
-    assert cell.sensor.read().trouble is None
-    hear(cell, Sample((200.0, 0.0, 0.0), (0.0, -4.0, 0.0), 0, 0))
-    assert "Fx is at 200 of 200 N, Ty is at -4 of 4 N·m" in cell.sensor.read().trouble.detail
+    well = Sample((199.9, 0.0, 0.0), (3.99, 0.0, 0.0), 0, 0)
+    assert hear_for_the_timeout(cell, well).trouble is None
+    beyond = Sample((200.0, 0.0, 0.0), (0.0, -4.0, 0.0), 0, 0)
+    detail = hear_for_the_timeout(cell, beyond).trouble.detail
+    assert "Fx is at 200 of 200 N, Ty is at -4 of 4 N·m" in detail
 
 
 def test_a_sample_with_the_overload_status_is_none_wherever_it_reads(cell: Any) -> None:
     cell.sensor.open()
-    hear(cell, Sample((0.0,) * 3, (0.0,) * 3, 4, 0))
-    trouble = cell.sensor.read().trouble
+    trouble = hear_for_the_timeout(cell, Sample((0.0,) * 3, (0.0,) * 3, 4, 0)).trouble
     assert trouble.cause is Cause.SATURATED
     assert trouble.values == {"overload": 4}
 
 
-def test_readings_count_again_once_none_was_at_an_end_for_the_timeout(cell: Any) -> None:
-    """Contact that chatters against the end is known no better between two such samples."""
+def test_a_blow_beyond_the_range_leaves_the_reading_from_before_it(cell: Any) -> None:
     cell.sensor.open()
-    hear(cell, Sample((1e4, 0.0, 0.0), (0.0,) * 3, 0, 0))
-    well = Sample((1.0, 0.0, 0.0), (0.0,) * 3, 0, 0)
-    cell.fieldbus.receive(0.04)
+    well, beyond = Sample((8.0, 0, 0), (0,) * 3, 0, 0), Sample((1e4, 0, 0), (0,) * 3, 0, 0)
+    cell.sensor.mean()
     hear(cell, well)
-    assert cell.sensor.read().trouble.cause is Cause.SATURATED
-    cell.fieldbus.receive(0.06)
+    cell.fieldbus.receive(cell.fieldbus.now + 0.04)
+    hear(cell, beyond)
+    reading = cell.sensor.read()
+    assert reading.trouble is None
+    assert reading.wrench[0] == cell.sensor.mean().wrench[0] == -8.0
+    assert reading.age_s == pytest.approx(0.04)
+    assert hear_for_the_timeout(cell, beyond).trouble.cause is Cause.SATURATED
     hear(cell, well)
     assert cell.sensor.read().trouble is None
+
+
+def test_a_sensor_that_is_at_its_end_is_not_silent_and_not_started_again(cell: Any) -> None:
+    cell.sensor.open()
+    cell.played_sensor.commands.clear()
+    for _ in range(30):
+        hear_for_the_timeout(cell, Sample((1e4, 0, 0), (0,) * 3, 0, 0))
+    assert cell.played_sensor.commands == []
+
+
+def test_a_sensor_that_is_at_its_end_from_the_beginning_is_opened_and_told(cell: Any) -> None:
+    cell.played_sensor.sample = Sample((1e4, 0.0, 0.0), (0.0,) * 3, 0, 0)
+    cell.sensor.open()
+    reading = cell.sensor.read()
+    assert (reading.ready, reading.wrench) == (False, None)
+    assert reading.trouble.cause is Cause.SATURATED
 
 
 def test_a_bias_is_asked_of_the_sensor(cell: Any) -> None:

@@ -191,8 +191,9 @@ def test_a_beam_that_slips_out_of_a_gripper_stops_both_and_they_let_go_of_it(pla
         seconds=1.5,
         cell=cell,
     )
-    # the whole weight on the left arm may stop them first, as a touch
-    assert run.events("stopping")[0].values["reason"] in ("touched", "beam slipped from right")
+    # the whole weight on the left arm may stop them first, as a touch or a moment that is not meant
+    reasons = ("touched", "internal moment of beam", "beam slipped from right")
+    assert run.events("stopping")[0].values["reason"] in reasons
     assert any("slipped:beam" in state.limits for state in run.states)
     assert len(run.summary["refused"]) == 1  # to resume while it hangs in one gripper
     assert run.summary["mode"] == "hold"

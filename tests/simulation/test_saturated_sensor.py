@@ -30,6 +30,9 @@ NARROW = (
 )
 
 
+NO_TOUCH = ("torque = [3.0, 2.8, 3.0, 3.0, 1.2, 1.2, 1.0]", "torque = [99, 99, 99, 99, 99, 99, 99]")
+
+
 def test_force_control_fades_while_the_sensor_is_at_an_end_of_its_range(play, altered):
     run = play(
         {"at_s": 0.5, "rig/fault": PUSHED},
@@ -56,7 +59,7 @@ def test_an_essential_sensor_at_an_end_of_its_range_stops_the_arm(play, altered)
         {"at_s": 1.2, "rig/fault": {**PUSHED, "on": False}},
         {"at_s": 1.8, "operator/mode": {"action": "resume"}},
         seconds=2.0,
-        cell=altered("pa10", essential),
+        cell=altered("pa10", essential, NO_TOUCH),
     )
     assert run.events("sensor_saturated")[0].values["axis"] == "Fx"
     assert run.events("stopping")[0].values["reason"] == "sensor stale"
@@ -73,6 +76,7 @@ def test_arms_on_one_payload_stop_where_a_share_is_beyond_a_sensors_range(play, 
     cell = altered(
         "pa10_pair",
         ("mass = 5.0", "mass = 10.4"),
+        ("most_internal_moment = 15.0", "most_internal_moment = 60.0"),
         ("shares = [[1.0, 1.0, 1.0, 1.0, 1.0, 1.0]", "shares = [[3.0, 3.0, 3.0, 3.0, 3.0, 3.0]"),
     )
     run = play(

@@ -42,8 +42,10 @@ class Holding(NamedTuple):
     """Its share of what all are to exert (6,)."""
     internal_force: float | None
     """Greatest force at any grasp that moves nothing [N]; None without all wrenches."""
-    strained: bool
-    """That is beyond its bound: the arms stop."""
+    internal_moment: float | None
+    """The same of a moment [N·m]."""
+    strained: str | None
+    """`internal_force` or `internal_moment`, where that is beyond its bound: the arms stop."""
     slipped: bool
     """The payload slipped out of this arm's grasp: the arms stop."""
     apart: float

@@ -40,11 +40,11 @@ def internal(p: Array, exerted: Array) -> Array:
 
 
 @compiled(MATRIX)
-def greatest_force(wrenches: Array) -> float:
-    """Return the greatest size of the forces of wrenches (k, 6) [N]."""
+def greatest(vectors: Array) -> float:
+    """Return the greatest size of vectors (k, 3)."""
     most = 0.0
-    for i in range(len(wrenches)):
-        most = max(most, wrenches[i, 0] ** 2 + wrenches[i, 1] ** 2 + wrenches[i, 2] ** 2)
+    for i in range(len(vectors)):
+        most = max(most, vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2)
     return math.sqrt(most)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ....config.schema.joint_task import JointTaskSection
 from ..arm.arm import Arm
 from ..grasps.held import Held
-from ..grasps.load_shares import greatest_force, internal, load_shares, total
+from ..grasps.load_shares import greatest, internal, load_shares, total
 from ..mechanism.wrist import WristMemory
 from ..rigid_body import rotate_twist, twist_at
 from ..scene import Flags
@@ -29,6 +29,9 @@ EMPTY = 0.25
 
 SLIPPED_S = 0.1
 """A payload has slipped when one arm carries nothing of it and the others all for so long [s]."""
+
+STRAINS = ("internal_force", "internal_moment")
+"""What is bounded of the wrenches at the grasps that move nothing."""
 
 OTHERS = 0.75
 """The others carry its part when they carry more than this of the whole [1]."""
@@ -47,6 +50,8 @@ class Grasping(NamedTuple):
     """Wrench (6,) of the payload on what it touches, or that speeds it up; None without all."""
     internal_force: float | None
     """Greatest force that moves nothing, beyond what the shares mean [N]; None without all."""
+    internal_moment: float | None
+    """Greatest such moment [N·m]."""
 
     def off(self, i: int) -> Array | None:
         """Return by how much one arm exerts too little (6,); None when stale."""
@@ -98,26 +103,30 @@ def grasping(
     known = [h for h in exerted if h is not None]
     desired = load_shares(p, weights, weight + asked)
     if len(known) < len(exerted):
-        return Grasping(p, desired, exerted, None, None)
+        return Grasping(p, desired, exerted, None, None, None)
     each = np.array(known)
     # Shares that are not equal are no strain: they are meant.
-    force = greatest_force(internal(p, each - desired))
-    return Grasping(p, desired, exerted, total(p, each) - weight, force)
+    strain = internal(p, each - desired)
+    force, moment = greatest(strain[:, :3]), greatest(strain[:, 3:])
+    return Grasping(p, desired, exerted, total(p, each) - weight, force, moment)
 
 
 def without_load(forces: Grasping, up: Array) -> tuple[Flags, Flags]:
     """Return which of k arms carry next to nothing of the payload, and of which others carry that.
 
     Both are (k,); `up` (3,) is the vertical in the axes of the MRF. What a payload rests on takes
-    load off the others, too: then nothing slipped.
+    load off the others, too: then nothing slipped. An arm whose sensor tells nothing may carry all:
+    that saturates it.
     """
-    exerted = [h for h in forces.exerted if h is not None]
     meant = forces.desired[:, :3] @ up
-    if len(exerted) < len(meant) or meant.min() < LEAST_SHARE:
+    known = np.array([h is not None for h in forces.exerted])
+    if not known.any() or meant.min() < LEAST_SHARE:
         nobody = np.zeros(len(meant), dtype=bool)
         return nobody, nobody
-    carried = np.array(exerted)[:, :3] @ up
-    empty: Flags = carried < EMPTY * meant
+    carried = np.array([0.0 if h is None else float(h[:3] @ up) for h in forces.exerted])
+    empty: Flags = known & (carried < EMPTY * meant)
+    if not known.all():
+        return empty, empty
     return empty, empty & ((carried.sum() - carried) > OTHERS * meant.sum())
 
 
@@ -144,7 +153,10 @@ class GivingWay:
         self._weights = np.array(section.shares or [(1.0,) * 6] * len(arms))
         self._mass, self._com = section.payload.mass, np.array(section.payload.com)
         force = section.sources.force
+        self._most = (section.most_internal, section.most_internal_moment)
         self._threshold, self._leash = force.hold_threshold, force.hold_leash
+        # Of its bound, as much as of that of forces.
+        self._threshold_moment = force.hold_threshold * self._most[1] / self._most[0]
 
     def forces(
         self,
@@ -163,6 +175,15 @@ class GivingWay:
         asked = desired_wrench(told.wrench_desired, told.R_world_wrench, R_world_mrf)
         return grasping(views, self._tools, felt, self._weights, weight, asked)
 
+    def strained(self, forces: Grasping) -> str | None:
+        """Return which bound the arms press each other beyond, None for none."""
+        for name, size, most in zip(
+            STRAINS, (forces.internal_force, forces.internal_moment), self._most, strict=True
+        ):
+            if size is not None and size > most:
+                return name
+        return None
+
     def twist(
         self,
         i: int,
@@ -175,8 +196,8 @@ class GivingWay:
     ) -> tuple[Array, ForceState]:
         """Return the twist (6,) at the MRF by which one arm gives way at its grasp.
 
-        In HOLD only internal force beyond a threshold is bled off, inside a leash from where the
-        Wrist, now `at` (3,), was when HOLD began.
+        In HOLD only internal force and moment beyond a threshold are bled off, inside a leash from
+        where the Wrist, now `at` (3,), was when HOLD began.
         """
         if intent is Intent.MOVE:
             twist = forces.twist_of(i, gain, R_world_mrf)
@@ -192,5 +213,6 @@ class GivingWay:
             at - began,
             self._threshold,
             self._leash,
+            self._threshold_moment,
         )
         return forces.to_mrf(i, bled.twist, R_world_mrf), ForceState(began, bled.bleeding)

@@ -129,15 +129,15 @@ class JointTask:
             arm.asking.tool_share(twist + way, factor)
             for arm, way in zip(self.arms, ways, strict=True)
         )
-        internal, bound = forces.internal_force, self.section.most_internal
-        strained = told.intent is Intent.MOVE and internal is not None and internal > bound
+        moving = told.intent is Intent.MOVE
+        strained = self._giving_way.strained(forces) if moving else None
         members = []
         for i, (seen, t) in enumerate(zip(each, tuned, strict=True)):
             of = seen._replace(held=evolve(seen.held, light_s=light[i]))
             away = apart(T_world_mrf, of.kinematics.T_world_mrf)[0]
             holding = Holding(
-                self.name, forces.exerted[i], forces.desired[i], internal, strained,
-                light[i] >= SLIPPED_S, away, of.held.redefined,
+                self.name, forces.exerted[i], forces.desired[i], forces.internal_force,
+                forces.internal_moment, strained, light[i] >= SLIPPED_S, away, of.held.redefined,
             )  # fmt: skip
             members.append(self._member(i, of, t, twists, twist, share, holding))
         return Together(
@@ -165,8 +165,8 @@ class JointTask:
         if held is not None:
             nexts[0] = evolve(memories[0], held=evolve(held, shared=shared))
         strained: tuple[str, ...] = ()
-        if together.strained:
-            strained = (f"internal_force:{self.name}",)
+        if together.strained is not None:
+            strained = (f"{together.strained}:{self.name}",)
         if together.slipped:
             strained += (f"slipped:{self.name}",)
         found = [

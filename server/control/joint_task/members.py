@@ -34,8 +34,8 @@ class Together(NamedTuple):
     """The common twist (6,)."""
     share: float
     """Part of it that the tool's speed bounds allow, 0 to 1 [1]."""
-    strained: bool
-    """The internal force is beyond its bound while the arms may move."""
+    strained: str | None
+    """`internal_force` or `internal_moment`: which is beyond its bound while the arms may move."""
     slipped: bool
     """The payload slipped out of a grasp."""
     grasps: Array

@@ -32,7 +32,7 @@ class On(NamedTuple):
     @property
     def stops(self) -> bool:
         """True while the arms may not move on: pressed too hard, or without the payload."""
-        return self.together.strained or self.together.slipped
+        return self.together.strained is not None or self.together.slipped
 
     @property
     def link(self) -> PayloadLink:

@@ -16,23 +16,36 @@ class Bled(NamedTuple):
 
     bleeding: bool
     twist: Array
-    """(6,) in World axes; forces only, attitude is held."""
+    """(6,) in World axes; attitude is held but where a moment is bled off."""
 
 
 def bleed(
-    bleeding: bool, wrench: Array | None, asked: Array, away: Array, threshold: float, leash: float
+    bleeding: bool,
+    wrench: Array | None,
+    asked: Array,
+    away: Array,
+    threshold: float,
+    leash: float,
+    threshold_moment: float = math.inf,
 ) -> Bled:
     """Return whether contact is bled off now, and how.
 
     `wrench` (6,) is what the arm exerts, None when stale; `asked` (6,) what force control asks for,
-    and `away` (3,) how far the Wrist is from where HOLD began [m], both in World axes.
+    and `away` (3,) how far the Wrist is from where HOLD began [m], both in World axes. Moments are
+    bled off beyond their threshold [N·m] where it is given.
     """
-    size = 0.0 if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3]))
-    if wrench is None or size <= threshold * (BLED_OFF if bleeding else 1.0):
+    if wrench is None:
+        return Bled(False, np.zeros(6))
+    part = BLED_OFF if bleeding else 1.0
+    pushes = math.sqrt(float(wrench[:3] @ wrench[:3])) > threshold * part
+    turns = math.sqrt(float(wrench[3:] @ wrench[3:])) > threshold_moment * part
+    if not (pushes or turns):
         return Bled(False, np.zeros(6))
     twist = asked.copy()
+    room = max(0.0, leash - math.sqrt(float(away @ away)))
+    share = min(1.0, room / (0.2 * leash + 1e-12))
     if float(asked[:3] @ away) > 0.0:
-        room = max(0.0, leash - math.sqrt(float(away @ away)))
-        twist *= min(1.0, room / (0.2 * leash + 1e-12))
-    twist[3:] = 0.0
+        twist[:3] *= share
+    # Turning about a grasp takes the Wrist along, whichever way.
+    twist[3:] *= share if turns else 0.0
     return Bled(True, twist)

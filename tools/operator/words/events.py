@@ -129,6 +129,10 @@ _STOPS = {
     ),
     "daemon ends": ("The arm stopped: the daemon ends.", "Start it again."),
     "hold asked": ("The arm was asked to hold.", "Resume to go on."),
+    "sensor stale": (
+        "The arm stopped: a sensor that it does not move without tells nothing.",
+        "Check the sensor, or take load off it, then resume.",
+    ),
     "disable asked": ("The drives were asked off.", "Enable to go on."),
 }
 

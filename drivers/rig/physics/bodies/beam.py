@@ -121,6 +121,14 @@ class Beam:
         """Make a pad fit elsewhere on the payload, by (3,) [m] from where it does."""
         self._p[pad] += by
 
+    def turn(self, pad: int, by: Vector) -> None:
+        """Make a pad fit at another attitude on the payload, by a rotation vector (3,) [rad]."""
+        quat, R = np.zeros(4), np.zeros(9)
+        angle = float(np.linalg.norm(by))
+        mujoco.mju_axisAngle2Quat(quat, by / angle, angle)
+        mujoco.mju_quat2Mat(R, quat)
+        self._R[pad] = R.reshape(3, 3) @ self._R[pad]
+
     def let_go(self, pad: int) -> None:
         """Open a pad: the payload slips out of it."""
         self._closed[pad] = 0.0

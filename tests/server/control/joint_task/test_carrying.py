@@ -153,6 +153,22 @@ def test_internal_force_beyond_its_bound_stops_the_arms_by_name(cell):
     assert all(output.at_rest for output in run.outputs)
 
 
+def test_an_internal_moment_beyond_its_bound_stops_the_arms_and_hold_bleeds_it_off(cell):
+    run = Carrying(cell())
+    run.run(0.5, 0.1 * FORWARD)
+    # about the beam itself, where no lever makes a force of it
+    run.world.beam.turn(1, np.array([0.0, 0.05, 0.0]))
+    run.run(0.05, 0.1 * FORWARD)
+    assert "internal_moment:beam" in run.outputs[0].limits
+    assert run.outputs[0].held.strained == "internal_moment"
+    assert run.outputs[0].held.internal_force < 60.0
+    run.run(0.4, 0.1 * FORWARD, intent=Intent.STOP)
+    assert all(output.at_rest for output in run.outputs)
+    run.run(1.5, intent=Intent.HOLD)
+    assert run.outputs[0].held.internal_moment < 4.0
+    assert not run.outputs[0].shared.bleeding
+
+
 def test_an_arm_whose_sensor_is_stale_gives_way_to_nothing(cell):
     run = Carrying(cell())
     run.run(0.1, blind=(1,))
@@ -188,6 +204,16 @@ def test_a_beam_that_slips_out_of_one_grasp_stops_both_arms(cell):
     before = run.command.copy()
     run.run(0.5, intent=Intent.HOLD)  # and no arm goes up or down after its share
     np.testing.assert_allclose(run.command, before, atol=1e-6)
+
+
+def test_a_beam_that_slipped_is_noticed_where_the_other_sensor_tells_nothing(cell):
+    """All of the weight on one arm saturates its sensor."""
+    run = Carrying(cell())
+    run.run(0.3, intent=Intent.HOLD, blind=(0,))
+    assert not any(output.held.slipped for output in run.outputs)
+    run.world.beam.let_go(1)
+    run.run(0.2, intent=Intent.HOLD, blind=(0,))
+    assert [output.held.slipped for output in run.outputs] == [False, True]
 
 
 def test_a_beam_that_is_set_down_on_something_did_not_slip(cell):
