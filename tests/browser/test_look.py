@@ -7,6 +7,7 @@ pytestmark = pytest.mark.browser
 
 AXE = PACKAGES / "axe-core" / "axe.min.js"
 DESK, TABLET = {"width": 1280, "height": 720}, {"width": 820, "height": 1180}
+PHONE, LYING = {"width": 390, "height": 844}, {"width": 844, "height": 390}
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
@@ -47,3 +48,39 @@ def test_what_matters_is_in_sight(site, viewport):
     assert max(areas, key=lambda each: each[1])[0] == "stop-button", "the stop is not the largest"
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.errors == []
+
+
+@pytest.mark.parametrize("viewport", [PHONE, LYING], ids=["upright", "lying"])
+def test_on_a_phone_plots_are_folded_and_sticks_stand_beside_the_arm(site, viewport):
+    page = site.page(drawn=True, viewport=viewport, has_touch=True)
+    strip = page.locator(".plots-strip")
+    assert not strip.is_visible()
+    page.locator("#plots .fold").evaluate("each => each.click()")
+    site.until(strip.is_visible, "the plots do not unfold")
+    for what in ("#stop button", ".mode", ".why", "#scene canvas", ".pad .field"):
+        box = page.locator(what).first.bounding_box()
+        assert box["x"] >= 0, what
+        assert box["x"] + box["width"] <= viewport["width"] + 1, what
+        assert box["y"] + box["height"] <= viewport["height"] + 1, what
+    pads = [pad.bounding_box() for pad in page.locator(".pad").all()]
+    scene = page.locator("#scene").bounding_box()
+    middle = scene["x"] + 0.5 * scene["width"]
+    beside = pads[0]["x"] + pads[0]["width"] < middle < pads[1]["x"]
+    below = all(pad["y"] >= scene["y"] + scene["height"] - 1 for pad in pads)
+    assert beside or below
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    assert page.errors == []
+
+
+def test_gains_have_their_axes_and_units_and_frames_say_what_they_are(site):
+    page = site.page(viewport=DESK)
+    page.evaluate("document.getElementById('tab-set').click()")
+    card = page.locator(".card", has_text="position").first
+    site.until(lambda: card.count() == 1, "no gains")
+    assert card.locator(".gains b").all_text_contents() == ["x", "y", "z", "rx", "ry", "rz"]
+    assert card.locator(".gains small").all_text_contents() == ["1/s"] * 6
+    frames = page.locator("select[aria-label='Axes of the stick'] option")
+    assert frames.all_text_contents() == ["reference (CRF)", "tool (MRF)", "base", "world"]
+    assert "moving reference frame" in frames.nth(1).get_attribute("title")
+    control = page.get_by_role("button", name="Take control").first
+    assert "lease" in control.get_attribute("title")

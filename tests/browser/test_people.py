@@ -27,7 +27,7 @@ def test_a_viewer_stops_the_arm_by_the_space_bar_and_clears_its_own_stop(site):
 
 def test_a_viewer_may_not_drive(site):
     viewer = site.page(key=WATCHER, name="eve")
-    assert not viewer.get_by_role("button", name="Take the lease").first.is_visible()
+    assert not viewer.get_by_role("button", name="Take control").first.is_visible()
     reply = viewer.evaluate(
         """() => new Promise((resolve) => {
           const socket = new WebSocket(`ws://${location.host}/ws?name=eve`);
@@ -44,14 +44,14 @@ def test_a_viewer_may_not_drive(site):
 
 def test_the_lease_passes_on_by_release_only_and_the_refusal_is_said(site):
     ann, bob = site.enabled(name="ann"), site.page(name="bob")
-    site.click(bob, "Take the lease")
+    site.click(bob, "Take control")
     refusal = bob.locator("#bar .refusal, .actions .refusal")
     site.until(lambda: "ann" in "".join(refusal.all_text_contents()), "no refusal at the button")
     assert "Ask its holder" in "".join(refusal.all_text_contents())
-    site.click(ann, "Release")
+    site.click(ann, "Release control")
     watcher = site.plant.operators[0]
     site.until(lambda: watcher.state.lease_holder is None, "not released")
-    site.click(bob, "Take the lease")
+    site.click(bob, "Take control")
     site.until(lambda: watcher.state.lease_holder == "bob", "not taken")
 
 

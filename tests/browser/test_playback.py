@@ -83,3 +83,16 @@ def test_a_run_plays_and_is_put_to_the_time_of_an_event(browsers, console):
     assert any("<img src=x" in text for text in ahead)
     assert errors == []
     context.close()
+
+
+def test_a_recorded_run_is_plotted(browsers, console):
+    address, _ = console
+    page = browsers(False).new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(address)
+    page.wait_for_selector("body[data-shown]", state="attached")
+    page.evaluate("document.getElementById('play').click()")
+    until(page, "Number(document.body.dataset.shown) > 0.5")
+    titles = page.locator(".plots-strip").inner_text()
+    assert "Twist by source" in titles
+    page.close()

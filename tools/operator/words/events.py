@@ -16,10 +16,10 @@ class EventWords(TypedDict):
 
 _WORDS: dict[str, tuple[str, str]] = {
     "lease_granted": ("{detail} has the lease and may command.", ""),
-    "lease_released": ("{detail} gave the lease back.", "Take the lease to drive."),
+    "lease_released": ("{detail} gave the lease back.", "Take control to drive."),
     "lease_expired": (
         "The lease of {detail} ran out: nothing was heard for too long. A moving arm stops.",
-        "Take the lease, then resume.",
+        "Take control, then resume.",
     ),
     "protective_stop": ("Protective stop, {detail}.", "Clear it, then resume."),
     "protective_stop_cleared": ("The protective stop is cleared.", "Resume to go on."),
@@ -96,7 +96,7 @@ def event_words(event: Event) -> EventWords:
 
 _MODES = {
     "boot": ("The daemon looks for its devices.", ""),
-    "ready": ("The drives are off.", "Take the lease, then enable."),
+    "ready": ("The drives are off.", "Take control, then enable."),
     "enabled": ("The drives are on: the arm may move.", ""),
     "stopping": ("The arm is coming to rest.", ""),
     "hold": ("The arm stands, drives on.", "Resume to go on."),
@@ -117,7 +117,7 @@ def _mode(event: Event) -> EventWords:
 _STOPS = {
     "lease run out": (
         "The arm stopped: nothing was heard of the lease's holder for too long.",
-        "Take the lease, then resume.",
+        "Take control, then resume.",
     ),
     "protective stop": (
         "The arm stopped: protective stop.",

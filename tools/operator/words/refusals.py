@@ -3,8 +3,8 @@
 from ....protocols.messages import requests
 
 NEXT = {
-    "no_lease": "Take the lease first.",
-    "wrong_proof": "Take the lease again.",
+    "no_lease": "Take control first (the lease).",
+    "wrong_proof": "Take control again (the lease).",
     "old_epoch": "The lease has changed hands: take it again.",
     "old_picture": "The network was too slow: try again.",
     "future_picture": "The daemon has started anew: try again.",

@@ -14,13 +14,19 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from ....protocols.messages.perception.camera_picture import CameraPicture
-from ....protocols.messages.perception.contour import ContourNews
+from ....protocols.messages.perception.contour import ContourNews, ScanPoints
 from ....protocols.messages.perception.obstacles import ObstacleNews
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event, State
 from ...host.progress import counted
 from ...operator.web.pages.hub import limits_of
-from ...operator.web.pages.surroundings import told_contour, told_obstacle, told_picture, told_truth
+from ...operator.web.pages.surroundings import (
+    told_contour,
+    told_obstacle,
+    told_picture,
+    told_scan,
+    told_truth,
+)
 from ...operator.words.events import event_words
 from ...operator.words.why import is_cause, why
 from ..run_file import Recorded, RecordError, read_cell, read_run, read_scene
@@ -106,6 +112,9 @@ class Timeline:
             ),
             "sensor/contour": contour,
             "contour": contour,  # as a simulation names it
+            "scan": self._other(
+                "scan", lambda row: told_scan(ScanPoints.model_validate({"tick": 0, **_bytes(row)}))
+            ),
             "view/picture": self._other(
                 "picture", lambda row: told_picture(CameraPicture.model_validate(_bytes(row)))
             ),
@@ -165,6 +174,6 @@ def _timed(t: float, text: str) -> str:
 def _bytes(row: dict[str, Any]) -> dict[str, Any]:
     """Return a row whose bytes are bytes again."""
     return {
-        key: base64.b64decode(value) if key in ("jpeg", "nearest_mm") else value
+        key: base64.b64decode(value) if key in ("jpeg", "nearest_mm", "points_mm") else value
         for key, value in row.items()
     }

@@ -75,11 +75,11 @@ def test_a_limit_is_a_sentence(name, words):
 @pytest.mark.parametrize(
     ("mode", "cause", "said", "after"),
     [
-        ("hold", "lease run out", "nothing was heard", "Take the lease, then resume."),
+        ("hold", "lease run out", "nothing was heard", "Take control, then resume."),
         ("hold", "hold asked", "asked to hold", "Resume to go on."),
         ("hold", "overruns", "came late", "See what keeps the daemon's machine busy, then resume."),
         ("hold", "gate open", "gate open", "Mend the cause, then resume."),
-        ("ready", "hold asked", "The drives are off.", "Take the lease, then enable."),
+        ("ready", "hold asked", "The drives are off.", "Take control, then enable."),
     ],
 )
 def test_why_names_the_cause_of_a_stop_and_the_way_on(mode, cause, said, after):
@@ -87,6 +87,14 @@ def test_why_names_the_cause_of_a_stop_and_the_way_on(mode, cause, said, after):
     words = why(state, event("stopping", detail=cause))
     assert said in words["sentence"]
     assert words["next"] == after
+
+
+def test_a_fault_is_told_with_its_cause_before_a_protective_stop():
+    state = State.model_construct(mode="fault", protective_stop=True, lease_holder="ann")
+    words = why(state, event("drive_trouble", "error", detail="w2: following error"))
+    assert "w2: following error" in words["sentence"]
+    assert words["next"].endswith("A protective stop is set, too: clear it.")
+    assert "eset" in words["next"]
 
 
 def told_by_a_contour(field):

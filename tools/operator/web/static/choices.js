@@ -2,6 +2,13 @@
 
 export const SPEEDS = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2];
 export const FRAMES = ["crf", "mrf", "base", "world"];
+/** What frames are called on the page, and what they are. */
+export const FRAME_NAMES = {
+  crf: ["reference (CRF)", "CRF, control reference frame: what the tool's motion is measured against"],
+  mrf: ["tool (MRF)", "MRF, moving reference frame: the frame of the tool that is moved"],
+  base: ["base", "Base of the arm"],
+  world: ["world", "World"],
+};
 const TURN_PER_METRE = 4;
 const BASE_PER_TOOL = 2;
 

@@ -5,7 +5,7 @@ import { button, el, fixed, setClass, setText } from "../dom.js";
 export function createBar(element, { link, cell, name, ask }) {
   const mode = el("span", { className: "mode", role: "status" }, "…");
   const holder = el("b", {}, "–");
-  const drive = button("Take the lease", () => toggle());
+  const drive = button("Take control", () => toggle(), { title: "The lease: the right to command, held by one operator at a time" });
   const refusal = el("span", { className: "refusal", role: "status" });
   const latency = el("b", {}, "–");
   const trend = el("canvas", { width: 144, height: 44, "aria-hidden": "true" });
@@ -29,13 +29,17 @@ export function createBar(element, { link, cell, name, ask }) {
     ask(mine ? "operator/release" : "operator/lease", {}, refusal);
   }
 
+  const minor = (node) => {
+    node.classList.add("minor");
+    return node;
+  };
   const fact = (label, ...what) => el("span", { className: "fact" }, label, ...what);
   element.append(
     el("span", { className: "mark" }, el("img", { src: "icon.svg", alt: "" }), cell),
-    mode, fact("drives", holder), drive, refusal, insecure,
+    mode, fact("in control", holder), drive, refusal, insecure,
     el("span", { className: "room" }),
     fact("speed", factor, factorShown), fact("latency", latency, trend),
-    fact("overruns", overruns), fact("pages", viewers), shown,
+    ...[fact("overruns", overruns), fact("pages", viewers), shown].map(minor),
   );
 
   const history = [];
@@ -69,7 +73,7 @@ export function createBar(element, { link, cell, name, ask }) {
       setText(mode, state.mode);
       setClass(mode, `mode ${state.mode}`);
       setText(holder, state.lease_holder === null ? "nobody" : mine ? `${state.lease_holder} (you)` : state.lease_holder);
-      setText(drive, mine ? "Release" : "Take the lease");
+      setText(drive, mine ? "Release control" : "Take control");
       drive.classList.toggle("next", !mine && state.lease_holder === null);
       setText(overruns, String(state.overruns));
       const percent = String(Math.round(100 * state.speed_factor));

@@ -5,7 +5,7 @@ import { button, el, setClass, setText } from "../dom.js";
 const SEVERITY = { stopping: "warning", hold: "warning", fault: "error", boot: "warning" };
 
 /** How grave a state is, by name: as events' severities are. */
-export const severityOf = (state) => (state.protective_stop ? "error" : (SEVERITY[state.mode] ?? ""));
+export const severityOf = ({ mode, protective_stop: stopped }) => (stopped ? "error" : (SEVERITY[mode] ?? ""));
 
 export function createWhy(element, ask) {
   const sentence = el("p", {}, "Waiting for the daemon.");
@@ -14,7 +14,7 @@ export function createWhy(element, ask) {
   const refusal = el("span", { className: "refusal", role: "status" });
   const mode = (action) => () => ask("operator/mode", { action }, refusal);
   const acts = {
-    lease: button("Take the lease", () => ask("operator/lease", {}, refusal)),
+    lease: button("Take control", () => ask("operator/lease", {}, refusal), { title: "The lease: the right to command, held by one operator at a time" }),
     enable: button("Enable", mode("enable"), { title: "key m" }),
     resume: button("Resume", mode("enable"), { title: "key m" }),
     hold: button("Hold", mode("hold"), { title: "key h" }),

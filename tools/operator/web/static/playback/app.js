@@ -6,6 +6,7 @@ import { createNow } from "../panels/now.js";
 import { createTabs } from "../panels/tabs.js";
 import { createView } from "../panels/view.js";
 import { severityOf } from "../panels/why.js";
+import { createPlots } from "../plots/plots.js";
 import { sceneIn } from "../scenery.js";
 import { createEvents } from "./events.js";
 import { createLine } from "./line.js";
@@ -33,6 +34,7 @@ const sentence = el("p", {}, "");
 const box = at("side").appendChild(el("div", { className: "why", role: "status" }, sentence));
 const panels = createTabs(at("side"), ["Events", "Now"]);
 const now = createNow(panels.Now, choices);
+const plots = createPlots(at("plots"), description);
 const player = createPlayer({
   length: run.length_s, pieceLength: run.piece_s, load: (i) => read(`pieces/${i}.json`), show,
 });
@@ -49,6 +51,7 @@ function show(messages) {
   const contour = messages.filter((message) => message.type === "contour").at(-1);
   if (contour) now.ahead(contour.contour);
   if (!states.length) return;
+  for (const state of states) plots.update(state);
   newest = states.at(-1);
   told.dispatchEvent(new CustomEvent("state", { detail: newest }));
   scene.jump(newest.state);

@@ -10,18 +10,26 @@ export function createPlots(element, description) {
   const kinds = chartsOf(description);
   const series = createSeries(kinds);
   const events = [];
+  let changed = false;
   const strip = document.createElement("div");
   strip.className = "plots-strip";
   Object.assign(strip.style, { display: "flex", height: "100%", overflowX: "auto", overflowY: "hidden" });
   strip.tabIndex = 0;
   strip.setAttribute("role", "group");
   strip.setAttribute("aria-label", "Charts against time");
-  element.append(strip);
+  const fold = document.createElement("button");
+  Object.assign(fold, { type: "button", className: "fold", textContent: "Plots" });
+  fold.setAttribute("aria-expanded", "false");
+  fold.addEventListener("click", () => {
+    const open = fold.getAttribute("aria-expanded") !== "true";
+    fold.setAttribute("aria-expanded", String(open));
+    changed = true;
+  });
+  element.append(fold, strip);
   const charts = kinds.map((chart) => createChart(strip, chart, { events, times: series.times }));
-  let changed = false;
 
   const timer = setInterval(() => {
-    if (!changed || document.hidden || !element.clientHeight) return;
+    if (!changed || document.hidden || !strip.clientHeight) return;
     changed = false;
     const until = series.times.at(-1);
     while (events.length && events[0].time < until - WINDOW_S) events.shift();
@@ -41,6 +49,7 @@ export function createPlots(element, description) {
       clearInterval(timer);
       charts.forEach((chart) => chart.dispose());
       strip.remove();
+      fold.remove();
     },
   };
 }

@@ -13,6 +13,12 @@ function resolved(schema, root) {
   return schema;
 }
 
+/** Units of fields by name; a field's own axes are linear first. */
+const UNITS = {
+  twist: "m/s, rad/s", xyz: "m", rpy: "rad", wrench: "N, N·m", rates: "rad/s, m/s", q: "rad", speed: "m/s",
+  speeds: "m/s", blend: "m", durations_s: "s", depth: "m", mass: "kg", com: "m", bias: "N, N·m", factor: "1", handle: "m, rad",
+};
+
 const number = (text) => (text.trim() === "" ? undefined : Number(text.replace(",", ".")));
 
 // An input of one field: {node, read}; `read` gives undefined for a field that is left out.
@@ -78,6 +84,6 @@ export function createForm(topic, { ask, choices }) {
   return el("form", { onsubmit: send },
     el("p", { className: "dim" }, topic.title),
     ...inputs.map(([name, { node }]) => el("div", { className: "field-row" },
-      el("label", {}, name.replaceAll("_", " ")), node)),
+      el("label", {}, name.replaceAll("_", " ").replace(/ s$/, ""), UNITS[name] ? el("small", {}, ` [${UNITS[name]}]`) : ""), node)),
     el("div", { className: "row" }, button("Send", () => {}, { type: "submit" })), refusal);
 }

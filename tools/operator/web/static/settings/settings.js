@@ -1,6 +1,7 @@
 // All that can be set: the everyday things by hand, everything else from the table of topics.
 
 import { button, el } from "../dom.js";
+import { FRAME_NAMES } from "../choices.js";
 import { createForm } from "./form.js";
 import { createSources } from "./sources.js";
 
@@ -11,14 +12,14 @@ const ELSEWHERE = ["cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/drive", "cmd
 export function createSettings(element, catalogue, { ask, choices }) {
   const sources = el("div", {});
   const objectives = el("div", {});
-  const list = createSources(sources, { ask, choices });
+  const list = createSources(sources, { ask, choices, units: catalogue.gain_units });
   const quick = [];
 
   // A button that sends one request, with the place for its refusal.
-  function act(text, key, fields, named = "task") {
+  function act(text, key, fields, named = "task", title = "") {
     const refusal = el("span", { className: "refusal", role: "status" });
     quick.push(key);
-    return [button(text, () => ask(key, { ...fields, ...choices[named] }, refusal)), refusal];
+    return [button(text, () => ask(key, { ...fields, ...choices[named] }, refusal), title ? { title } : {}), refusal];
   }
   const row = (...acts) => el("div", { className: "row" }, ...acts.map(([each]) => each), ...acts.map(([, refusal]) => refusal));
 
@@ -29,8 +30,9 @@ export function createSettings(element, catalogue, { ask, choices }) {
       act("Open gripper", "operator/gripper", { closed: false }, "mechanism")),
     row(act("The load is known", "operator/acknowledge_load", {}, "mechanism"), act("Store the view", "operator/store_view", {})),
     el("h2", {}, "Frames"),
-    row(act("CRF here", "operator/frame", { frame: "crf", relative_to: "mrf" }), act("MRF to the CRF", "operator/frame", { frame: "mrf", relative_to: "crf" }),
-      act("MRF to the wrist", "operator/frame", { frame: "mrf" })),
+    row(act("Reference here", "operator/frame", { frame: "crf", relative_to: "mrf" }, "task", FRAME_NAMES.crf[1]),
+      act("Tool to the reference", "operator/frame", { frame: "mrf", relative_to: "crf" }, "task", FRAME_NAMES.mrf[1]),
+      act("Tool to the wrist", "operator/frame", { frame: "mrf" }, "task", FRAME_NAMES.mrf[1])),
     el("h2", {}, "Path"),
     row(act("Pause", "operator/path", { action: "pause" }), act("Go on", "operator/path", { action: "resume" }), act("Abort", "operator/path", { action: "abort" })),
     el("h2", {}, "Cell"),

@@ -5,7 +5,13 @@ import { NAMES } from "../panels/now.js";
 
 const AXES = ["x", "y", "z", "rx", "ry", "rz"];
 
-export function createSources(element, { ask, choices }) {
+/** Return the units of a gain's first three and last three axes. */
+const unitsOf = (unit) => {
+  const [linear, angular = linear] = unit.split(", ");
+  return AXES.map((_, i) => (i < 3 ? linear : angular));
+};
+
+export function createSources(element, { ask, choices, units }) {
   let cards = [];
 
   function card(source, gains) {
@@ -22,7 +28,9 @@ export function createSources(element, { ask, choices }) {
     const node = el("div", { className: "card" },
       el("div", { className: "row" }, on, el("label", { htmlFor: on.id, className: "grow" }, el("b", {}, NAMES[source] ?? source.replaceAll("_", " "))),
         button("Set gains", set), forced, el("label", { htmlFor: forced.id, className: "dim", title: "even beyond the bound of stability" }, "force it")),
-      el("div", { className: "gains" }, ...fields), refusal);
+      el("div", { className: "gains" },
+        ...AXES.map((axis) => el("b", { className: "mono", "aria-hidden": "true" }, axis)), ...fields,
+        ...unitsOf(units[source] ?? "1").map((unit) => el("small", { title: unit }, unit === "1" ? "" : unit))), refusal);
     return { source, node, on, fields };
   }
 

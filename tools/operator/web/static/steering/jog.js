@@ -25,11 +25,20 @@ export function createJog(element, held, choices) {
       for (const event of ["pointerup", "pointercancel", "keyup", "blur", "change"]) slider.addEventListener(event, back);
       const place = el("i");
       const angle = el("output", { className: "mono" });
-      const row = el("div", { className: "joint" }, el("span", {}, name), slider, angle,
+      const row = el("div", { className: "joint" }, el("span", { title: name }, short(name)), slider, angle,
         el("div", { className: "range", "aria-hidden": "true" }, place));
       return { slider, place, angle, row };
     });
     element.replaceChildren(...joints.map(({ row }) => row));
+  }
+
+  /** Return a joint's name without what all names of the arm begin with; its end matters most. */
+  function short(name) {
+    const names = choices.led.joints;
+    let common = names[0];
+    while (common && names.some((each) => !each.startsWith(common))) common = common.slice(0, -1);
+    const cut = Math.max(0, ...["_", "-", ".", "/", " "].map((mark) => common.lastIndexOf(mark) + 1));
+    return names.length > 1 ? name.slice(cut) : name;
   }
 
   choices.addEventListener("described", build);

@@ -1,6 +1,6 @@
 // The panel to steer by: axes, speed, target, postures, joints, gamepad and SpaceMouse.
 
-import { FRAMES, SPEEDS } from "../choices.js";
+import { FRAMES, FRAME_NAMES, SPEEDS } from "../choices.js";
 import { button, el, setText } from "../dom.js";
 import { createDrag } from "./drag.js";
 import { createGamepad } from "./gamepad.js";
@@ -10,7 +10,7 @@ import { createSpaceMouse } from "./spacemouse.js";
 export function createSteer(element, { link, held, choices, ask, scene }) {
   const refusal = el("span", { className: "refusal", role: "status" });
   const frame = el("select", { "aria-label": "Axes of the stick", onchange: () => choices.choose({ frame: frame.value }) },
-    ...FRAMES.map((name) => el("option", { value: name }, name.toUpperCase())));
+    ...FRAMES.map((name) => el("option", { value: name, title: FRAME_NAMES[name][1] }, FRAME_NAMES[name][0])));
   const level = el("input", { type: "range", min: 0, max: SPEEDS.length - 1, step: 1, "aria-label": "Speed of the stick", className: "grow",
     oninput: () => choices.choose({ level: Number(level.value) }) });
   const speed = el("output", { className: "mono" });
@@ -58,6 +58,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
 
   function show() {
     frame.value = choices.frame;
+    frame.title = FRAME_NAMES[choices.frame][1];
     level.value = choices.level;
     setText(speed, `${choices.speed * 1000} mm/s`);
     arm.selectedIndex = choices.hand;
@@ -91,7 +92,7 @@ function keys() {
   const rows = [
     ["w s · a d · r f", "move along x, y, z"], ["u o · i k · j l", "turn about x, y, z"],
     ["+ −", "faster, slower"], ["e", "next axes"], ["m · h · n", "enable, hold, drives off"],
-    ["L", "take the lease"], ["p", "ready posture"], ["v b", "insert, withdraw; drive ahead, back"], [", .", "turn the base left, right"], ["c · R", "clear the stop, reset"], ["Esc", "let go of all that is held"], ["space", "protective stop"],
+    ["L", "take control (the lease)"], ["p", "ready posture"], ["v b", "insert, withdraw; drive ahead, back"], [", .", "turn the base left, right"], ["c · R", "clear the stop, reset"], ["Esc", "let go of all that is held"], ["space", "protective stop"],
   ];
   return el("div", {}, ...rows.map(([key, does]) => el("div", { className: "row" }, el("kbd", {}, key), el("span", { className: "dim" }, does))));
 }
