@@ -275,6 +275,10 @@ class Commands:
             drive=self._insertion.newest(now_s),
         )
 
+    def by_joint(self, now_s: float) -> bool:
+        """Return whether joints are commanded themselves: jogged, or led to a posture."""
+        return self.goals.posture is not None or self._jog.newest(now_s) is not None
+
     def control_settings(self) -> Settings:
         """Return the settings that a tick uses."""
         return self.settings.for_control(self.frames)

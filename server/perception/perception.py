@@ -14,6 +14,7 @@ from ..runtime.events import Events
 from .ahead.passage import Passage
 from .cameras import VisionTracker
 from .contact.collisions import CollisionMonitor
+from .contact.tool import PressedTool
 from .force_torque import ForceTorqueMonitor, reads_weight
 from .moving_frames import FrameTracker
 from .unexplained_load import LoadMonitor
@@ -37,6 +38,8 @@ class Perception:
         self.collisions = CollisionMonitor(
             config.touch, arm.p, arm.mechanism, events, arm.stages.slither is not None
         )
+        self.pressed = PressedTool(config.sources.force.hold_threshold, period_s)
+        """Contact of the tool while its joints are commanded themselves."""
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
@@ -62,9 +65,12 @@ class Perception:
             if output is None or output.held is None:
                 carried = self.collisions.carried
                 self.load.update(output, mode, now_s, carried)
+        doubted = self.load.tool
+        by_joint = doubted is None and commands.by_joint(now_s)
+        self.pressed.follow(output, by_joint, mode)
+        tool = self.pressed if doubted is None and self.pressed.watching else doubted
         moved = commands.frames.moved
-        load = self.load
-        self.collisions.update(reading, memory, output, moved, mode, load.doubt, load.tool)
+        self.collisions.update(reading, memory, output, moved, mode, self.load.doubt, tool)
 
     def weighed(self, payload: Payload) -> bool:
         """Return whether the sensor reads the weight of a payload: so it hangs there."""
@@ -84,5 +90,5 @@ class Perception:
 
     @property
     def touched(self) -> bool:
-        """True while something unseen pushes the arm, which stopped for it."""
-        return self.collisions.stopping or self.load.touched
+        """True while something pushes the arm that it stopped for."""
+        return self.collisions.stopping or self.load.touched or self.pressed.touched

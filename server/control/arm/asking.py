@@ -19,6 +19,7 @@ from ..spatial import Array, Pose, sizes
 from ..state import Inputs, Intent, Memory
 from ..stop.motion import Motion
 from ..stop.way_to_rest import Stop
+from ..task.bleed import joint_share
 from ..task.source import NO_TWIST
 from ..task.task import TaskMemory
 from .beside import IDLE, Whole, summed, swept, whole_objectives
@@ -70,6 +71,13 @@ class Asking:
 
     def __init__(self, p: Parameters, mechanism: Mechanism, stages: Stages) -> None:
         self.p, self.mechanism, self.stages = p, mechanism, stages
+        self._quick = p.joints.acceleration.copy()
+        """How much each joint (n,) does of relieving contact; wheels nothing."""
+        if stages.rolling is not None:
+            self._quick[:2] = 0.0
+        elif stages.slither is not None:
+            # It goes back along its curve alone (`hold/retreat.py`).
+            self._quick[:] = 0.0
         self.shared: Capsules | None = None
         """The arm's capsules, where barriers look at the same ones: they are placed once."""
 
@@ -222,7 +230,10 @@ class Asking:
             if joint_rates is not None and inputs.jog is None:
                 joint_rates[:2] = wheels
         if joint_rates is not None:
-            twists = dict.fromkeys(twists, NO_TWIST)
+            relief = twists["force"]
+            twists = {**dict.fromkeys(twists, NO_TWIST), "force": relief}
+            if relief is not NO_TWIST and around.wrench is not None:
+                joint_rates = self._relieved(joint_rates, relief, k.J, around.wrench)
             twist = k.J @ joint_rates
         s_tool = self.tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
@@ -268,6 +279,21 @@ class Asking:
             led=led,
         )
 
+    def _relieved(self, joint_rates: Array, relief: Array, J: Array, wrench: Array) -> Array:
+        """Return commanded joint rates (n,) in contact: less of them into it, and what relieves it.
+
+        `relief` (6,) is the twist that force control asks for, `wrench` (6,) what the arm exerts.
+        All joints relieve it, as quick as they are: no attitude of the tool is asked for.
+        """
+        towards = J[:3].T @ relief[:3]
+        if float(towards @ joint_rates) < 0.0:
+            threshold = self.p.sources.force.hold_threshold
+            joint_rates = joint_share(sizes(wrench)[0], threshold) * joint_rates
+        back = self._quick * towards
+        speed, along = float(relief[:3] @ relief[:3]), float(towards @ back)
+        most = float((self.p.joints.velocity / np.maximum(np.abs(back), 1e-12)).min())
+        return np.asarray(joint_rates + min(speed / max(along, 1e-12), most) * back)
+
     def _giving_way(
         self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Wanted
     ) -> tuple[RetreatState | None, Wanted]:
@@ -276,7 +302,8 @@ class Asking:
             return memory.retreat, asked
         q, now_s, held = memory.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
         step = self.stages.retreat.step
-        state, dq = step(memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held)
+        relieving = asked.by_joint and asked.twists["force"] is not NO_TWIST
+        state, dq = step(memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held, relieving)
         return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:

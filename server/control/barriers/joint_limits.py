@@ -81,7 +81,8 @@ class JointRoom:
             joints.velocity,
             joints.leash,
             period_s,
-            joints.following_window,
+            # A window that is wider is for joints that a collision throws back, not for commands.
+            np.minimum(joints.following_window, 2.0 * joints.leash),
         )
 
     def within(self, dq: Array, most: Array, q: Array, error: Array) -> Within:

@@ -45,6 +45,12 @@ ALONG = 0.3
 OPPOSED_S = 0.05
 """Another push must last so long to end the retreat [s]."""
 
+RELIEVED_S = 0.5
+"""Relief that began so long ago, and is over, is no part of a touch [s]."""
+
+UNSEEN_S = 0.03
+"""Contact began at most this long before force control relieved it [s]."""
+
 ACROSS = 0.1
 """Bleeding off goes forward on the path where the cosine between them is above this [1]."""
 
@@ -78,6 +84,11 @@ class RetreatState(NamedTuple):
     """The rate asked for leads off the way; then `way` goes along beside the command."""
     shifted: bool = False
     """It ever did: the arm was never where `way` is now."""
+    relieved_s: float | None = None
+    """When force control began to relieve contact of joints that are commanded themselves [s].
+
+    That leads off the way, which is kept as it was then: back along it would press on again.
+    """
 
 
 class Retreat:
@@ -105,16 +116,18 @@ class Retreat:
         pushed: Pushed | None,
         time_s: float,
         held: bool,
+        relieving: bool = False,
     ) -> tuple[RetreatState, Array]:
         """Return the rates to ask for, `dq` (n,) with the retreat added [rad/s].
 
         q (n,) is the command [rad], J (6, n) the MRF's Jacobian there, in World axes, and `dq` what
-        bleeding off asks for while the arm is `held`.
+        bleeding off asks for while the arm is `held`. Force control is `relieving` contact that
+        commanded joints press on.
         """
         if not held or pushed is None or not pushed.touched:
             if held and pushed is not None and leads_into(dq, pushed):
                 dq = np.zeros_like(dq)
-            return self._remembered(state, q, pushed, time_s), dq
+            return self._remembered(state, q, pushed, time_s, relieving), dq
         state = _moved(self._begun(state, q, time_s), q)
         seen, new = seen_torques(pushed, J)
         tool = tool_push(pushed, new)
@@ -127,7 +140,12 @@ class Retreat:
         return state._replace(q=q), dq + state.rate * way
 
     def _remembered(
-        self, state: RetreatState, q: Array, pushed: Pushed | None, time_s: float
+        self,
+        state: RetreatState,
+        q: Array,
+        pushed: Pushed | None,
+        time_s: float,
+        relieving: bool,
     ) -> RetreatState:
         """Return the state with the command's path in it."""
         if state.q is not None:
@@ -135,7 +153,12 @@ class Retreat:
         felt = pushed is not None and pushed.touched
         if felt != (state.felt_s is not None):
             state = state._replace(felt_s=time_s if felt else None)
-        if state.way and not _apart(q, state.way[-1], STEP):
+        if relieving and state.relieved_s is None:
+            state = state._replace(relieved_s=time_s)
+        elif state.relieved_s is not None and not (relieving or felt):
+            lately = time_s - state.relieved_s <= RELIEVED_S
+            state = state if lately else state._replace(relieved_s=None)
+        if state.relieved_s is not None or (state.way and not _apart(q, state.way[-1], STEP)):
             return state
         way, at_s = state.way[1 - self._kept :], state.at_s[1 - self._kept :]
         return RetreatState((*way, q), (*at_s, time_s), *state[2:])
@@ -144,6 +167,11 @@ class Retreat:
         """Return the state of an arm that gives way: how far back it certainly goes."""
         if state.q is not None:
             return state
+        if state.relieved_s is not None:
+            free = sum(at_s <= state.relieved_s - UNSEEN_S for at_s in state.at_s)
+            state = state._replace(
+                way=state.way[:free], at_s=state.at_s[:free], felt_s=state.relieved_s
+            )
         free_s = (time_s if state.felt_s is None else state.felt_s) - LOOKBACK_S
         since = sum(at_s > free_s for at_s in state.at_s)
         overrun = min(since + 1, len(state.way)) if since else 0

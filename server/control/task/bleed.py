@@ -49,3 +49,23 @@ def bleed(
     # Turning about a grasp takes the Wrist along, whichever way.
     twist[3:] *= share if turns else 0.0
     return Bled(True, twist)
+
+
+def relief(wrench: Array | None, asked: Array, threshold: float) -> Array | None:
+    """Return the twist (6,) by which joints that are commanded themselves give way to contact.
+
+    In World axes, forces only; None where contact is below the part of the threshold at which it
+    counts as bled off: noise and inertia move no joint. `wrench` (6,) is what the arm exerts,
+    `asked` (6,) accommodation of all of it.
+    """
+    size = 0.0 if wrench is None else math.sqrt(float(wrench[:3] @ wrench[:3]))
+    if size <= BLED_OFF * threshold:
+        return None
+    twist = (1.0 - BLED_OFF * threshold / size) * asked
+    twist[3:] = 0.0
+    return twist
+
+
+def joint_share(force: float, threshold: float) -> float:
+    """Return the share (0 to 1) of joint rates that lead into contact of a force [N]."""
+    return min(1.0, max(0.0, (threshold - force) / ((1.0 - BLED_OFF) * threshold)))

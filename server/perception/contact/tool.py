@@ -1,9 +1,10 @@
-"""Contact of a tool whose load is not explained, by how the force that is measured changes.
+"""Contact of a tool by the force that is measured: where its load is not explained, or joints lead.
 
-A weight stays as it is in World axes, a bias in the sensor's. So no attitude changes the size of
-either; and while the tool turns by little, neither changes much at all. The size alone is blind to
-contact that takes a weight off and adds as much of its own: pushed up by twice what hangs on it,
-or by friction beside, the tool reads as before.
+A load that is not explained is told from contact by how the force changes. A weight stays as it is
+in World axes, a bias in the sensor's. So no attitude changes the size of either; and while the tool
+turns by little, neither changes much at all. The size alone is blind to contact that takes a weight
+off and adds as much of its own: pushed up by twice what hangs on it, or by friction beside, the
+tool reads as before.
 """
 
 import math
@@ -14,6 +15,7 @@ import numpy as np
 
 from ...control.spatial import GRAVITY, Array, sizes
 from ...control.state import Output
+from ...mode import Mode
 from ..filters.collision import UNKNOWN_LOAD
 
 LASTS = 3
@@ -26,6 +28,8 @@ MEAN_OF = 4
 """The tool's acceleration is measured as a mean of so many ticks [1]."""
 SEEN_WITHIN = 8
 """A command is measured within so many ticks [1]."""
+RELIEVED_S = 0.15
+"""So long force control may take to relieve contact before the stop takes over [s]."""
 TURNED = 0.2
 """A tool that has turned by more is compared with what is measured there [rad]."""
 
@@ -71,8 +75,7 @@ class ToolContact:
         if known_n != self.known_n:
             self.known_n, self._load = known_n, None
         began, self._moving = moving and not self._moving, moving
-        self._measured.append(output.T_world_mrf_measured.p)
-        self._told.append(output.T_world_mrf.p)
+        self._place(output)
         self.off_n = self._off(wrench, output.T_world_mrf_measured.R)
         if began:
             self._excused_n = self.off_n
@@ -103,6 +106,11 @@ class ToolContact:
             self._load = _Load(force, R)
         return max(size, change_n)
 
+    def _place(self, output: Output) -> None:
+        """Take in where the tool is, and was told to be."""
+        self._measured.append(output.T_world_mrf_measured.p)
+        self._told.append(output.T_world_mrf.p)
+
     def _acceleration(self) -> float:
         """Return what the tool accelerates by, or was told to lately [m/s²].
 
@@ -114,3 +122,60 @@ class ToolContact:
         mean = sizes(np.append(steps[-1] - steps[0], (0.0, 0.0, 0.0)))[0] / (len(steps) - 1)
         told = np.diff(np.array(self._told), n=2, axis=0)
         return max(mean, float(np.sqrt((told**2).sum(axis=1).max()))) / self._period_s**2
+
+
+class PressedTool(ToolContact):
+    """Detects contact beyond the cell's threshold while joints are commanded themselves.
+
+    A jog or a posture leads the joints wherever the tool presses. What it pressed with when that
+    began may be a load that nobody told of, or contact that the joints lead out of: it counts by
+    how much more there is than the least since then.
+    """
+
+    def __init__(self, threshold_n: float, period_s: float) -> None:
+        super().__init__(period_s)
+        self._threshold_n = threshold_n
+        self._met_s: float | None = None
+        self.watching = False
+        """Joints are commanded themselves, or the arm has stopped since."""
+
+    @property
+    def free(self) -> bool:
+        """True while the tool presses with no more than it did at the least."""
+        return self.off_n <= UNKNOWN_LOAD.force
+
+    def rest(self) -> None:
+        """Forget: the sources lead the arm."""
+        super().rest()
+        self.watching, self._met_s = False, None
+
+    def follow(self, output: Output | None, by_joint: bool, mode: Mode) -> None:
+        """Take in the tick before; `by_joint` says that the joints are commanded themselves."""
+        moving = mode is Mode.ENABLED
+        lost = output is None or output.wrench_mrf is None
+        if lost or not mode.energised or (moving and not by_joint):
+            if self.watching:
+                self.rest()
+            return
+        if output is None or output.wrench_mrf is None or not (by_joint or self.watching):
+            return
+        force_n = sizes(output.wrench_mrf)[0]
+        if not self.watching:
+            self.watching, self.known_n = True, force_n
+        self.known_n = min(self.known_n, force_n)
+        self._place(output)
+        self.off_n = force_n - self.known_n
+        most = (1.0 + UNKNOWN_LOAD.angle) * self.known_n + MARGIN_N
+        # What is moved needs a force as well.
+        most += 1.5 * self.known_n / -float(GRAVITY[2]) * self._acceleration()
+        self.bound_n = max(self._threshold_n, most) - self.known_n
+        beyond = self.off_n > self.bound_n
+        self._lasting = self._lasting + 1 if beyond else 0
+        if self._met_s is not None:
+            self._met_s += self._period_s
+        elif self._lasting >= LASTS:
+            self._met_s = 0.0
+        # Force control relieves the contact meanwhile, as quickly as a stop would be, and further.
+        relieving = beyond and bool(output.twists["force"].any())
+        self.found = self._met_s is not None and not (relieving and self._met_s < RELIEVED_S)
+        self.touched = moving and self.found

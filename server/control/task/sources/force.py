@@ -14,7 +14,7 @@ from .....config.schema.sources.force import ForceSection
 from ...compiled import MATRIX, ROW, VECTOR, compiled
 from ...rigid_body import rotate_twist, twist_at, wrench_to
 from ...spatial import Array
-from ..bleed import bleed
+from ..bleed import bleed, relief
 from ..source import NO_TWIST, Context, Redefined, Shaping, Source
 
 
@@ -45,6 +45,8 @@ class Force(Source[ForceState]):
         """Return K_F (desired − wrench); `gain` (6,) is K_F [m/s/N, rad/s/(N·m)], MRF axes."""
         if not (context.moving or context.holding):
             return NO_TWIST, _FREE
+        if context.moving and not context.guided:
+            return self._beside_joints(context, gain), _FREE
         twist = accommodation(context.wrench, desired_at_mrf(context), gain, context.T_world_mrf.R)
         return (twist, _FREE) if context.moving else self._bled(context, state, twist)
 
@@ -59,6 +61,13 @@ class Force(Source[ForceState]):
         R_world_before = context.T_world_wrist.R @ before.R
         was = accommodation(context.wrench_at(before), desired, gain, R_world_before)
         return twist_at(was, redefined.lever) - twist
+
+    def _beside_joints(self, context: Context, gain: Array) -> Array:
+        """Return the twist (6,) beside a jog or a posture: contact is given way to."""
+        none = np.zeros(6)
+        asked = accommodation(context.wrench, none, gain, context.T_world_mrf.R)
+        twist = relief(context.wrench, asked, self._threshold)
+        return NO_TWIST if twist is None else twist
 
     def _bled(self, context: Context, state: ForceState, twist: Array) -> tuple[Array, ForceState]:
         """Return the twist of accommodation as far as it bleeds off contact in HOLD."""

@@ -194,3 +194,15 @@ def test_without_a_touch_bleeding_off_stops_at_what_pushes_unseen(retreat):
     _, into = retreat.step(state, q, asked, J, push(-9.0, 0.0, touched=False), now, True)
     assert free[0] == SLOWEST
     assert into[0] == 0.0
+
+
+def test_what_force_control_relieved_is_no_way_to_go_back_on(retreat):
+    """Beside a jog it leads out of contact: back along that would press on again."""
+    state, q, now = came(retreat)
+    off = np.array([-0.1, 0.1])
+    for k in range(10):
+        q = q + T * off
+        state, _ = retreat.step(state, q, np.zeros(2), J, None, now + k * T, False, True)
+    _, way = held(retreat, state, q, now + 0.1, lambda q: push(0.0, 0.0, lasting=False))
+    assert np.diff(way[:, 0]).max() <= 1e-9
+    np.testing.assert_allclose(way[-1], [0.2 - 0.2 * 0.1, 0.0], atol=1.5 * STEP)

@@ -80,3 +80,12 @@ def test_an_arm_that_is_neither_moved_nor_held_is_asked_for_nothing_and_forgets(
     twist, state = force.rate(context, ForceState(np.ones(3), True), GAIN)
     assert not twist.any()
     assert state == ForceState()
+
+
+def test_beside_commanded_joints_only_contact_is_given_way_to(force):
+    """Noise and inertia move no joint; of more, what is beyond a third of the threshold."""
+    jogged = {"guided": False}
+    assert not rate(force, wrench=0.4 * WALL, wrench_desired=WALL, **jogged).any()
+    beyond = HARD[0] - 0.3 * 30.0
+    expected = [-7e-4 * beyond, 0, 0, 0, 0, 0]
+    np.testing.assert_allclose(rate(force, wrench=HARD, **jogged), expected, atol=1e-15)
