@@ -114,6 +114,7 @@ def grasp_part(cell: Cell, task: JointTaskSection, member: int) -> Cell:
         stiff = {
             "stiffest_environment": task.internal_stiffness,
             "stiffest_environment_rotation": task.internal_stiffness_rotation,
+            "contact_length": 0.0,
         }
         sensor = mechanism.force_torque.model_copy(update=stiff)
         mechanism = mechanism.model_copy(update={"force_torque": sensor})

@@ -106,7 +106,7 @@ class Cycle:
         """Run through a tick's code once, so that the first real one is not slow."""
         warm_up(self.cell, self._control)
         for unit in self.units.each:
-            unit.commands.settings.payload_bounds.prepare()
+            unit.commands.settings.bounds.payloads.prepare()
 
     def close(self) -> None:
         """Stop and release everything, whatever state it is in."""

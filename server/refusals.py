@@ -39,6 +39,7 @@ class Why(StrEnum):
     TOUCHED = "touched"
     STILL_WRONG = "still_wrong"
     UNSTABLE_GAIN = "unstable_gain"
+    UNSTABLE_FRAME = "unstable_frame"
     UNSTABLE_PAYLOAD = "unstable_payload"
 
 

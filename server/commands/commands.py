@@ -21,6 +21,7 @@ from ..control.task.asked import StickCommand
 from ..control.task.paths.goals import Goal, PathGoal, Pursuit
 from ..reflection.force_reflection import Reflector
 from ..refusals import Refused, Why
+from ..stability.gains import LoopBounds
 from .clutch import Master
 from .driving import DriveCommands, drive_commands
 from .frames.frame_set import FrameSet
@@ -76,17 +77,22 @@ class Commands:
         }
 
     @classmethod
-    def from_cell(cls, cell: Cell, shared: CellSettings | None = None) -> Self:
+    def from_cell(
+        cls, cell: Cell, shared: CellSettings | None = None, bounds: LoopBounds | None = None
+    ) -> Self:
         """Return the commands of a loaded cell: nothing is asked for yet.
 
-        `shared` are the settings of all its arms, where there are several.
+        `shared` are the settings of all its arms, where there are several, `bounds` those of its
+        loops where they are not this cell's own.
         """
         config = cell.config
+        frames = FrameSet(config.mechanism, config.frames, config.T_world_crf)
+        shared = shared or CellSettings.from_config(config)
         return cls(
             JointCommands.from_cell(cell),
             drive_commands(cell),
-            OperatorSettings.from_cell(cell, shared or CellSettings.from_config(config)),
-            FrameSet(config.mechanism, config.frames, config.T_world_crf),
+            OperatorSettings(config, bounds or LoopBounds(cell), shared, frames),
+            frames,
             config.timing.stream_timeout_s,
             reflector_of(config),
         )
@@ -201,7 +207,7 @@ class Commands:
         """
         tree = self.frames.tree(T_world_mrf)
         try:
-            T_old_new = self.frames.redefine(request, tree)
+            T_old_new = self.frames.redefine(request, tree, self.settings.require_mrf)
         except UnknownFrame as error:
             raise Refused(Why.UNKNOWN_FRAME, str(error)) from None
         if T_old_new is None:
@@ -281,7 +287,7 @@ class Commands:
 
     def control_settings(self) -> Settings:
         """Return the settings that a tick uses."""
-        return self.settings.for_control(self.frames)
+        return self.settings.for_control()
 
     def ground(self, now_s: float) -> str:
         """Return what motion is relative to: of the goal, else of the stick, else of the CRF."""

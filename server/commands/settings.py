@@ -7,7 +7,6 @@ from typing import Self
 import numpy as np
 from pydantic import ValidationError
 
-from ...config.load import Cell
 from ...config.schema.cell import CellConfig
 from ...config.schema.null_space.redundancy import OBJECTIVES, ObjectivesSection
 from ...protocols.messages import requests
@@ -17,14 +16,12 @@ from ..control.mechanism.payload import Payload
 from ..control.spatial import Array, Pose
 from ..control.state import Settings
 from ..refusals import Refused, Why
-from ..stability.payloads import PayloadBounds
+from ..stability.force_loop import GainVector
+from ..stability.gains import WRENCH_SOURCES, LoopBounds, Verdict
 from .frames.frame_set import FrameSet
 
 OFF = np.zeros(6)
 """Gain (6,) of a source that is switched off."""
-
-WRENCH_SOURCES = ("following", "force")
-"""The sources that move the tool for what the sensor reads."""
 
 
 @dataclass
@@ -43,12 +40,12 @@ class CellSettings:
 
 
 class OperatorSettings:
-    """The settings in force for one arm, but for the frames; at first those of the cell file."""
+    """The settings in force for one arm with its frames; at first those of the cell file."""
 
     def __init__(
-        self, config: CellConfig, payload_bounds: PayloadBounds, shared: CellSettings
+        self, config: CellConfig, bounds: LoopBounds, shared: CellSettings, frames: FrameSet
     ) -> None:
-        self._shared = shared
+        self._shared, self._frames, self.bounds = shared, frames, bounds
         sources = config.sources
         self._postures = {k: np.array(q) for k, q in config.mechanism.postures.items()}
         sensor = config.mechanism.force_torque
@@ -87,15 +84,12 @@ class OperatorSettings:
         self._gripper = config.mechanism.gripper
         self.gripper_closed: bool | None = None
         """None until an operator has said so: what it held at start stays held."""
-        self.payload_bounds = payload_bounds
+        self._forced: set[str] = set()
+        """Sources whose gains were forced: an operator answers for them."""
 
-    @classmethod
-    def from_cell(cls, cell: Cell, shared: CellSettings) -> Self:
-        """Return the settings of a loaded cell; `shared` are those of all its arms."""
-        return cls(cell.config, PayloadBounds(cell), shared)
-
-    def for_control(self, frames: FrameSet) -> Settings:
+    def for_control(self) -> Settings:
         """Return the settings that a tick uses, with the frames in force."""
+        frames = self._frames
         return Settings(
             gains=self.gains_in_force,
             T_wrist_mrf=frames.T_wrist_mrf,
@@ -182,7 +176,7 @@ class OperatorSettings:
         else:
             known = ", ".join(self._payloads) or "none in this cell"
             raise Refused(Why.UNKNOWN_PAYLOAD, f"{request.name!r} is none of: {known}")
-        swings = self.payload_bounds.inertia.refusal(payload)
+        swings = self.bounds.payloads.inertia.refusal(payload)
         if swings is not None and (weighed is None or not weighed(payload)):
             raise Refused(Why.UNSTABLE_PAYLOAD, swings)
         self._hang(payload)
@@ -211,26 +205,61 @@ class OperatorSettings:
         self.hear_of_load("gripper")
 
     def switch(self, source: str, on: bool) -> None:
-        """Switch a source. Raises `Refused` where the payload would swing the tool by it."""
+        """Switch a source.
+
+        Raises `Refused` where it would swing with the MRF in force, or the payload by it.
+        """
         if on and source in WRENCH_SOURCES and self.payload is not None:
-            self._judge(self.payload, {**self._gains_on, source: self.gains[source]})
+            gains = self.gains[source]
+            refusal = self._verdict(source, gains, self._frames.T_wrist_mrf).refusal
+            if refusal is not None and source not in self._forced:
+                raise Refused(Why.UNSTABLE_GAIN, refusal)
+            self._judge(self.payload, {**self._gains_on, source: gains})
         self.on[source] = on
 
-    def gain_refusal(self, source: str, gain: tuple[float, ...]) -> str | None:
-        """Return why the payload in force would swing the tool at a source's gain (6,), or None."""
-        if source not in WRENCH_SOURCES or self.payload is None:
-            return None
-        return self._refusal(self.payload, {**self._gains_on, source: np.array(gain)})
+    def set_gain(self, source: str, gain: tuple[float, ...], forced: bool) -> str | None:
+        """Set a source's gain (6,); return why that is unstable, if it is, and was `forced`.
+
+        Judged with the MRF and the payload in force. Raises `Refused`.
+        """
+        self.require_source(source)
+        reason = self._verdict(source, gain, self._frames.T_wrist_mrf).refusal
+        if reason is None and source in WRENCH_SOURCES and self.payload is not None:
+            gains = {**self._gains_on, source: np.array(gain)}
+            reason = self.bounds.payload(self.payload, gains, self._frames.T_wrist_mrf)
+        if reason is not None and not forced:
+            raise Refused(Why.UNSTABLE_GAIN, reason)
+        (self._forced.discard if reason is None else self._forced.add)(source)
+        self.gains[source] = np.array(gain)
+        return reason
+
+    def require_mrf(self, T_wrist_mrf: Pose) -> None:
+        """Raise `Refused` for a new MRF with which a source that is on would swing the tool.
+
+        Gains that were forced may be as near to their bound as they are now.
+        """
+        for source in WRENCH_SOURCES:
+            if not self.on[source]:
+                continue
+            found = self._verdict(source, self.gains[source], T_wrist_mrf)
+            now = self._verdict(source, self.gains[source], self._frames.T_wrist_mrf)
+            if found.refusal is not None and found.share > now.share:
+                raise Refused(Why.UNSTABLE_FRAME, f"{source}: {found.refusal}")
+        if self.payload is not None:
+            reason = self.bounds.payload(self.payload, self._gains_on, T_wrist_mrf)
+            at_now = self.bounds.payload(self.payload, self._gains_on, self._frames.T_wrist_mrf)
+            if reason is not None and at_now is None:
+                raise Refused(Why.UNSTABLE_FRAME, reason)
+
+    def _verdict(self, source: str, gain: GainVector, T_wrist_mrf: Pose) -> Verdict:
+        mass = None if self.payload is None else self.payload.mass
+        return self.bounds.gain(source, gain, T_wrist_mrf, mass)
 
     def _hang(self, payload: Payload) -> None:
         self._judge(payload, self._gains_on)
         self.payload = payload
 
     def _judge(self, payload: Payload, gains: dict[str, Array]) -> None:
-        reason = self._refusal(payload, gains)
+        reason = self.bounds.payload(payload, gains, self._frames.T_wrist_mrf)
         if reason is not None:
             raise Refused(Why.UNSTABLE_PAYLOAD, reason)
-
-    def _refusal(self, payload: Payload, gains: dict[str, Array]) -> str | None:
-        following, force = (float(gains[name][:3].max()) for name in WRENCH_SOURCES)
-        return self.payload_bounds.refusal(payload.mass, following, force)

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...drivers.device import Cause
-from ..commands.settings import WRENCH_SOURCES
 from ..control.mechanism.payload import Payload
 from ..control.spatial import GRAVITY, Array, sizes
 from ..plant import UnitReading
 from ..runtime.events import Events
+from ..stability.gains import WRENCH_SOURCES
 from .filters.collision import UNKNOWN_LOAD
 
 TARE_S = 0.3

@@ -14,12 +14,13 @@ from enum import StrEnum
 import numpy as np
 
 from ...config.schema.mechanism.mechanism import ForceTorqueSection
-from ..commands.settings import WRENCH_SOURCES, OperatorSettings
+from ..commands.settings import OperatorSettings
 from ..control.spatial import Array, rotation_log
 from ..control.state import Output
 from ..control.task.gains import GAIN_TIME_S
 from ..mode import Mode
 from ..runtime.events import Events
+from ..stability.gains import WRENCH_SOURCES
 from .contact.tool import ToolContact
 from .filters.collision import UNKNOWN_LOAD, LoadUncertainty
 from .force_torque import ForceTorqueMonitor, others_ask

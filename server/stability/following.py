@@ -1,5 +1,6 @@
 """Stability of following a hand: delays of the loop, and the stiffest hand that it bears."""
 
+import cmath
 import math
 
 from ...config.load import Cell
@@ -39,35 +40,31 @@ def delays(cell: Cell, payload: float | None = None) -> dict[str, float]:
     }
 
 
-def stiffest_hand(cell: Cell, share: float = 1.0, payload: float | None = None) -> float:
+def stiffest_hand(
+    cell: Cell, share: float = 1.0, payload: float | None = None, turning: float = 0.0
+) -> float:
     """Return the stiffness of a hand at which following would begin to swing [N/m].
 
-    The loop is `M s² + B s + share · k e^(−s d) / (1 + s τ)`, τ the low-pass under the payload [kg]
-    and d the rest of the delay. It swings at the frequency ω where `ω tan φ = B / M`, with
-    `φ = ω d + atan(ω τ)`, and `k = B ω √(1 + ω² τ²) / sin φ`.
+    With `G(s) = share / (M s² + B s) + turning / (I s² + B_a s)`, the loop is
+    `1 + k G e^(−s d) / (1 + s τ)`, τ the low-pass under the payload [kg] and d the rest of the
+    delay. It swings where its phase is −π. `turning` is the share of the moment that is followed,
+    times the square of the lever from the MRF to the hand [m²].
     """
-    following, T = cell.config.sources.following, cell.config.timing.period_s
+    f, T = cell.config.sources.following, cell.config.timing.period_s
     late = delays(cell, payload)
     tau = late.pop("payload") * T
     d = sum(late.values()) * T
-    wanted = following.damping / following.mass
+    share = max(share, 1e-9)
+
+    def gives(w: float) -> complex:
+        s = 1j * w
+        moves = share / (f.mass * s + f.damping) + turning / (f.inertia * s + f.angular_damping)
+        return moves / s
+
     low, high = 0.0, 0.5 * math.pi / d
     for _ in range(100):
         w = 0.5 * (low + high)
-        phase = w * d + math.atan(w * tau)
-        late_enough = phase >= 0.5 * math.pi or w * math.tan(phase) >= wanted
+        late_enough = w * d + math.atan(w * tau) - cmath.phase(gives(w)) >= math.pi
         low, high = (low, w) if late_enough else (w, high)
     w = 0.5 * (low + high)
-    phase = w * d + math.atan(w * tau)
-    return following.damping * w * math.hypot(1.0, w * tau) / (math.sin(phase) * max(share, 1e-9))
-
-
-def following_refusal(cell: Cell, axis: int, share: float) -> str | None:
-    """Return why a share of the hand's force or moment may not be followed, or None."""
-    if not 0.0 <= share <= 1.0:
-        return f"gain[{axis}] = {share:g}: a share of what is measured, between 0 and 1"
-    if axis < 3 and share > 0.0:
-        hand, most = cell.config.sources.following.stiffest_hand, stiffest_hand(cell, share)
-        if hand >= most:
-            return f"gain[{axis}] = {share:g}: a hand of {hand:g} N/m, stable below {most:.3g}"
-    return None
+    return math.hypot(1.0, w * tau) / abs(gives(w))

@@ -20,7 +20,7 @@ from ..perception.obstacle_map import ObstacleMap
 from ..plant import UnitReading
 from ..refusals import Refused, Why
 from ..runtime.events import Events
-from ..stability.gains import gain_check
+from ..stability.gains import LoopBounds
 from .stop_ramps import bounded_spread, ramps_together
 from .tick_inputs import tick_inputs
 from .unit import Unit, mrf_in_force
@@ -49,9 +49,9 @@ class JointUnit:
         self.task, self.mechanism, self.units = section.name, "", tuple(units)
         self.events = events.of(section.name)
         part = joint_part(cell, section)
-        self.commands = Commands.from_cell(part, settings)
+        grasps = [grasp_part(cell, section, i) for i in range(len(section.by))]
+        self.commands = Commands.from_cell(part, settings, LoopBounds(part, grasps))
         self.commands.settings.on["following"] = False
-        self.gain_bound = gain_check(grasp_part(cell, section, 0))
         self.arm, self.perception = units[0].arm, units[0].perception
         first = (section.T_wrist_mrf[0].xyz, section.T_wrist_mrf[0].rpy)
         self._T_wrist_payload = Pose.from_xyz_rpy(*first)

@@ -76,15 +76,9 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
 
 
 def _set_gain(message: requests.GainRequest, unit: Unit | JointUnit) -> None:
-    settings = unit.commands.settings
-    settings.require_source(message.source)
-    reason = unit.gain_bound(message.source, message.gain)
-    reason = reason or settings.gain_refusal(message.source, message.gain)
+    reason = unit.commands.settings.set_gain(message.source, message.gain, message.forced)
     if reason is not None:
-        if not message.forced:
-            raise Refused(Why.UNSTABLE_GAIN, reason)
         unit.events.warning("gain_forced", reason, source=message.source)
-    settings.gains[message.source] = np.array(message.gain)
     unit.events.info("gain_set", message.source, gain=str(list(message.gain)))
 
 

@@ -15,7 +15,6 @@ from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
 from ..plant import UnitReading
 from ..runtime.events import Events
-from ..stability.gains import gain_check
 from .looking_ahead import LookingAhead
 from .tick_inputs import tick_inputs
 
@@ -37,8 +36,6 @@ class Unit:
         self.ahead = LookingAhead.from_cell(cell)
         """The reflex to what is ahead, and the scanner's axis; None without either."""
         self.perception = Perception(cell, arm, self.commands, self.events)
-        self.gain_bound = gain_check(cell)
-        """Why gains of a source would be unstable, or None."""
         self.memory: Memory | None = None
         """None before the arm's joints were heard, and after its devices were configured anew."""
         self.q: Array | None = None

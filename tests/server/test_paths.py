@@ -27,6 +27,8 @@ TWIST = (0.1, 0.2, 0.0, 0.0, 0.0, 0.3)
 def commands(pa10):
     commands = Commands.from_cell(pa10.cell)
     commands.frames.lens = lambda: Mount("wrist", MRF)
+    # With force control off, the MRF may be anywhere on a tool.
+    commands.settings.switch("force", False)
     return commands
 
 

@@ -112,3 +112,21 @@ def test_what_is_said_in_the_same_period_is_about_the_new_mrf():
     way = (there @ tool.inverse() @ other).inverse() @ target
     np.testing.assert_allclose(way.p, [0.0, 0.0, 0.03], atol=1e-3)
     np.testing.assert_allclose(way.R, np.eye(3), atol=2e-3)
+
+
+def test_an_mrf_aside_of_the_tool_is_refused_while_it_presses_and_nothing_bounces(pa10):
+    """0.6 m aside, accommodation about the MRF would be 16 times as quick as the wall bears."""
+    steps = [
+        {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 3.0, "cmd/joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        {"at_s": 4.6, "cmd/joystick": {"twist": [0.0075, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        mrf(6.0, {"xyz": [0.0, 0.6, 0.121]}),
+    ]
+    script = Script.model_validate({"duration_s": 7.0, "step": steps})
+    simulation = Simulation(pa10, script)
+    run = Run(simulation, simulation.run())
+    assert [e.values["reason"] for e in run.events("request_refused")] == ["unstable_frame"]
+    start = simulation.player.start_s
+    pressed = [np.linalg.norm(t.contact_force) for t in run.truths if t.time_s - start > 6.0]
+    assert min(pressed) > 8.0
+    assert max(pressed) < 13.0

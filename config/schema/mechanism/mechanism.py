@@ -1,8 +1,9 @@
 """Schema of the arm: its chain, drives, sensor, payloads and gripper."""
 
+import math
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from ..bus.on_bus import BusFrames, CanId, CanOpenNodeSection, OnBusSection
 from ..section import Name, PoseSection, Section, UrdfName, Vector3, Vector6
@@ -98,7 +99,9 @@ class DriveSection(CanOpenNodeSection):
         return f"drives[{index if self._table is None else self._table}]"
 
 
-Lever = Annotated[float, Field(ge=-2, le=2)]
+LONGEST_TOOL: Final = 2.0
+"""Tools reach no farther from the Wrist [m]."""
+Lever = Annotated[float, Field(ge=-LONGEST_TOOL, le=LONGEST_TOOL)]
 """From the sensor to a payload's centre of mass along an axis [m]; farther is on no arm."""
 
 
@@ -184,6 +187,13 @@ class ForceTorqueSection(OnBusSection):
     stiffest_environment_rotation: float = Field(
         500.0, gt=0, le=1e6, description="the same about an axis through the MRF [N·m/rad]"
     )
+    contact_length: float | None = Field(
+        None,
+        ge=0,
+        le=2,
+        description="length of tool, from T_wrist_mrf back to the sensor, that the stiffest "
+        "environment may touch; none: all of it [m]",
+    )
 
     def identifiers(self) -> tuple[tuple[str, int], ...]:
         """Return those of its commands and of the halves of a sample."""
@@ -265,6 +275,16 @@ class MechanismSection(Section):
     postures: dict[Name, tuple[float, ...]] = Field(
         description="named postures of the chain's joints [rad]; 'start' and 'ready' are required"
     )
+
+    @field_validator("T_wrist_mrf")
+    @classmethod
+    def _within_reach(cls, mrf: PoseSection) -> PoseSection:
+        far = math.hypot(*mrf.xyz)
+        if far > LONGEST_TOOL:
+            raise ValueError(
+                f"xyz: {far:g} m from the Wrist: no tool reaches farther than {LONGEST_TOOL:g} m"
+            )
+        return mrf
 
     @property
     def beside_chain(self) -> tuple[str, ...]:

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 
-from ....config.schema.mechanism.mechanism import MechanismSection
+import numpy as np
+
+from ....config.schema.mechanism.mechanism import LONGEST_TOOL, MechanismSection
 from ....config.schema.moving import FramesSection
 from ....config.schema.section import PoseSection
 from ....protocols.messages.perception.moving import FrameRequest
 from ...control.frame_tree import Body, FrameTree, Mount, Moved, UnknownFrame
 from ...control.spatial import Pose
+from ...refusals import Refused, Why
 from .redefinition import placed_frame
 
 
@@ -23,6 +26,7 @@ class FrameSet:
         """Where Base and Carrier are now."""
         mrf = mechanism.T_wrist_mrf
         self.T_wrist_mrf = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy)
+        self._tip = self.T_wrist_mrf.p
         on_ground = T_world_crf if frames.crf_on == "world" else frames.T_ground_crf
         self.crf = Mount(frames.crf_on, Pose.from_xyz_rpy(on_ground.xyz, on_ground.rpy))
         self.redefined = 0
@@ -61,10 +65,13 @@ class FrameSet:
             self.moved, T_world_mrf, self.T_wrist_mrf, self.crf, self._T_wrist_sensor, self.lens()
         )
 
-    def redefine(self, request: FrameRequest, tree: FrameTree) -> Pose | None:
+    def redefine(
+        self, request: FrameRequest, tree: FrameTree, judge: Callable[[Pose], None]
+    ) -> Pose | None:
         """Put a new MRF or CRF in force; return T_old_new of the MRF, None for the CRF.
 
-        Raises `UnknownFrame`; then all is as before.
+        `judge` raises for an MRF in the Wrist that may not be. Raises `UnknownFrame` or `Refused`;
+        then all is as before.
         """
         T_old_new = None
         if request.frame == "crf":
@@ -74,6 +81,11 @@ class FrameSet:
             self.crf = Mount(on, placed_frame(request, tree, on))
         else:
             T_wrist_mrf = placed_frame(request, tree, "wrist")
+            far = float(np.linalg.norm(T_wrist_mrf.p - self._tip))
+            if far > LONGEST_TOOL:
+                told = f"the MRF {far:.3g} m from that of the cell: no tool reaches farther than "
+                raise Refused(Why.OUT_OF_RANGE, f"{told}{LONGEST_TOOL:g} m")
+            judge(T_wrist_mrf)
             T_old_new = self.T_wrist_mrf.inverse() @ T_wrist_mrf
             self.T_wrist_mrf = T_wrist_mrf
         self.redefined += 1

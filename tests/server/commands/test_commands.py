@@ -45,6 +45,8 @@ def commands(pa10):
     changes = {"mechanism": mechanism, "T_world_crf": schema_pose(CRF)}
     commands = Commands.from_cell(replace(pa10.cell, config=config.model_copy(update=changes)))
     commands.frames.lens = lambda: Mount("wrist", LENS)
+    # With force control off, the MRF may be anywhere on a tool.
+    commands.settings.switch("force", False)
     return commands
 
 
@@ -391,6 +393,7 @@ def test_every_posture_of_the_cell_can_be_ordered(arm):
 
 
 def test_a_source_that_is_off_has_no_gain_and_gets_back_its_own(commands):
+    commands.settings.switch("force", True)
     own = commands.control_settings().gains["force"]
     assert own.all()
     commands.settings.on["force"] = False

@@ -9,7 +9,7 @@ import pytest
 from telerobot.config.load import Cell, load_cell
 from telerobot.config.schema.mechanism.torque import TorqueSection
 from telerobot.server.stability.following import delays, stiffest_hand
-from telerobot.server.stability.gains import gain_check
+from telerobot.server.stability.gains import LoopBounds
 from telerobot.server.stability.torque_loop import spectral_radius
 
 T = 0.01
@@ -63,7 +63,7 @@ def test_a_stated_lag_makes_the_arm_later_and_the_hand_softer(cell: Cell) -> Non
     ],
 )
 def test_following_more_than_there_is_is_refused(cell: Cell, gain, words) -> None:
-    refusal = gain_check(cell)("following", gain)
+    refusal = LoopBounds(cell).gain("following", gain).refusal
     assert refusal is not None
     assert re.search(words, refusal)
 
@@ -72,8 +72,8 @@ def test_following_a_hand_that_is_too_stiff_is_refused(cell: Cell) -> None:
     following = cell.config.sources.following.model_copy(update={"stiffest_hand": 5000.0})
     sources = cell.config.sources.model_copy(update={"following": following})
     stiff = replace(cell, config=cell.config.model_copy(update={"sources": sources}))
-    assert "5000 N/m" in (gain_check(stiff)("following", (1, 1, 1, 0, 0, 0)) or "")
-    assert gain_check(cell)("following", (1, 1, 1, 0, 0, 0)) is None
+    assert "5000 N/m" in (LoopBounds(stiff).gain("following", (1, 1, 1, 0, 0, 0)).refusal or "")
+    assert LoopBounds(cell).gain("following", (1, 1, 1, 0, 0, 0)).refusal is None
 
 
 # --- the torque law ----------------------------------------------------------------------------

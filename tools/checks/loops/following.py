@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 
 from ....config.load import Cell
+from ....config.schema.mechanism.mechanism import PayloadSection
 from ....server.stability.following import delays, stiffest_hand
+from ....server.stability.force_loop import ForceLoop
 from ....server.stability.payloads import PayloadBounds, payload_words
 from ..findings import Finding, Severity, graded
 
@@ -27,10 +29,11 @@ def following(cell: Cell) -> Iterator[Finding]:
         + f" periods), then M/B = {source.mass / source.damping * 1e3:g} ms",
         {"lag_s": lag_s},
     )
-    carried = payloads(cell)
+    carried = {name: payload.mass for name, payload in payloads(cell).items()}
     name, mass = max(carried.items(), key=lambda item: item[1])
     # The heaviest one is felt latest.
-    bound = stiffest_hand(cell, share, mass)
+    turning = max(source.gain[3:]) * ForceLoop(cell).lever() ** 2
+    bound = stiffest_hand(cell, share, mass, turning)
     yield Finding(
         "following hand",
         graded(source.stiffest_hand, COMFORT * bound, bound),
@@ -47,8 +50,8 @@ def following(cell: Cell) -> Iterator[Finding]:
     )
 
 
-def payloads(cell: Cell) -> dict[str, float]:
-    """Return the masses of all that a cell may carry by name [kg]."""
+def payloads(cell: Cell) -> dict[str, PayloadSection]:
+    """Return all that a cell may carry by name."""
     mechanism = cell.config.mechanism
-    own = {} if mechanism.force_torque is None else {"payload": mechanism.force_torque.payload.mass}
-    return own | {f"payload {name}": p.mass for name, p in mechanism.payloads.items()}
+    own = {} if mechanism.force_torque is None else {"payload": mechanism.force_torque.payload}
+    return own | {f"payload {name}": p for name, p in mechanism.payloads.items()}

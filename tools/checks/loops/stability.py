@@ -2,8 +2,11 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from ....config.load import Cell
-from ....server.stability.force_loop import bound, force_axis
+from ....config.schema.section import Vector6
+from ....server.stability.force_loop import ForceLoop, bound
 from ....server.stability.gains import error_delay_periods
 from ....server.stability.payloads import PayloadBounds, payload_words
 from ..findings import Finding, Severity, Value, graded
@@ -32,8 +35,8 @@ def stability(cell: Cell) -> Iterator[Finding]:
     if cell.config.mechanism.force_torque is None:
         yield Finding("force gain", Severity.OK, "no force/torque sensor, so no force loop")
         return
-    for i, (name, gain) in enumerate(zip(AXES, cell.config.sources.force.gain, strict=True)):
-        axis = force_axis(cell, i, gain)
+    loop, gains = ForceLoop(cell), cell.config.sources.force.gain
+    for name, gain, axis in zip(AXES, gains, loop.axes(gains), strict=True):
         if axis is None:
             yield Finding(f"force gain {name}", Severity.OK, "the arm cannot move along this axis")
             continue
@@ -52,13 +55,32 @@ def stability(cell: Cell) -> Iterator[Finding]:
             + ")",
             values | {f"delay_{n.replace(' ', '_')}": v for n, v in axis.delays.items()},
         )
-    yield from _payload(cell)
+    yield from _tool(loop, gains)
+    yield from _payload(cell, loop, gains)
 
 
-def _payload(cell: Cell) -> Iterator[Finding]:
+def _tool(loop: ForceLoop, gains: Vector6) -> Iterator[Finding]:
+    """Judge force control where the tool touches away from its tip, and so turns."""
+    contact = loop.touching(gains)
+    if contact.lever == 0.0:
+        return
+    yield Finding(
+        "force tool",
+        Severity.OK if contact.share < 1.0 else Severity.ERROR,
+        f"touched {contact.lever:.3g} m from the MRF, where K_F + K_R r² acts: loop gain "
+        f"{contact.loop_gain:.3g}, stable below {contact.bound:.3g}"
+        + ("" if contact.share < 1.0 else "; lower gains about its axes, or a contact_length"),
+        {"lever_m": contact.lever, "loop_gain": contact.loop_gain, "bound": contact.bound},
+    )
+
+
+def _payload(cell: Cell, loop: ForceLoop, gains: Vector6) -> Iterator[Finding]:
     """Judge whether force control swings the tool by its payload's inertia."""
-    gain = max(cell.config.sources.force.gain[:3])
-    name, mass = max(payloads(cell).items(), key=lambda item: item[1])
+    name, mass, gain = "", 0.0, 0.0
+    for each, payload in payloads(cell).items():
+        gives = loop.gives(gains, np.array(payload.com))
+        if payload.mass * gives > mass * gain:
+            name, mass, gain = each, payload.mass, gives
     if gain <= 0.0 or mass <= 0.0:
         return
     bound = PayloadBounds(cell).force / gain
@@ -66,7 +88,7 @@ def _payload(cell: Cell) -> Iterator[Finding]:
         "force payload",
         graded(mass, COMFORT * bound, bound),
         f"{name} of {mass:g} kg, the tool stands by itself {payload_words(bound)} "
-        f"at K_F = {gain:g} m/s/N",
+        f"at K_F = {gain:.3g} m/s/N where its mass is",
         {"payload": mass, "bound": bound},
     )
 

@@ -19,6 +19,7 @@ NEXT = {
     "touched": "Look at what the arm touches; resume once it is free.",
     "still_wrong": "Mend the cause that the message names, then reset.",
     "unstable_gain": "Choose a smaller gain.",
+    "unstable_frame": "Put the MRF nearer to the tool's tip, or lower the gains about its axes.",
     "unstable_payload": "Tell a payload that the loop can carry, or slow it down.",
     "no_answer": "The daemon did not answer: is it running?",
     "not_certified": "The certificate or login that was used does not allow it.",
