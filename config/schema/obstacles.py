@@ -9,6 +9,7 @@ from .section import LinkName, Name, Section, Vector3
 
 Shape = Literal["point", "sphere", "capsule", "box", "sight_line"]
 Stale = Literal["keep", "grow", "stop"]
+Standing = Literal["stand", "self_motion", "step_aside"]
 Length = Annotated[float, Field(ge=0, le=10)]
 HalfSide = Annotated[float, Field(gt=0, le=20)]
 
@@ -131,6 +132,18 @@ class AvoidanceSection(Section):
     )
     near_speed: float | None = Field(
         None, gt=0, le=10, description="MRF speed bound at the clearance; none: limits.speed [m/s]"
+    )
+    standing: Standing = Field(
+        "stand",
+        description="what an arm that stands does when something comes: stand, self_motion (its "
+        "tool stays), or step_aside; it comes back",
+    )
+    standing_in_hold: bool = Field(False, description="it does so in HOLD, too")
+    standing_reach: float = Field(
+        0.25,
+        gt=0,
+        le=2,
+        description="no part of it goes further from where it was told to stand [m]",
     )
     workspace: WorkspaceSection | None = Field(
         None, description="where the MRF stays; none: everywhere"

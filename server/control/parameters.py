@@ -11,6 +11,7 @@ from ...config.schema.mechanism.torque import TorqueSection
 from ...config.schema.mechanism.touch import TouchSection
 from ...config.schema.null_space.potential import PotentialFieldSection
 from ...config.schema.null_space.redundancy import RedundancySection
+from ...config.schema.obstacles import AvoidanceSection
 from ...config.schema.sources.schedule import ScheduleSection
 from ...config.schema.sources.sources import SourcesSection
 from .joints import Joints
@@ -76,6 +77,7 @@ class Parameters:
     max_torque: Array
     max_torque_rate: Array
     """Bound of what a torque changes by (n,) [N·m/s]; infinite where the cell says none."""
+    avoidance: AvoidanceSection
     retreat_leash: float | None
     """How far joints give way after a touch [rad]; None where nothing feels one."""
 
@@ -148,6 +150,7 @@ class Parameters:
             friction=np.array([d.friction for d in ordered]),
             max_torque=np.array([d.max_torque for d in ordered]),
             max_torque_rate=np.array([d.max_torque_rate or np.inf for d in ordered]),
+            avoidance=c.avoidance,
             retreat_leash=_retreat_leash(c),
         )
 

@@ -74,6 +74,9 @@ class Scene:
     """Age of its news (k,) [s]; zero for what stands still."""
     still_after: Array
     """Age from which on it is taken to stand (k,) [s]; infinite for most."""
+    observed: Array
+    """Velocity that fresh news shows (k, 3) [m/s], smoothed; zero for what stands. No bound: it
+    says from whom to make way, not who may come."""
     stop: str | None = None
     """Name of the obstacle whose stale news calls for the verified stop, if any."""
 
@@ -92,6 +95,11 @@ class Scene:
     def moves(self) -> bool:
         """True if anything may move."""
         return bool(np.count_nonzero(self.speed))
+
+    @property
+    def comes(self) -> bool:
+        """True if fresh news shows anything in motion."""
+        return bool(np.count_nonzero(self.observed))
 
     def reach(self, ahead: float) -> Array:
         """Return how far each may be from where it is predicted (k,) [m], `ahead` [s] from now."""
@@ -142,6 +150,7 @@ def empty() -> Scene:
         acceleration=none,
         age=none,
         still_after=none,
+        observed=np.zeros((0, 3)),
     )
 
 

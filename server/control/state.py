@@ -16,6 +16,7 @@ from .frame_tree import Moved
 from .grasps.held import Held, Holding
 from .hold.pushed import Pushed
 from .hold.retreat import RetreatState
+from .hold.standing import Station
 from .mechanism.backbone.insertion import STILL, DriveRequest, Insertion
 from .mechanism.joint_motion import NOTHING, Beside
 from .mechanism.null_space.potential_field import FieldReading
@@ -147,6 +148,8 @@ class Memory:
     retreat: RetreatState | None = None
     """The way that led here, and how far the arm gave way on it; None in a cell that feels nothing.
     """
+    station: Station | None = None
+    """Where the arm was told to stand, while it is away to make way; None for one that is not."""
     resistance: Resistance | None = None
     """The resistance that holds the arm up; None before the first tick."""
     held: Held | None = None

@@ -29,6 +29,18 @@ MOST = 64
 JUMP_SLACK = 0.01
 """News may contradict the bound of speed by so much: the noise of whoever saw it [m]."""
 
+MOVES = (0.02, 0.01)
+"""What was seen to stand moves from this speed on, and stands again below the other [m/s]."""
+
+FADE_S = 0.2
+"""An arm makes way for what begins to move, and stops to for what stops, within this [s]."""
+
+SMOOTH_S = (0.2, 0.5)
+"""Time constants of an observed velocity that rises: told by the news, or by two places [s]."""
+
+FALL_S = (0.1, 0.2)
+"""The same of one that falls [s]."""
+
 _ZERO = (0.0, 0.0, 0.0)
 Vector = tuple[float, float, float]
 
@@ -58,6 +70,12 @@ class TrackedObstacle:
     """Who tells of it, by the name in the key; None for the cell's that nobody has told of yet."""
     tick: int
     """Telemetry tick of the newest news."""
+    observed: Vector = _ZERO
+    """Velocity that its news shows, smoothed [m/s]."""
+    observed_moving: bool = False
+    """It is seen to move, with a hysteresis."""
+    observed_part: float = 0.0
+    """Part of that motion that counted in the tick of the newest news, 0 to 1."""
 
     @property
     def moves(self) -> bool:
@@ -144,6 +162,8 @@ class ObstacleMap:
             after = self._created(news, sender)
         else:
             after = self._moved(news, before, sender)
+        if before is not None:
+            after = self._observed(before, after, news.velocity is not None)
         if before is None:
             self._events.info("obstacle_set", news.name, shape=after.shape)
         elif news.shape is None:
@@ -249,6 +269,43 @@ class ObstacleMap:
                 distance_m=way,
             )
 
+    def _observed(
+        self, before: TrackedObstacle, after: TrackedObstacle, is_told: bool
+    ) -> TrackedObstacle:
+        """Return an obstacle with the velocity that its news shows: told, or by two places.
+
+        Sensors are noisy: it is smoothed, counts from a least speed on, and fades in and out.
+        """
+        was, since = np.array(before.observed), (after.tick - before.tick) * self._period_s
+        moving, part = before.observed_moving, self._part(before, after.tick)
+        if since <= 0.0 or not after.moves:
+            return replace(
+                after, observed=before.observed, observed_moving=moving, observed_part=part
+            )
+        if is_told:
+            newest = np.array(after.velocity)
+        else:
+            ways = np.subtract(after.xyz, before.xyz), np.subtract(after.to, before.to)
+            newest = max(ways, key=lambda way: float(way @ way)) / since
+        most = max(after.max_speed, float(np.linalg.norm(after.velocity)))
+        newest = newest * min(1.0, most / max(float(np.linalg.norm(newest)), 1e-12))
+        rises = float(newest @ newest) > float(was @ was)
+        smooth_s = (SMOOTH_S if rises else FALL_S)[0 if is_told else 1]
+        now = was + since / (smooth_s + since) * (newest - was)
+        speed = float(np.linalg.norm(now))
+        moving = speed > (MOVES[1] if moving else MOVES[0])
+        if is_told and float(np.linalg.norm(newest)) < MOVES[1]:
+            moving = False
+        x, y, z = now.tolist()
+        return replace(after, observed=(x, y, z), observed_moving=moving, observed_part=part)
+
+    def _part(self, known: TrackedObstacle, tick: int) -> float:
+        """Return what part of its observed motion counts in a tick (0 to 1)."""
+        age = self._age(known, tick)
+        way = age / FADE_S if known.observed_moving else -age / FADE_S
+        fresh = 1.0 - max(0.0, age - known.timeout_s) / FADE_S
+        return min(1.0, max(0.0, min(known.observed_part + way, fresh)))
+
     # --- the scene ---------------------------------------------------------------------------
 
     def scene(self, tick: int) -> Scene:
@@ -298,6 +355,8 @@ class ObstacleMap:
             ),
             age=age,
             still_after=still,
+            observed=_rows(k.observed for k in every)
+            * np.array([self._part(k, tick) if k.moves else 0.0 for k in every])[:, None],
             stop=self.stop,
         )
 

@@ -123,6 +123,7 @@ class Unit:
 
     def keep(self, tick: int, memory: Memory, output: Output) -> None:
         """Take in what a tick decided."""
+        self._tell_station(memory, output)
         self.memory, self.output = memory, output
         goals = self.commands.goals
         self.commands.reflect(output)
@@ -132,6 +133,16 @@ class Unit:
             self.events.info("posture_reached")
         elif goals.at_rest and np.abs(output.twists["following"]).max() > LED:
             goals.led_by_hand()
+
+    def _tell_station(self, memory: Memory, output: Output) -> None:
+        """Tell when an arm that stands makes way for something that comes, and is back."""
+        before = None if self.memory is None else self.memory.station
+        if before is None and memory.station is not None:
+            gaps = [gap for gap in output.gaps if gap.active]
+            detail = f"{gaps[0].link} for {gaps[0].other}" if gaps else ""
+            self.events.info("made_way", detail)
+        elif before is not None and memory.station is None and output.at_rest:
+            self.events.info("came_back")
 
     @property
     def outputs(self) -> dict[str, bool]:

@@ -5,7 +5,8 @@ The virtual world stands still; what is told of it is made up. Nobody touches th
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import Cell, load_cell
+from telerobot.config.schema.obstacles import AvoidanceSection
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.perception.moving import FrameNews
@@ -40,7 +41,8 @@ class Blind:
 def play(name, forge, seconds=2.0, steps=()):
     """Play a script while `forge` makes up news, from the script's time and the tick."""
     script = Script.model_validate({"duration_s": seconds, "step": list(steps)})
-    simulation = Simulation(load_cell(name), script, cameras=Blind)
+    cell = load_cell(name) if isinstance(name, str) else name
+    simulation = Simulation(cell, script, cameras=Blind)
 
     def tell(simulation):
         since = simulation.clock.time_s - simulation.player.start_s
@@ -168,15 +170,24 @@ def test_forged_obstacles_push_the_elbow_of_an_idle_arm_no_faster_than_its_self_
 
 
 @pytest.mark.parametrize("name", ["pa10_scene", "pa10_vision"])
-def test_forged_obstacles_do_not_move_an_arm_that_nobody_tells_to_move(name):
+def test_forged_obstacles_do_not_move_an_arm_that_is_to_stand(name):
     """It does not close in, and that is all."""
-    run = play(name, comes)
+    cell = load_cell(name)
+    avoidance = AvoidanceSection(**{**cell.config.avoidance.model_dump(), "standing": "stand"})
+    config = cell.config.model_copy(update={"avoidance": avoidance})
+    run = play(Cell(cell.path, config, cell.robot), comes)
     assert run.summary["mode"] == "enabled"
-    if run.simulation.cell.config.keeps_clear:
+    if name == "pa10_scene":
         inside = [gap for s in run.states[-50:] for gap in s.gaps if gap[1] == "forged"]
         assert min(gap[2] for gap in inside) < 0.0
     assert travel(run) < 3e-3
     assert np.abs(run.speeds(0.3, 2.0)).max() < 0.05
+
+
+def test_forged_obstacles_move_an_arm_that_steps_aside_no_further_than_its_reach():
+    run = play("pa10_scene", comes)
+    assert run.summary["mode"] == "enabled"
+    assert 0.05 < travel(run) < run.simulation.cell.config.avoidance.standing_reach
 
 
 def test_forged_pictures_move_nothing_until_the_source_is_on_and_then_at_its_own_speed():

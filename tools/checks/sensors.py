@@ -86,8 +86,20 @@ def _obstacles(cell: Cell) -> Finding:
     text = (
         "stops, slows and turns aside what is asked for" if config.keeps_clear else "stops nothing"
     )
-    text += f"; self-motion at up to {rate:.2g} rad/s" if led else "; moves no idle arm"
+    standing, reach = config.avoidance.standing, config.avoidance.standing_reach
+    if standing != "stand":
+        way = "steps aside" if standing == "step_aside" else "makes way by self-motion"
+        held = ", in HOLD too" if config.avoidance.standing_in_hold else ""
+        text += f"; an arm that stands {way}, no part of it by more than {reach:g} m{held}"
+    text += f"; self-motion at up to {rate:.2g} rad/s" if led else ""
+    if standing == "stand" and not led:
+        text += "; moves no idle arm"
     link = config.potential.virtual_link
     if link is not None:
         text += f"; a tool with a goal gives way at up to {link.speed:g} m/s, {link.longest:g} m"
-    return Finding("news of obstacles", Severity.OK, text, {"self_motion": rate})
+    return Finding(
+        "news of obstacles",
+        Severity.OK,
+        text,
+        {"self_motion": rate, "reach": 0.0 if standing == "stand" else reach},
+    )

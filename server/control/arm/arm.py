@@ -12,6 +12,7 @@ from ....config.schema.mechanism.base import DifferentialBaseSection
 from ..actuation.actuation import Now
 from ..barriers.barriers import Allowed, BarrierInputs, Clear
 from ..evolve import evolve
+from ..hold.standing import MOVED
 from ..mechanism.backbone.insertion import Backbone
 from ..mechanism.joint_motion import at_posture
 from ..mechanism.kinematics import Kinematics, Mechanism
@@ -95,6 +96,8 @@ class Arm:
             if asked.insertion is None or asked.together or asked.by_joint
             else asked.insertion.beyond,
             ordered=not beside or self.asking.ordered(asked.twists, inputs),
+            makes_way=asked.stance.makes_way,
+            tool_stays=asked.stance.tool_stays,
         )
 
     def judge(self, memory: Memory, seen: ArmReading) -> Judge | None:
@@ -130,11 +133,17 @@ class Arm:
             ),
         )
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
+        stance = asked.stance
+        station = stance.station
+        leaves = inputs.at_posture and max(asked.self_motion.norms.values(), default=0.0) > MOVED
+        if station is None and stance.alert and (allowed.made_way or leaves):
+            station = self.stages.standing.begun(memory.stop, seen.kinematics.T_world_mrf)
         accelerated = sizes(seen.kinematics.J.dot(limited.motion.ddq))[0]
         memory = evolve(
             memory,
             levels=clear.levels,
             torque=actuated.state,
+            station=station,
             resistance=allowed.resistance,
             motion=limited.motion,
             stop=limited.stop,

@@ -7,11 +7,13 @@ import numpy as np
 
 from ..evolve import evolve
 from ..hold.retreat import RetreatState
+from ..hold.standing import COMMANDED, STANDS, Stance
 from ..mechanism.backbone.insertion import Insertion
 from ..mechanism.joint_rates import Around, Wish
 from ..mechanism.kinematics import Kinematics, Mechanism
 from ..mechanism.null_space.potential_field import FieldReading
 from ..mechanism.null_space.redundancy import ObjectiveGains, SelfMotion
+from ..mechanism.resolution import resolve
 from ..mechanism.wrist import WristMemory
 from ..parameters import Parameters
 from ..proximity.capsules import Capsules, Placed
@@ -20,11 +22,15 @@ from ..state import Inputs, Intent, Memory
 from ..stop.motion import Motion
 from ..stop.way_to_rest import Stop
 from ..task.bleed import joint_share
+from ..task.paths.goals import Pursuit
 from ..task.source import NO_TWIST
 from ..task.task import TaskMemory
 from .beside import IDLE, Whole, summed, swept, whole_objectives
 from .context import context_of, quantities, sample_of
 from .stages import Stages
+
+TOUCHING = 3e-3
+"""Force control that asks for more than this answers a contact, and no noise [m/s, rad/s]."""
 
 
 class Wanted(NamedTuple):
@@ -48,6 +54,8 @@ class Wanted(NamedTuple):
     """Where along its curve the arm is."""
     led: bool = False
     """The wheels of its base go as they are driven."""
+    stance: Stance = STANDS
+    """How the arm meets what comes."""
 
 
 class ArmReading(NamedTuple):
@@ -133,10 +141,16 @@ class Asking:
             context = context._replace(folding=whole.folding)
         task, twists = self.stages.task.twists(task, context)
         around = Around(inputs.scene, near, base, placed, wrench)
+        stance = self._stance(memory, inputs, task, twists, k, placed)
+        acting, at_posture = objectives, inputs.at_posture
+        if at_posture and stance.alert and self._roused(stance, inputs):
+            acting, at_posture = self.stages.standing.of_outside(objectives), False
         asked = self.resolved(
-            motion.q, twists, objectives, task.off_path, inputs, k, lever, around,
-            memory.insertion, whole,
+            motion.q, twists, acting, task.off_path,
+            inputs if at_posture is inputs.at_posture else evolve(inputs, at_posture=False),
+            k, lever, around, memory.insertion, whole,
         )  # fmt: skip
+        asked = self._coming_back(stance, inputs, motion.q, k, asked)
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
         retreat, asked = self._giving_way(memory, inputs, k, asked)
@@ -293,6 +307,64 @@ class Asking:
         speed, along = float(relief[:3] @ relief[:3]), float(towards @ back)
         most = float((self.p.joints.velocity / np.maximum(np.abs(back), 1e-12)).min())
         return np.asarray(joint_rates + min(speed / max(along, 1e-12), most) * back)
+
+    def _stance(
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        task: TaskMemory,
+        twists: dict[str, Array],
+        k: Kinematics,
+        placed: Placed | None,
+    ) -> Stance:
+        """Return how the arm meets what comes: as one that is told to move, or one that stands."""
+        moving, pushed = inputs.intent is Intent.MOVE, inputs.pushed
+        if moving and self._told(task, twists, inputs):
+            return COMMANDED
+        standing, station = self.stages.standing, memory.station
+        felt = pushed is not None and pushed.touched
+        # Where Base moves, joints that stand are nowhere in World.
+        held = inputs.intent is Intent.HOLD
+        if felt or inputs.moved is not None or not standing.may_leave(moving, held):
+            return STANDS
+        led = inputs.goal is not None
+        if station is not None and standing.is_home(station, memory.motion.q, k.T_world_mrf.p, led):
+            station = None
+        return standing.stance(station, memory.motion.q, placed)
+
+    def _told(self, task: TaskMemory, twists: dict[str, Array], inputs: Inputs) -> bool:
+        """Return whether the arm is told to move; staying where a goal has led it is not."""
+        position = task.position
+        over = position.path is not None and position.path.finished
+        if isinstance(inputs.goal, Pursuit) or not (over or inputs.paused):
+            return self.ordered(twists, inputs)
+        return self.ordered({**twists, "position": NO_TWIST}, inputs)
+
+    def _roused(self, stance: Stance, inputs: Inputs) -> bool:
+        """Return whether an arm at a posture looks for a better one: something comes, or came."""
+        comes = inputs.scene is not None and inputs.scene.comes
+        return inputs.intent is Intent.MOVE and (comes or stance.station is not None)
+
+    def _coming_back(
+        self, stance: Stance, inputs: Inputs, q: Array, k: Kinematics, asked: Wanted
+    ) -> Wanted:
+        """Add the way back of an arm that is off its station, where no goal leads it there.
+
+        Contact holds it: what is there now may not be known.
+        """
+        asked, station = asked._replace(stance=stance), stance.station
+        if station is None:
+            return asked
+        dq, limits = asked.dq, (*asked.limits, "off_station")
+        if asked.twists["position"] is NO_TWIST and max(sizes(asked.twists["force"])) < TOUCHING:
+            standing, factor = self.stages.standing, inputs.settings.speed_factor
+            back = standing.back(station, q, k.J, factor)
+            if stance.tool_stays:
+                twist = factor * standing.tool_back(station, k.T_world_mrf)
+                found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
+                back = found.dq + found.null.T @ (found.null @ back)
+            dq = dq + back
+        return asked._replace(dq=dq, limits=limits)
 
     def _giving_way(
         self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Wanted

@@ -8,6 +8,7 @@ from ..actuation.holding import HoldingTorque
 from ..actuation.torque import TorqueLaw
 from ..barriers.joint_limits import JointRoom
 from ..hold.retreat import Retreat
+from ..hold.standing import Standing
 from ..mechanism.backbone.insertion import Backbone
 from ..mechanism.contact_wrench import ContactWrench
 from ..mechanism.dynamics import Dynamics
@@ -65,6 +66,7 @@ class Stages:
         self.retreat = None
         if p.retreat_leash is not None:
             self.retreat = Retreat(p.retreat_leash, T, bound=backbone is not None)
+        self.standing = Standing(p.avoidance, p.capsules, joints.velocity)
         self.actuate = actuation(p, mechanism)
         self.holding = HoldingTorque(
             Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor),

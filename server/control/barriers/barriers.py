@@ -20,7 +20,7 @@ from ..stop.motion import Motion
 from .clearance import Levels, Shown
 from .collision import Guard, Situation, Tool, Watch
 from .joint_limits import JointRoom, Room
-from .programme import ATTITUDE, nearest
+from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
 from .resisted import Resistance
 from .together import PayloadLink, in_step, least_of, pulled_apart
 from .velocity_damper import Rows
@@ -51,6 +51,10 @@ class BarrierInputs(NamedTuple):
     """So many joints, from the first on, stand inside a tunnel, and make up for no other."""
     ordered: bool = True
     """Somebody tells the arm to move."""
+    makes_way: float = 1.0
+    """Part of the speed of what comes that the arm makes way at, 0 to 1."""
+    tool_stays: bool = False
+    """It makes way by self-motion alone."""
     led: bool = False
     """The first two joints, wheels, are driven: they may be slowed, together, and nothing else."""
     path: Array | None = None
@@ -98,6 +102,8 @@ class Allowed(NamedTuple):
     waits for one that the leash holds."""
     resistance: Resistance
     """The resistance that holds the arm up, for the next tick."""
+    made_way: bool = False
+    """The arm was to go out of the way of something that comes."""
 
 
 class Clear(NamedTuple):
@@ -160,7 +166,7 @@ class Allow:
         dq = joined(each)
         if links:
             dq, shares, links = in_step(dq, self._counts, shares, shares, links)
-        watch, rows, broken = None, None, None
+        watch, rows, broken, made_way = None, None, None, [False] * len(arms)
         if guard is not None and around.keep_clear:
             watch = guard.watch(_situation(arms, around, self.parts), dq, around.levels)
             beside = guard.tool_shares(watch)
@@ -170,7 +176,7 @@ class Allow:
                 if slow < 1.0:
                     dq = _slowed(dq, self.parts[i], slow)
                     shares[i], limits[i] = slow * shares[i], (*limits[i], "near_speed")
-            rows = watch.rows
+            rows, made_way = watch.rows, guard.makes_way(watch)
             broken, any_broken = rows.broken(dq)
             if any_broken:
                 named = guard.named(watch, broken)
@@ -188,8 +194,9 @@ class Allow:
             low, high = joined([b.low for b in bounded]), joined([b.high for b in bounded])
             V = factor * self._velocity
             wheels = [part.start for part, arm in zip(self.parts, arms, strict=True) if arm.led]
+            costs = [WIDEN_BESIDE if arm.tool_stays else WIDEN for arm in arms]
             found = nearest(
-                dq, J, low, high, V, self._length, rows, self._tool, links, tuple(wheels)
+                dq, J, low, high, V, self._length, rows, self._tool, links, tuple(wheels), costs
             )
             for i, b in enumerate(bounded):
                 # Rates that all bounds of joints allow are inside the leash, and slower ones too.
@@ -199,8 +206,12 @@ class Allow:
                 if found.fallback:
                     limits[i] += (found.fallback,)
             dq = found.dq
+            if guard is not None and watch is not None and any(made_way):
+                dq = guard.slowed_to_limit(watch, dq)
             shares, paces = least_of(links, shares), least_of(links, paces)
         allowed = self._held_up(arms, dq, shares, paces, limits, rows, links)
+        if any(made_way):
+            allowed = tuple(a._replace(made_way=m) for a, m in zip(allowed, made_way, strict=True))
         if guard is None or watch is None or broken is None:
             return allowed, Clear()
         return allowed, Clear(watch, guard.shown(watch, broken))
@@ -282,7 +293,14 @@ def _situation(
         joined([arm.motion.dq for arm in arms]),
         joined([arm.error for arm in arms]),
         tuple(
-            Tool(arm.kinematics.T_world_mrf.p, arm.kinematics.J, arm.T_wrist_mrf, part, arm.ordered)
+            Tool(
+                arm.kinematics.T_world_mrf.p,
+                arm.kinematics.J,
+                arm.T_wrist_mrf,
+                part,
+                arm.ordered,
+                arm.makes_way,
+            )
             for arm, part in zip(arms, parts, strict=True)
         ),
         around.scene,

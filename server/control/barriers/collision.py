@@ -4,6 +4,7 @@ One look serves both the barriers of the tick and the judgement of the stops tha
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,8 @@ class Tool(NamedTuple):
     """Where these joints are among all."""
     ordered: bool = True
     """Somebody wants it to move, and no sensor's noise."""
+    makes_way: float = 1.0
+    """Part of the speed of what comes that its arm makes way at, 0 to 1."""
 
 
 class Situation(NamedTuple):
@@ -63,6 +66,8 @@ class Watch(NamedTuple):
     """Barriers: first those of the gaps that are near, then those of the workspace."""
     speeds: tuple[float, ...]
     """At which each tool is asked to go [m/s]."""
+    coming: Array
+    """Speed at which arms make way for the second of each pair (k,) [m/s]."""
 
     @property
     def levels(self) -> Levels:
@@ -82,6 +87,7 @@ class Guard:
         self.clearance = Clearance(cell, acceleration, jerk, self.capsules)
         self.walls = tuple(Walls(part, self.capsules) for part in cell.parts)
         """The workspace of each mechanism's tool."""
+        self._arm = _arm_of(self.capsules.moves, [len(part.joints) for part in cell.parts])
         self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         self._tools = tuple(self.capsules.body == w.body for w in self.walls)
@@ -100,13 +106,26 @@ class Guard:
         )
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
         widen = any(t.ordered and rate > ORDERED for t, rate in zip(at.tools, rates, strict=True))
-        gaps, room, closing = sight.near.rows, sight.room, sight.near.speed
+        coming = sight.near.approach
+        if np.count_nonzero(coming):
+            shares = np.array([tool.makes_way for tool in at.tools])
+            coming = shares[self._arm[sight.near.first]] * coming
+            coming = np.minimum(coming, at.factor * self._speed)
+        gaps, room, closing = sight.near.rows, sight.room, (sight.near.speed, coming)
         rows = []
         for tool, walls in zip(at.tools, self.walls, strict=True):
             walled = walls.around(_whole(tool, len(at.q)), tool.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, at.factor, widen))
-            gaps, room, closing = gaps[:0], room[:0], closing[:0]
-        return Watch(at, sight, Rows.of_all(rows), tuple(speeds))
+            gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
+        return Watch(at, sight, Rows.of_all(rows), tuple(speeds), coming)
+
+    def makes_way(self, watch: Watch) -> list[bool]:
+        """Return which arms are to go out of the way of something that comes."""
+        near, found = watch.sight.near, [False] * len(watch.at.tools)
+        if np.count_nonzero(watch.coming):
+            for i in np.flatnonzero((watch.coming > 0.0) & (watch.rows.low[: near.size] > 0.0)):
+                found[self._arm[near.first[i]]] = True
+        return found
 
     def tool_shares(self, watch: Watch) -> list[float]:
         """Return what share (0 to 1) of each tool's motion is slow enough beside things."""
@@ -122,6 +141,15 @@ class Guard:
             bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
             shares.append(min(1.0, watch.at.factor * bound / max(speed, 1e-12)))
         return shares
+
+    def slowed_to_limit(self, watch: Watch, dq: Array) -> Array:
+        """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
+        share = 1.0
+        for tool, asked in zip(watch.at.tools, watch.speeds, strict=True):
+            speed = float(np.linalg.norm(tool.J[:3] @ dq[tool.joints]))
+            most = max(asked, watch.at.factor * self._speed)
+            share = min(share, most / max(speed, 1e-12))
+        return dq if share >= 1.0 else share * dq
 
     def named(self, watch: Watch, broken: Flags) -> tuple[str, ...]:
         """Return the names of barriers that are flagged, the nearest first."""
@@ -150,6 +178,15 @@ class Guard:
             out = walls.shortfall(tool.p, tool.T_wrist_mrf, postures(times), base)
             short = max(short, out)
         return short
+
+
+def _arm_of(moves: Flags, counts: Sequence[int]) -> Index:
+    """Return which arm each capsule (c,) is part of; `moves` (c, n) tells which joints move it."""
+    found, first = np.zeros(len(moves), dtype=np.int64), 0
+    for arm, count in enumerate(counts):
+        found[moves[:, first : first + count].any(axis=1)] = arm
+        first += count
+    return found
 
 
 def _whole(tool: Tool, n: int) -> Array:

@@ -48,6 +48,8 @@ SELF_MOTION = 0.05
 
 WIDEN = 1e4
 """Cost of not widening a gap as told, per (m/s)²; it is never worth closing another."""
+WIDEN_BESIDE = 10.0
+"""The same where the tool is to stay: self-motion is worth it, leaving the place is not."""
 UNBOUNDED = 1e30
 UNASKED = 1e-9
 """A tool motion below this is none [m/s]."""
@@ -97,15 +99,16 @@ def nearest(
     tool: Index | None = None,
     links: Sequence[PayloadLink] = (),
     wheels: Sequence[int] = (),
+    widen: Sequence[float] | None = None,
 ) -> NearestRates:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
     `tool` (n,) tells which of t tools each joint moves, all the same one if None; the columns of
     J (6, n) are that tool's Jacobian. `velocity` (n,) are the joint speed bounds; `rows` are
-    A (m, n) and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened. `links`
-    are tools on one payload. Of driven `wheels`, by the places of the left ones, each pair keeps
-    its proportion. There always are such rates; raises `BarrierError` where an argument is not
-    finite.
+    A (m, n) and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened, at the
+    cost `widen` of each tool (t,). `links` are tools on one payload. Of driven `wheels`, by the
+    places of the left ones, each pair keeps its proportion. There always are such rates; raises
+    `BarrierError` where an argument is not finite.
     """
     n = len(dq)
     tool = np.zeros(n, dtype=np.int64) if tool is None else tool
@@ -114,12 +117,13 @@ def nearest(
         led = Led.of(dq, low, high, wheels)
         found_led = nearest(
             led.asked, J @ led.whole, led.low, led.high, velocity[led.kept], characteristic_length,
-            (slopes @ led.whole, least), tool[led.kept], links,
+            (slopes @ led.whole, least), tool[led.kept], links, (), widen,
         )  # fmt: skip
         return found_led._replace(dq=led.whole @ found_led.dq)
     length = ATTITUDE * characteristic_length
+    costs = np.full(tool.max() + 1, WIDEN) if widen is None else np.array(widen)
     H, f, A, upper, lower, sense = _programme(
-        dq, J, tool, low, high, velocity, slopes, least, length
+        dq, J, tool, low, high, velocity, slopes, least, costs, length
     )
     for link in links:
         H, f = keep(H, f, J, tool, link.tools, link.give_way, length)
@@ -152,18 +156,18 @@ def _check_finite(**arguments: Array) -> None:
             raise BarrierError(f"{name} is not finite: {values}")
 
 
-@compiled(VECTOR, MATRIX, INDEX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, NUMBER)
+@compiled(VECTOR, MATRIX, INDEX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, NUMBER)
 def _programme(
     dq: Array, J: Array, tool: Index, low: Array, high: Array, velocity: Array, slopes: Array,
-    least: Array, length: float,
+    least: Array, costs: Array, length: float,
 ) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:  # fmt: skip
     """Return H, f, A and the bounds above and below of the unknowns, then of the rows of A.
 
     And DAQP's sense of each bound: barriers are soft where a joint is to be led back.
 
     ‖J dq' − s ẋ‖² and ‖(dq' − s dq)/V‖² of every tool, in the unknowns (dq', s), with one s for
-    each tool, and one more for each gap that is to be widened: what it falls short by. `length`
-    weighs rotations [m/rad].
+    each tool, and one more for each gap that is to be widened: what it falls short by, at the
+    least of the `costs` (t,) of tools that it concerns. `length` weighs rotations [m/rad].
     """
     n, m, tools = len(dq), len(least), tool.max() + 1
     widened, wide = np.empty(m, dtype=np.int64), 0
@@ -212,9 +216,12 @@ def _programme(
             A[i, j] = slopes[i, j]
     for i in range(wide):
         gap = widened[i]
-        H[slack + i, slack + i] = WIDEN
+        cost = np.inf
         for j in range(n):
             A[m + i, j] = slopes[gap, j]
+            if slopes[gap, j] != 0.0:
+                cost = min(cost, costs[tool[j]])
+        H[slack + i, slack + i] = cost if cost < np.inf else costs[0]
         A[m + i, slack + i] = 1.0
         lower[size + m + i] = least[gap]
     sense, led_back = np.zeros(size + count, dtype=np.int32), False

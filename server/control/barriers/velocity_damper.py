@@ -3,6 +3,10 @@
 v ≤ √(b² + 2 a' d) − b with b = a'·lag + w, where d is the room, less the way w·lag of something
 that comes nearer at w meanwhile; a' a part of the deceleration that the joints have along the gap;
 lag the time that jerk and period take before braking acts.
+
+What news shows to come at u > 0 is made way for: the gap is to change at least at u − v, and where
+the room is used up by more, at k times that, up to `CATCH_UP` u. So a gap that something closes
+comes to rest where it just cannot be lost, and opens again before what was late is.
 """
 
 import math
@@ -24,6 +28,12 @@ before anything can be done about what comes."""
 
 RETURN_SPEED = 0.02
 """And at most so fast [m/s]."""
+
+ASIDE_RATE = 10.0
+"""k: inside the bound to something that comes, the gap is widened at this rate [1/s] …"""
+
+CATCH_UP = 2.0
+"""… and at most at so many times the speed at which it comes [1]."""
 
 
 class Rows(NamedTuple):
@@ -75,25 +85,34 @@ class Braking:
         return 2.0 * (factor * self._ramp_s + self._period_s)
 
     def rows(
-        self, slopes: Array, room: Array, closing: Array, tool: Walled, factor: float, widen: bool
+        self,
+        slopes: Array,
+        room: Array,
+        closing: tuple[Array, Array],
+        tool: Walled,
+        factor: float,
+        widen: bool,
     ) -> Rows:
-        """Return the barriers of gaps with slopes (k, n), room (k,) [m] and closing speed [m/s].
+        """Return the barriers of gaps with slopes (k, n) and room (k,) [m].
 
-        Then those of the walls, low ones first. With `widen`, a gap beyond its bound is widened
-        gently; else it just does not close.
+        `closing` are the speeds (k,) [m/s] at which the other side may come nearer, and at which it
+        comes and is made way for. Then those of the walls, low ones first. With `widen`, a gap
+        beyond its bound is widened gently; else it just does not close.
         """
         acceleration, lag = self.acceleration, self.lag(factor)
         count, n = len(slopes) + 2 * len(tool.low), len(acceleration)
         found = Rows(np.empty((count, n)), np.empty(count))
-        _damp(slopes, room, closing, *tool, acceleration, factor, lag, widen, *found)
+        _damp(slopes, room, *closing, *tool, acceleration, factor, lag, widen, *found)
         return found
 
 
 @compiled(
-    MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER, FLAG, TABLE, ROW
-)
+    MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR,
+    NUMBER, NUMBER, FLAG, TABLE, ROW,
+)  # fmt: skip
 def _damp(
-    gaps: Array, room: Array, closing: Array, J: Array, p: Array, low: Array, high: Array,
+    gaps: Array, room: Array, closing: Array, coming: Array,
+    J: Array, p: Array, low: Array, high: Array,
     acceleration: Array, factor: float, lag: float, widen: bool, slopes: Array, least: Array,
 ) -> None:  # fmt: skip
     """Write slopes (k + w, n) of gaps and walls, and the rates (k + w,) [m/s] they keep above.
@@ -105,10 +124,10 @@ def _damp(
     m = k + 2 * len(low)
     for i in range(m):
         if i < k:
-            slopes[i], left, comes = gaps[i], room[i], closing[i]
+            slopes[i], left, comes, u = gaps[i], room[i], closing[i], coming[i]
         else:
             axis = (i - k) % 3
-            down, comes = i < k + 3, 0.0
+            down, comes, u = i < k + 3, 0.0, 0.0
             left = p[axis] - low[axis] if down else high[axis] - p[axis]
             for j in range(n):
                 slopes[i, j] = J[axis, j] if down else -J[axis, j]
@@ -120,8 +139,11 @@ def _damp(
         b = a * lag + comes
         left -= comes * lag
         least[i] = b - math.sqrt(b * b + 2.0 * a * max(left, 0.0))
+        aside = u + least[i]
         if widen:
             least[i] += min(RETURN_RATE * max(-left, 0.0), RETURN_SPEED)
+        if u > 0.0:
+            least[i] = max(least[i], aside, min(ASIDE_RATE * max(-left, 0.0), CATCH_UP * u))
 
 
 @compiled(MATRIX, VECTOR, VECTOR, MARKS)

@@ -21,16 +21,16 @@ class NearestPoints(NamedTuple):
     """On the first thing (k, 3) [m]."""
 
 
-@compiled(MATRIX, PAIRS, VECTOR, NUMBER, VECTOR, MOTION, ROW, ROW, ROW, COUNTS)
+@compiled(MATRIX, PAIRS, VECTOR, NUMBER, VECTOR, MOTION, ROW, ROW, ROW, ROW, COUNTS)
 def _face(
     normal: Array, pairs: Pairs, link_radius: Array, own_clearance: float, radius: Array,
-    motion: Motion, radii: Array, promise: Array, nearer: Array, obstacle: Index,
+    motion: Motion, radii: Array, promise: Array, nearer: Array, comes: Array, obstacle: Index,
 ) -> None:  # fmt: skip
-    """Write radii, promise, speed and obstacle (k,) of `NearPairs`; `radius` is that of rounds.
+    """Write radii, promise, speed, approach and obstacle (k,) of `NearPairs`.
 
-    The speed is zero before.
+    `radius` is that of rounds. Both speeds are zero before.
     """
-    (first, second), (clearance, velocity, speed) = pairs, motion
+    (first, second), (clearance, velocity, speed, observed) = pairs, motion
     capsules = len(link_radius)
     for i in range(len(first)):
         radii[i], promise[i], obstacle[i] = link_radius[first[i]], own_clearance, -1
@@ -41,10 +41,11 @@ def _face(
         obstacle[i], promise[i] = thing, clearance[thing]
         if thing < len(radius):
             radii[i] += radius[thing]
-        closing = speed[thing]
+        closing, approach = speed[thing], 0.0
         for j in range(3):
             closing += normal[i, j] * velocity[thing, j]
-        nearer[i] = max(closing, 0.0)
+            approach += normal[i, j] * observed[thing, j]
+        nearer[i], comes[i] = max(closing, 0.0), max(approach, 0.0)
 
 
 def slopes(placed: Placed, bodies: Bodies, pairs: Pairs, normal: Array, place: Array) -> Array:
@@ -83,29 +84,37 @@ def _slope(
 def described(
     placed: Placed, bodies: Bodies, pairs: Pairs,
     near: Near, own_clearance: float, radius: Array, motion: Motion,
-) -> tuple[Array, Array, Array, Array, Array, Index, Array]:  # fmt: skip
-    """Return radii, gap, promise, rows, speed, obstacle and carried of `NearPairs`.
+) -> tuple[Array, Array, Array, Array, Array, Array, Index, Array]:  # fmt: skip
+    """Return radii, gap, promise, rows, speed, approach, obstacle and carried of `NearPairs`.
 
     `placed` and `near` are the records of those names; `radius` (m,) is that of rounds [m].
     """
     k = len(pairs[0])
-    radii, gap, promise, speed = np.empty(k), np.empty(k), np.empty(k), np.zeros(k)
+    radii, gap, promise = np.empty(k), np.empty(k), np.empty(k)
+    speed, approach = np.zeros(k), np.zeros(k)
     rows, obstacle = np.zeros((k, placed[2].shape[1])), np.empty(k, dtype=np.int64)
     _describe(
         placed, bodies, pairs, near, own_clearance, radius, motion,
-        radii, gap, promise, rows, speed, obstacle,
+        radii, gap, promise, rows, speed, approach, obstacle,
     )  # fmt: skip
-    return radii, gap, promise, rows, speed, obstacle, np.zeros(k)
+    return radii, gap, promise, rows, speed, approach, obstacle, np.zeros(k)
 
 
-@compiled(PLACED, BODIES, PAIRS, NEAREST, NUMBER, VECTOR, MOTION, ROW, ROW, ROW, TABLE, ROW, COUNTS)
+@compiled(
+    PLACED, BODIES, PAIRS, NEAREST, NUMBER, VECTOR, MOTION,
+    ROW, ROW, ROW, TABLE, ROW, ROW, COUNTS,
+)  # fmt: skip
 def _describe(
     placed: Placed, bodies: Bodies, pairs: Pairs,
     near: Near, own_clearance: float, radius: Array, motion: Motion,
-    radii: Array, gap: Array, promise: Array, rows: Array, speed: Array, obstacle: Index,
+    radii: Array, gap: Array, promise: Array, rows: Array, speed: Array, approach: Array,
+    obstacle: Index,
 ) -> None:  # fmt: skip
     distance, normal, place = near
-    _face(normal, pairs, bodies[0], own_clearance, radius, motion, radii, promise, speed, obstacle)
+    _face(
+        normal, pairs, bodies[0], own_clearance, radius, motion,
+        radii, promise, speed, approach, obstacle,
+    )  # fmt: skip
     _slope(placed, bodies, pairs, normal, place, rows)
     for i in range(len(distance)):
         gap[i] = distance[i] - radii[i]

@@ -50,6 +50,8 @@ class NearPairs(NamedTuple):
     """Slope of the gap in the joint angles (k, n) [m/rad]."""
     speed: Array
     """Speed at which the second may approach [m/s]."""
+    approach: Array
+    """Speed at which news shows the second to approach (k,) [m/s]; 0 for one that does not."""
     obstacle: Index
     """Index of the second in the scene; −1 for links."""
     carried: Array
@@ -90,12 +92,14 @@ class PairSearch:
         )  # fmt: skip
         pairs = first[:count], second[:count]
         near = NearestPoints(*measured(placed.ends, pairs, scene.segments))
-        motion = scene.clearance, scene.velocity, scene.speed
-        radii, gap, promise, rows, speed, obstacle, none = described(
+        motion = scene.clearance, scene.velocity, scene.speed, scene.observed
+        radii, gap, promise, rows, speed, approach, obstacle, none = described(
             placed[:], self._bodies, pairs, near[:], self._own_clearance,
             scene.rounds.radius, motion,
         )  # fmt: skip
-        return NearPairs(*pairs, placed, near, radii, gap, promise, rows, speed, obstacle, none)
+        return NearPairs(
+            *pairs, placed, near, radii, gap, promise, rows, speed, approach, obstacle, none
+        )
 
     def shortfall(
         self, ends: Array, near: NearPairs, which: Index, least: Array, scene: Scene | None

@@ -36,6 +36,6 @@ NEAREST: Final = record(VECTOR, MATRIX, MATRIX)
 MEASURED: Final = record(ROW, TABLE, TABLE)
 """The same, to be filled in."""
 
-Motion = tuple[Array, Array, Array]
-MOTION: Final = record(VECTOR, MATRIX, VECTOR)
-"""`clearance`, `velocity` and `speed` of a `Scene`."""
+Motion = tuple[Array, Array, Array, Array]
+MOTION: Final = record(VECTOR, MATRIX, VECTOR, MATRIX)
+"""`clearance`, `velocity`, `speed` and `observed` of a `Scene`."""

@@ -28,6 +28,7 @@ def scene(rng) -> Scene:
         acceleration=np.array([UNBOUNDED, UNBOUNDED, 2.0, 1.0, UNBOUNDED, 0.5]),
         age=np.array([0.0, 0.1, 0.05, 0.0, 0.3, 0.2]),
         still_after=np.array([np.inf, np.inf, np.inf, np.inf, 0.35, 0.3]),
+        observed=np.zeros((6, 3)),
     )
 
 

@@ -267,3 +267,62 @@ def test_news_crosses_the_wire_and_half_an_obstacle_does_not():
     halved = encode(news.model_copy(update={"to": None}))
     with pytest.raises(CodecError, match="capsule needs to"):
         decode_as(ObstacleNews, halved)
+
+
+BALL = {"shape": "sphere", "xyz": (1, 0, 0), "radius": 0.1, "max_speed": 0.5, "stale": "keep"}
+
+
+def watched(knowing, velocity, told, seconds=1.5, noise=lambda: 0.0):
+    """Return the velocity along x that the scene shows in each tick (k,), 20 news a second."""
+    knowing.tell("ball", **BALL, velocity=(velocity, 0, 0))
+    found = []
+    for i in range(round(seconds / 0.01)):
+        knowing.go(1)
+        if knowing.tick % 5 == 0:
+            more = {"velocity": (velocity + noise(), 0, 0)} if told else {}
+            x = 1 + velocity * 0.01 * (i + 1) + (0.0 if told else noise())
+            knowing.tell("ball", xyz=(x, 0, 0), **more)
+        found.append(knowing.scene.observed[0, 0])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_the_velocity_that_news_shows_fades_in_and_is_told_or_seen(knowing, told):
+    found = watched(knowing, 0.2, told, 3.0)
+    assert found[-1] == pytest.approx(0.2, rel=0.03)
+    assert np.abs(np.diff(found)).max() < 0.05
+    assert found[9] < 0.1
+
+
+def test_it_fades_out_when_the_news_is_stale_or_says_that_it_stands(knowing):
+    watched(knowing, 0.2, told=True)
+    knowing.go(20)
+    assert knowing.scene.observed[0, 0] > 0.15
+    knowing.go(30)
+    assert not knowing.scene.comes
+    watched(knowing, 0.2, told=True)
+    knowing.go(1)
+    knowing.tell("ball", xyz=(1, 0, 0), velocity=(0, 0, 0))
+    assert knowing.scene.observed[0, 0] > 0.05
+    knowing.go(21)
+    assert not knowing.scene.comes
+
+
+@pytest.mark.parametrize(("told", "size"), [(True, 0.02), (False, 0.002)])
+def test_noise_is_no_motion(knowing, rng, told, size):
+    found = watched(knowing, 0.0, told, 10.0, lambda: float(rng.normal(0.0, size)))
+    assert not found.any()
+
+
+def test_what_jumps_is_seen_no_faster_than_it_may_be(knowing):
+    knowing.tell("ball", **BALL)
+    for x in (1.5, 2.0, 2.5, 3.0):
+        knowing.go(5)
+        knowing.tell("ball", xyz=(x, 0, 0))
+    knowing.go(4)
+    assert 0.0 < knowing.scene.observed[0, 0] <= 0.5
+
+
+def test_an_obstacle_of_the_cell_that_stands_is_never_seen_to_come():
+    knowing = Knowing((TABLE,))
+    assert not knowing.scene.comes

@@ -20,6 +20,7 @@ _WORDS = {
     "wall": "A link is near the wall of its tunnel.",
     "held_back": "Clearances hold the base where the reflex saw a way: back off.",
     "no_headway": "The base waits, and the reflex comes to no end: back off.",
+    "off_station": "The arm has made way for something, and comes back when it can.",
     "near": "Near {0}: the tool slows.",
 }
 

@@ -148,13 +148,14 @@ def test_the_programme_has_the_costs_that_are_stated(rng, tool):
     dq, J, V = rng.normal(size=n), rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n)
     low, high, slopes = -V, V, rng.normal(size=(3, n))
     least = np.array([-0.2, 0.01, -0.1])
-    posed = (dq, J, tool, low, high, V, slopes, least, length)
+    costs = rng.uniform(1.0, 1e4, tools)
+    posed = (dq, J, tool, low, high, V, slopes, least, costs, length)
     H, f, A, upper, lower, sense = nearest_module._programme(*posed)
     weight = np.diag([1.0] * 3 + [length] * 3)
     for _ in range(10):
         z = rng.normal(size=len(f))
         rates, shares, short = z[:n], z[n : n + tools], z[n + tools :]
-        cost = nearest_module.WIDEN * short @ short
+        cost = costs.min() * short @ short
         for t, s in enumerate(shares):
             of_tool = tool == t
             asked, found, own_J = dq[of_tool], rates[of_tool], J[:, of_tool]
@@ -200,7 +201,7 @@ def test_barriers_are_soft_only_where_a_joint_is_led_back(rng, side):
         high[2] = -0.01
     least = np.array([-0.2, 0.01, -0.1])
     *_, sense = nearest_module._programme(
-        dq, J, np.zeros(n, dtype=np.int64), low, high, V, slopes, least, 0.4
+        dq, J, np.zeros(n, dtype=np.int64), low, high, V, slopes, least, np.ones(1), 0.4
     )
     # The rates, the share and what widening falls short by; three barriers, and the widening.
     np.testing.assert_array_equal(sense, [0] * (n + 2) + [8] * 3 + [0])

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from telerobot.server.control.barriers.velocity_damper import (
+    ASIDE_RATE,
     BRAKING,
+    CATCH_UP,
     RETURN_RATE,
     RETURN_SPEED,
     Braking,
@@ -14,6 +16,7 @@ PERIOD_S = 0.01
 ACCELERATION = np.array([2.0, 3.0, 4.0])
 JERK = np.array([20.0, 60.0, 50.0])
 BRAKES = Braking(ACCELERATION, JERK, PERIOD_S)
+STANDS = np.zeros(60)
 NO_WALLS = Walled(np.zeros((6, 3)), np.zeros(3), np.zeros(0), np.zeros(0))
 
 
@@ -38,9 +41,26 @@ def test_the_speed_is_that_of_the_law(gaps, factor, widen):
     if widen:
         beyond = np.maximum(closing * lag - room, 0.0)
         speed -= np.minimum(RETURN_RATE * beyond, RETURN_SPEED)
-    rows = BRAKES.rows(slopes, room, closing, NO_WALLS, factor, widen)
+    rows = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, factor, widen)
     assert rows.low == pytest.approx(-speed, abs=1e-12)
     np.testing.assert_array_equal(rows.A, slopes)
+
+
+@pytest.mark.parametrize("widen", [False, True])
+def test_what_comes_is_made_way_for(gaps, widen):
+    """At what the room does not allow; where it is used up, at k times that, twice as fast."""
+    slopes, room, closing = gaps
+    alone = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen).low
+    gently = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen=False).low
+    coming = np.linspace(-0.1, 0.3, 60).clip(0.0)
+    low = BRAKES.rows(slopes, room, (closing, coming), NO_WALLS, 1.0, widen).low
+    stands = coming == 0.0
+    np.testing.assert_array_equal(low[stands], alone[stands])
+    depth = np.maximum(closing * BRAKES.lag(1.0) - room, 0.0)
+    law = np.maximum(coming + gently, np.minimum(ASIDE_RATE * depth, CATCH_UP * coming))
+    assert low[~stands] == pytest.approx(np.maximum(alone, law)[~stands], abs=1e-12)
+    inside = ~stands & (depth > 0.0)
+    assert (low[inside] >= coming[inside] - 1e-12).all()
 
 
 @pytest.mark.parametrize("widen", [False, True])
@@ -48,16 +68,17 @@ def test_walls_are_gaps_that_stand(gaps, rng, widen):
     slopes, room, closing = gaps
     J, p = rng.uniform(-1.0, 1.0, (6, 3)), rng.uniform(-0.5, 0.5, 3)
     low, high = np.array([-0.4, -0.3, -0.2]), np.array([0.1, 0.2, 0.3])
-    rows = BRAKES.rows(slopes, room, closing, Walled(J, p, low, high), 0.5, widen)
-    gaps_alone = BRAKES.rows(slopes, room, closing, NO_WALLS, 0.5, widen)
-    as_gaps = np.vstack([J[:3], -J[:3]]), np.r_[p - low, high - p], np.zeros(6)
+    rows = BRAKES.rows(slopes, room, (closing, STANDS), Walled(J, p, low, high), 0.5, widen)
+    gaps_alone = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 0.5, widen)
+    as_gaps = np.vstack([J[:3], -J[:3]]), np.r_[p - low, high - p], (np.zeros(6), np.zeros(6))
     walls_alone = BRAKES.rows(*as_gaps, NO_WALLS, 0.5, widen)
     np.testing.assert_array_equal(rows.A, np.vstack([gaps_alone.A, walls_alone.A]))
     np.testing.assert_array_equal(rows.low, np.r_[gaps_alone.low, walls_alone.low])
 
 
 def test_barriers_that_rates_break_are_named_by_place(gaps, rng):
-    rows = BRAKES.rows(*gaps, NO_WALLS, 1.0, widen=False)
+    slopes, room, closing = gaps
+    rows = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen=False)
     for dq in rng.uniform(-1.0, 1.0, (50, 3)) * np.linspace(0.0, 1.0, 50)[:, None]:
         broken, any_broken = rows.broken(dq)
         np.testing.assert_array_equal(broken, rows.A @ dq < rows.low)
@@ -66,7 +87,7 @@ def test_barriers_that_rates_break_are_named_by_place(gaps, rng):
 
 def test_an_arm_that_closes_so_fast_stands_before_its_room_is_used_up(gaps):
     slopes, room, closing = gaps
-    rows = BRAKES.rows(slopes, room, closing, NO_WALLS, 1.0, widen=False)
+    rows = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen=False)
     for slope, left, comes, speed in zip(slopes, room, closing, -rows.low, strict=True):
         if not slope.any() or speed <= 0.0:
             assert speed <= 1e-12
