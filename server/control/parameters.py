@@ -18,6 +18,7 @@ from .joints import Joints
 from .mechanism.null_space.priority import Priority
 from .mechanism.payload import Payload
 from .proximity.capsules import Capsules
+from .scene import Flags
 from .spatial import Array, Pose
 from .task.source import Shaping
 
@@ -80,6 +81,8 @@ class Parameters:
     avoidance: AvoidanceSection
     retreat_leash: float | None
     """How far joints give way after a touch [rad]; None where nothing feels one."""
+    gives_way: Flags
+    """Joints that give way after a touch (n,): all but an axis that sweeps."""
 
     @property
     def n(self) -> int:
@@ -152,6 +155,9 @@ class Parameters:
             max_torque_rate=np.array([d.max_torque_rate or np.inf for d in ordered]),
             avoidance=c.avoidance,
             retreat_leash=_retreat_leash(c),
+            gives_way=np.array(
+                [c.mechanism.sweep is None or d.joint != c.mechanism.sweep.joint for d in ordered]
+            ),
         )
 
 

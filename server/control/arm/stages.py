@@ -65,7 +65,9 @@ class Stages:
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None
         if p.retreat_leash is not None:
-            self.retreat = Retreat(p.retreat_leash, T, bound=backbone is not None)
+            self.retreat = Retreat(
+                p.retreat_leash, T, bound=backbone is not None, gives_way=p.gives_way
+            )
         self.standing = Standing(p.avoidance, p.capsules, joints.velocity)
         self.actuate = actuation(p, mechanism)
         self.holding = HoldingTorque(

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled import NUMBER, VECTOR, compiled
+from ..scene import Flags
 from ..spatial import Array
 from .pushed import Pushed, beyond, leads_into, magnitude, relieves, seen_torques, tool_push
 
@@ -95,10 +96,18 @@ class Retreat:
     """Gives way after a touch; `leash` is the longest travel of a joint [rad].
 
     An arm that is `bound` to its path, as one in tunnels is, goes back along it and nowhere else.
+    Joints that do not give way (n,) stand, and are no part of the path: an axis that sweeps.
     """
 
-    def __init__(self, leash: float, period_s: float, bound: bool = False) -> None:
+    def __init__(
+        self,
+        leash: float,
+        period_s: float,
+        bound: bool = False,
+        gives_way: Flags | None = None,
+    ) -> None:
         self.leash, self._bound = leash, bound
+        self._stands = None if gives_way is None or gives_way.all() else ~gives_way
         self._T = period_s
         self._kept = 16 + math.ceil(leash / STEP)
         self.start = RetreatState()
@@ -124,6 +133,8 @@ class Retreat:
         bleeding off asks for while the arm is `held`. Force control is `relieving` contact that
         commanded joints press on.
         """
+        if self._stands is not None:
+            q = np.where(self._stands, 0.0, q)
         if not held or pushed is None or not pushed.touched:
             if held and pushed is not None and leads_into(dq, pushed):
                 dq = np.zeros_like(dq)
@@ -137,6 +148,8 @@ class Retreat:
         state, way = self._direction(state, q, back, new, tool, pushed)
         if leads_into(dq, pushed) or (_forward(dq, back) and not relieves(dq, seen, new, pushed)):
             dq = np.zeros_like(dq)
+        if self._stands is not None:
+            way = np.where(self._stands, 0.0, way)
         return state._replace(q=q), dq + state.rate * way
 
     def _remembered(
@@ -219,7 +232,17 @@ class Retreat:
         way = None if self._bound else _off_path(pushed, tool, back)
         if way is None:
             return state, none
-        return state._replace(rate=min(SLOWEST, end), off_path=True, shifted=True), way
+        rate = min(FASTEST, SLOWEST * _strength(push, pushed), end)
+        return state._replace(rate=rate, off_path=True, shifted=True), way
+
+
+def _strength(push: Array, pushed: Pushed) -> float:
+    """Return how hard a push (n,) [N·m] is, in bounds of the joint that it is hardest for; from 1.
+
+    What comes on is given way to the quicker, the harder it pushes: at one rate for all it would
+    overtake the arm.
+    """
+    return max(1.0, float((np.abs(push) / pushed.bound).max()))
 
 
 def _moved(state: RetreatState, q: Array) -> RetreatState:
@@ -297,7 +320,8 @@ def _off_path(pushed: Pushed, tool: Array, back: Array | None) -> Array | None:
     """
     if pushed.free is None or not pushed.lasting:
         return None
-    push = beyond(pushed.external - pushed.free, pushed) + tool
+    # Of joints that are pushed alike against their bounds, a weak one gives way no less.
+    push = (beyond(pushed.external - pushed.free, pushed) + tool) / pushed.bound
     size = magnitude(push)
     if size == 0.0:
         return None

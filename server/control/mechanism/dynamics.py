@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..spatial import GRAVITY, Array, Pose
+from ..wheels.rolling import Rolling
 from .kinematics import Kinematics, Mechanism
 
 
@@ -69,7 +70,11 @@ class Dynamics:
         self.carried = (mass, self._T_wrist_sensor.R @ com + self._T_wrist_sensor.p)
         com = self._T_joint_sensor.R @ com + self._T_joint_sensor.p
         inertia = self._bare + _point(mass, com)
-        self._model.inertias[self._joint] = pin.Inertia.FromDynamicParameters(inertia)
+        self._hang(pin.Inertia.FromDynamicParameters(inertia))
+
+    def _hang(self, inertia: "pin.Inertia") -> None:
+        """Give the last link's inertia with what it carries to the model."""
+        self._model.inertias[self._joint] = inertia
 
     def fall(self, free_fall: Array) -> None:
         """Say how things fall (3,) [m/s²], in Base axes: gravity, less how Base accelerates."""
@@ -111,6 +116,74 @@ class Dynamics:
     def kinematics(self, q: Array, T_wrist_mrf: Pose) -> Kinematics:
         """Return the frames and the Jacobian of the MRF at q (n,) [rad]."""
         return self._mechanism.kinematics(q, T_wrist_mrf)
+
+
+class RollingDynamics(Dynamics):
+    """The dynamics of an arm on a base with two driven wheels, which carry all that they move.
+
+    As wheels turn, the base moves: what its motion and the arm's need is a force ahead and a moment
+    about its axis, of which each wheel has its part. Wheels hold across; they are taken to roll.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, rolling: Rolling, rotor_inertia: Array, T_sensor: Pose | None
+    ) -> None:
+        super().__init__(mechanism, rotor_inertia, T_sensor)
+        self._rolling = rolling
+        self._moving = _on_a_plane(self._model)
+        self._moving_data = self._moving.createData()
+
+    def _hang(self, inertia: "pin.Inertia") -> None:
+        super()._hang(inertia)
+        self._moving.inertias[self._joint + 1] = inertia
+
+    def fall(self, free_fall: Array) -> None:
+        """Say how things fall (3,) [m/s²], in Base axes, but for how its wheels move Base."""
+        super().fall(free_fall)
+        self._moving.gravity.linear = free_fall
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the torques (n,) [N·m] of a motion without contact and friction, wheels first."""
+        v, w = self._rolling.driven(dq[:2])
+        a, alpha = self._rolling.driven(ddq[:2])
+        # Ahead, across, about: at Base's origin, midway between the wheels, in its own axes.
+        base = np.array([[0.0, 0.0, 1.0, 0.0], [v, 0.0, w, 0.0], [a, 0.0, alpha, 0.0]])
+        needed = pin.rnea(
+            self._moving,
+            self._moving_data,
+            np.concatenate((base[0], q)),
+            np.concatenate((base[1, :3], dq)),
+            np.concatenate((base[2, :3], ddq)),
+        )
+        ahead, about = 0.5 * self._rolling.radius * needed[0], self._rolling.turn * needed[2]
+        found = np.array(needed[3:])
+        found[0] += ahead - about
+        found[1] += ahead + about
+        return found
+
+
+def dynamics_of(
+    mechanism: Mechanism, rotor_inertia: Array, T_wrist_sensor: Pose | None = None
+) -> Dynamics:
+    """Return the dynamics of a mechanism, with its base where that rolls."""
+    if mechanism.rolling is None:
+        return Dynamics(mechanism, rotor_inertia, T_wrist_sensor)
+    return RollingDynamics(mechanism, mechanism.rolling, rotor_inertia, T_wrist_sensor)
+
+
+def _on_a_plane(model: "pin.Model") -> "pin.Model":
+    """Return a model whose root link slides and turns on a plane: that joint comes first."""
+    found, armature = pin.Model(), np.concatenate((np.zeros(3), model.armature))
+    root = found.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "plane")
+    found.appendBodyToJoint(root, model.inertias[0], pin.SE3.Identity())
+    for j in range(1, model.njoints):
+        place = found.addJoint(
+            model.parents[j] + 1, model.joints[j], model.jointPlacements[j], model.names[j]
+        )
+        found.appendBodyToJoint(place, model.inertias[j], pin.SE3.Identity())
+    found.armature = armature
+    found.gravity.linear = model.gravity.linear
+    return found
 
 
 def _tool(model: "pin.Model", tip: int) -> Array:

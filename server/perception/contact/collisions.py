@@ -5,7 +5,7 @@ import numpy as np
 from ....config.schema.mechanism.touch import TouchSection
 from ...control.frame_tree import Moved
 from ...control.hold.pushed import Pushed
-from ...control.mechanism.dynamics import Dynamics
+from ...control.mechanism.dynamics import dynamics_of
 from ...control.mechanism.kinematics import Mechanism
 from ...control.parameters import Parameters
 from ...control.spatial import GRAVITY, Array
@@ -139,7 +139,7 @@ def _detector(
 ) -> CollisionDetector | None:
     if section is None:
         return None
-    dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+    dynamics = dynamics_of(mechanism, p.rotor_inertia, p.T_wrist_sensor)
     bound = section.torque if len(section.torque) == p.n else section.torque * p.n
     return CollisionDetector(
         dynamics,

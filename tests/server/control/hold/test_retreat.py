@@ -73,6 +73,28 @@ def test_it_follows_the_way_round_a_corner(retreat):
     assert way[-1, 0] < 0.13
 
 
+def test_a_joint_that_sweeps_is_no_part_of_the_way_and_stands():
+    retreat = Retreat(LEASH, T, gives_way=np.array([True, False]))
+    state, q = retreat.start, np.zeros(2)
+    for k in range(200):
+        q = np.array([0.1 * T * k, np.sin(0.2 * k)])
+        state, _ = retreat.step(state, q, np.zeros(2), J, None, k * T, False)
+    state, way = held(retreat, state, q, 2.0, lambda at: push(-200.0 * max(0.0, at[0] - 0.15), 5.0))
+    assert 0.15 < way[-1, 0] < 0.162
+    assert np.ptp(way[:, 1]) == 0.0
+
+
+def test_a_hard_push_off_the_way_is_given_way_to_quicker_than_a_gentle_one(retreat):
+    rates = {}
+    for torque in (3.0, 9.0, 90.0):
+        state, q, now = came(retreat)
+        state, way = held(retreat, state, q, now, lambda at, t=torque: push(0.0, t), seconds=0.7)
+        rates[torque] = float(np.diff(way[:, 1]).max()) / T
+    assert rates[3.0] == pytest.approx(SLOWEST)
+    assert SLOWEST < rates[9.0] < rates[90.0]
+    assert rates[90.0] == pytest.approx(FASTEST)
+
+
 @pytest.mark.parametrize("seen", [False, True])
 def test_it_does_not_go_back_into_another_push(retreat, seen):
     state, q, now = came(retreat)

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.dynamics import Dynamics
+from telerobot.server.control.mechanism.dynamics import Dynamics, dynamics_of
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.spatial import Pose
 
@@ -73,3 +73,32 @@ def test_rotors_add_to_the_inertia_of_their_own_joint(arm) -> None:
     q, dq = states(1)[0]
     added = dynamics.terms(q, dq).M - mechanism.mass_matrix(q)
     np.testing.assert_allclose(added, np.diag(ROTORS), atol=1e-12)
+
+
+def test_wheels_give_what_base_and_arm_gain_in_energy():
+    """Power is the rate of kinetic and potential energy, whatever rolls and turns at once."""
+    cell = load_cell("rover")
+    mechanism = Mechanism.from_cell(cell)
+    n, rotors = mechanism.n, np.linspace(0.1, 0.9, mechanism.n)
+    dynamics = dynamics_of(mechanism, rotors)
+    free = pin.buildModelFromXML(cell.robot.description(), pin.JointModelPlanar())
+    data, wheels = free.createData(), cell.config.mechanism.base.wheels
+    order = [free.joints[free.getJointId(name)].idx_v for name in mechanism.joints]
+
+    def energy(q, dq):
+        left, right = 0.5 * wheels.radius * dq[0], 0.5 * wheels.radius * dq[1]
+        place, speed = np.zeros(free.nq), np.zeros(free.nv)
+        place[2] = 1.0
+        speed[0], speed[2] = left + right, (right - left) / (0.5 * wheels.track)
+        place[[i + 1 for i in order]], speed[order] = q, dq
+        found = pin.computeKineticEnergy(free, data, place, speed)
+        found += pin.computePotentialEnergy(free, data, place)
+        return found + 0.5 * float(rotors @ dq**2)
+
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        q, dq, ddq = rng.uniform(-1.5, 1.5, (3, n))
+        h = 1e-6
+        gained = energy(q + h * dq, dq + h * ddq) - energy(q - h * dq, dq - h * ddq)
+        power = float(dynamics.torque(q, dq, ddq) @ dq)
+        np.testing.assert_allclose(power, gained / (2.0 * h), rtol=1e-6, atol=1e-5)

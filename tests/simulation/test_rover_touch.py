@@ -1,0 +1,130 @@
+"""A rover that meets what it was not told of: its drives feel it, it stops and lets go of it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from telerobot.config.load import load_cell
+from telerobot.config.schema.rig.bridge import RigBridgeSection
+from telerobot.config.schema.rig.rig import BoxSection
+from telerobot.protocols.messages.rig import RigFault
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
+
+STEP = BoxSection(name="step", xyz=(0.75, 0.0, 0.125), half_size=(0.2, 0.5, 0.125))
+"""A step of 0.25 m ahead."""
+
+
+def rover(
+    *steps: dict[str, object], seconds: float, cell: str = "rover_bridge", **rig: object
+) -> Simulation:
+    """A run on the rover, with other things standing around than the cell has."""
+    made = load_cell(cell)
+    told = made.config.rig.model_copy(update={"bridge": None} | rig)
+    made = replace(made, config=made.config.model_copy(update={"rig": told}))
+    return Simulation(made, Script.model_validate({"duration_s": seconds, "step": list(steps)}))
+
+
+def drive(speed: float, at_s: float = 0.3) -> dict[str, object]:
+    return {"at_s": at_s, "cmd/drive": {"rates": [speed, 0.0]}}
+
+
+def pressed(run: Simulation) -> list[tuple[float, float]]:
+    """Return times [s], and the force of the rover on what it touches [N], as the run goes on."""
+    found: list[tuple[float, float]] = []
+
+    def look(_run: Simulation) -> None:
+        found.append((run.clock.time_s, float(np.linalg.norm(run.truths[-1].contact_force))))
+
+    run.on_tick = look
+    return found
+
+
+def first(run: Simulation, name: str) -> float:
+    return next(event.time_s for event in run.events if event.name == name)
+
+
+def odometry_off(run: Simulation) -> float:
+    true, told = run.truths[-1].frames["base"], run.states[-1].frames["base"]
+    return float(np.hypot(true[0] - told[0], true[1] - told[1]))
+
+
+def test_a_base_that_is_driven_into_something_stops_and_lets_go_of_it() -> None:
+    """The cell without a scanner: nobody looks, and the wheels' effort tells."""
+    run = rover(drive(0.2), seconds=4.0, cell="rover", boxes=(STEP,))
+    forces = pressed(run)
+    result = run.run()
+    met_s = next(time_s for time_s, force in forces if force > 0.0)
+    assert first(run, "touched") < met_s + 0.1
+    assert result.summary["mode"] == "hold"
+    assert [force for time_s, force in forces if time_s > met_s + 1.0 and force > 1.0] == []
+    assert odometry_off(run) < 0.06  # 0.3 m and more where its wheels go on
+    assert result.summary["limit_violations"] == 0
+
+
+def test_an_axis_that_sweeps_does_not_give_way_and_uses_up_no_leash() -> None:
+    run = rover(drive(-0.2), seconds=4.0, bridge=RigBridgeSection(height=0.95, distance=-0.75))
+    forces = pressed(run)
+    tilt = []
+    look = run.on_tick
+
+    def on_tick(run: Simulation) -> None:
+        look(run)
+        if run.cycle.mode == "hold":
+            tilt.append(run.truths[-1].q[-1])
+
+    run.on_tick = on_tick
+    run.run()
+    met_s = next(time_s for time_s, force in forces if force > 0.0)
+    assert first(run, "touched") < met_s + 0.15
+    assert run.cycle.mode == "hold"
+    assert "still_pushed" not in [event.name for event in run.events]
+    assert forces[-1][1] < 1.0
+    assert max(tilt) - min(tilt) < 2e-3
+
+
+def sinking(run: Simulation, bridge: RigBridgeSection, *, farther_m: float) -> Callable[..., None]:
+    """Lower the beam at 0.1 m/s onto the arm, and so much farther when it touches it [m]."""
+    at = [bridge.height + 0.05]
+    left = [farther_m]
+
+    def sink(_run: Simulation) -> None:
+        touching = any(run.truths[-1].contact_force) or left[0] < farther_m
+        if run.clock.time_s > 0.7 and left[0] > 0.0:
+            at[0] -= 0.001
+            left[0] -= 0.001 * touching
+            place = (bridge.distance + 0.1, 0.0, at[0])
+            run.rig.inject(RigFault(kind="place", target="bridge_beam", vector=place))
+
+    return sink
+
+
+def test_a_beam_that_is_lowered_on_the_arm_is_given_way_to() -> None:
+    above = RigBridgeSection(height=1.45, distance=0.15, thickness=0.2)
+    run = rover(seconds=3.2, bridge=above)
+    run.on_tick = sinking(run, above, farther_m=0.03)
+    result = run.run()
+    names = [event.name for event in run.events]
+    assert "touched" in names
+    assert "gave_way" in names
+    assert result.summary["mode"] == "hold"
+    assert not any(any(truth.contact_force) for truth in result.truths[-20:])
+    assert result.summary["limit_violations"] == 0
+
+
+def test_free_motion_of_base_and_arm_is_no_push() -> None:
+    stick = {"at_s": 0.5, "cmd/joystick": {"twist": [0.05, 0.1, -0.1, 0.0, 0.3, 0.0]}}
+    arc = {"at_s": 0.3, "cmd/drive": {"rates": [0.4, 0.8]}}
+    back = {"at_s": 1.6, "cmd/drive": {"rates": [-0.3, -0.8]}}
+    run = rover(arc, stick, back, seconds=3.0, cell="rover")
+    felt, bound = [], np.array(run.cell.config.touch.torque)
+
+    def look(_run: Simulation) -> None:
+        state = run.cycle.units.each[0].perception.collisions
+        if state.pushed is not None:
+            felt.append(np.abs(state.pushed.external) - state.pushed.excused)
+
+    run.on_tick = look
+    result = run.run()
+    assert result.summary["mode"] == "enabled"
+    assert (np.array(felt).max(axis=0) < 0.5 * bound).all()
