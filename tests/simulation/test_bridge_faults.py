@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.rig.bridge import RigBridgeSection, RigPersonSection
+from telerobot.config.schema.rig.rig import BoxSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -17,13 +18,14 @@ def rover(
     bridge: RigBridgeSection | None = None,
     person: RigPersonSection | None = None,
     news: dict[str, object] | None = None,
+    boxes: tuple[BoxSection, ...] = (),
 ) -> Simulation:
     """A run in which the base is driven at speeds [m/s], each from a time [s] on.
 
     `news` is of an obstacle that is not there.
     """
     cell = load_cell("rover_bridge")
-    rig = cell.config.rig.model_copy(update={"bridge": bridge, "person": person})
+    rig = cell.config.rig.model_copy(update={"bridge": bridge, "person": person, "boxes": boxes})
     cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
     steps = [{"at_s": at_s, "cmd/drive": {"rates": [speed, 0.0]}} for at_s, speed in drives]
     steps += [] if news is None else [{"at_s": 0.4, "sensor/obstacle": news}]
@@ -75,6 +77,19 @@ def test_a_bridge_that_is_too_low_is_refused_by_name_and_backed_away_from_at_onc
     assert 0.1 < stood[-1] < 0.6
     assert max(stood) - min(stood) < 0.02
     assert result.truths[-1].frames["base"][0] < stood[-1] - 0.1
+    assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
+    assert result.summary["min_clearance_m"] > 0.3
+
+
+@pytest.mark.parametrize("height", [0.25, 0.12])
+def test_a_step_that_only_base_and_scanner_would_meet_is_refused_by_name(height: float) -> None:
+    """It is lower than the arm's foot, where the contour begins, and than the scanner's head."""
+    step = BoxSection(name="step", xyz=(1.9, 0.0, 0.5 * height), half_size=(0.2, 0.5, 0.5 * height))
+    run = rover((0.3, 0.4), seconds=7.0, boxes=(step,))
+    result = run.run(lambda: "passage_refused" in [event.name for event in run.events])
+    (refused,) = [event for event in run.events if event.name == "passage_refused"]
+    assert refused.values["reason"] == "base_blocked"
+    assert abs(result.truths[-1].frames["base"][0] - result.truths[-50].frames["base"][0]) < 0.01
     assert (result.summary["mode"], result.summary["limit_violations"]) == ("enabled", 0)
     assert result.summary["min_clearance_m"] > 0.3
 

@@ -41,6 +41,15 @@ class Obstacles(NamedTuple):
         found = Obstacles.of(contour, plane)
         return found._replace(near=contour.farthest[~np.isnan(contour.nearest)])
 
+    def lifted(self, by: float) -> "Obstacles":
+        """Return them so much higher [m]."""
+        up = np.array([0.0, by])
+        return Obstacles(self.low + up, self.high + up, self.near)
+
+    def beside(self, others: "Obstacles") -> "Obstacles":
+        """Return these and others."""
+        return Obstacles(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
+
     def within(self, least: float, most: float) -> "Obstacles":
         """Return those that begin beyond one depth, and no farther than another [m]."""
         which = (self.near > least) & (self.near <= most)

@@ -22,6 +22,7 @@ from ...server.control.spatial import Array, Pose
 from .boxes import MOST, CellBox, boxes_of
 from .contour import CellPlane, Contour, contour_of
 from .geometry import MeasuredInstant, Ring, ScannerGeometry
+from .interference import NOTHING as NONE
 from .interference import Obstacles
 from .memory import PointMemory
 from .placing import bridged, own_rays, place
@@ -48,6 +49,8 @@ BOXES_BEHIND: Final = 4
 """Of the boxes that are told, what is passed has at most so many [1]."""
 BOX_MOVED: Final = 0.01
 """Boxes are told anew when a side has moved by so much [m]."""
+FLOOR: Final = 0.05
+"""What is lower is the floor, or rolled over [m]."""
 WAITING: Final = 8
 """Scans that wait for telemetry; more mean that there is none [1]."""
 
@@ -86,7 +89,11 @@ class Scanning:
         self.plane = CellPlane(p.width, p.height, p.cell, p.collect)
         points = CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot)
         self._points, self._foot = points, np.array(contour.foot)
-        search = Search(points, self.plane, reach_of(contour), contour.base_width)
+        # What carries the arm, and the scanner, are between floor and foot.
+        height = self.plane.cell * math.floor((contour.foot[2] - FLOOR) / self.plane.cell + 1e-9)
+        low = max(0.0, height) if contour.base_width else 0.0
+        self._below = self.plane._replace(height=low)
+        search = Search(points, self.plane, reach_of(contour), contour.base_width, -low)
         sweep = cell.config.mechanism.sweep
         decide_s = 0.0 if sweep is None else 2.0 * sweep.period_s
         self.reflex = PassageReflex(
@@ -177,7 +184,7 @@ class Scanning:
             which: Flags = (
                 (np.abs(seen[:, 0]) < plane.collect + 0.5)
                 & (np.abs(seen[:, 1]) < 0.5 * plane.width + 0.5)
-                & (seen[:, 2] > -plane.cell)
+                & (seen[:, 2] > -max(plane.cell, self._below.height))
                 & (seen[:, 2] < plane.height + 0.5)
             )
         return which
@@ -204,7 +211,7 @@ class Scanning:
         answer = self.reflex.step(
             now.time_s,
             q,
-            Obstacles.of(contour, self.plane),
+            Obstacles.of(contour, self.plane).beside(self._lower(seen, hits, rear)),
             Obstacles.behind(passed, self.plane),
         )
         messages: list[ContourNews | ObstacleNews] = [self._news(now.tick, contour, answer)]
@@ -213,6 +220,14 @@ class Scanning:
             boxes += boxes_of(contour, MOST - len(boxes))
             messages += self._boxes(now.tick, boxes, Pose(R, foot))
         return looked._replace(contour=contour, answer=answer, messages=tuple(messages))
+
+    def _lower(self, seen: Array, hits: Array, rear: float) -> Obstacles:
+        """Return what stands lower than the arm's foot, and higher than the floor."""
+        if not self._below.height:
+            return NONE
+        up = np.array([0.0, 0.0, self._below.height])
+        strip = contour_of(seen + up, hits, self._below, rear)
+        return Obstacles.of(strip, self._below).lifted(-self._below.height)
 
     def _news(self, tick: int, contour: Contour, answer: Reaction) -> ContourNews:
         rows, columns = self.plane.shape

@@ -4,6 +4,7 @@
 are none.
 """
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -56,13 +57,24 @@ class Search:
     """Looks for postures of one arm ahead of one plane."""
 
     def __init__(
-        self, points: CriticalPoints, plane: CellPlane, reach: Reach, base_width: float = 0.0
+        self,
+        points: CriticalPoints,
+        plane: CellPlane,
+        reach: Reach,
+        base_width: float = 0.0,
+        lowest: float = 0.0,
     ) -> None:
-        """Build it; what carries the arm is `base_width` wide [m], up to the arm's foot."""
+        """Build it; what carries the arm is `base_width` wide [m].
+
+        It reaches from the arm's foot down to `lowest` [m], seen from there.
+        """
         self.points, self.plane, self.reach = points, plane, reach
         points.grid  # noqa: B018  made now: it takes a second
         half = 0.5 * base_width
-        self._base = np.array([[0.0, -half, 0.0], [0.0, half, 0.0]])
+        # To and fro across, so close that no cell is between two of the lines.
+        heights = -plane.cell * np.arange(math.floor(-lowest / plane.cell + 1e-9) + 1)
+        lines = [((0.0, -half, z), (0.0, half, z)) for z in heights.tolist()]
+        self._base = np.array([p for i, line in enumerate(lines) for p in line[:: 1 - 2 * (i % 2)]])
         shoulder = points.of(np.zeros((1, len(points.lower))))[0, 0]
         self._column = np.array([[0.0, 0.0, 0.0], shoulder])
 
