@@ -5,11 +5,12 @@ is told of anybody else. With an identity, both sides of every link show a certi
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import zenoh
 
+from ...protocols.topics import KEEPALIVE
 from .access import enforced, reserved, trusting
 from .certificates import AUTHORITY, in_cell, known
 from .identity import Identity, servers
@@ -47,6 +48,14 @@ PRIORITIES = (
 PATIENCE_US = 100
 """A tick waits so long for room for a reply; then the session of who reads none is ended [µs]."""
 
+KEEPALIVES_HZ = 50.0
+"""A router passes on so many keepalives of a peer in a second, five times as many as are due [1/s].
+
+Each peer has its own count, so that one who floods crowds out nobody else. What is dropped was
+needless, or put on many keys at once. No other key has such a bound: what comes close together
+there may all be meant.
+"""
+
 # Shared memory would carry messages past the bound of their size.
 _BOUNDED = {
     "transport/link/tx/batch_size": BATCH_BYTES,
@@ -71,16 +80,19 @@ def router_config(listen: str, cell: str = "", identity: Identity | None = None)
     """
     if identity is None:
         open_ = {"mode": "router", "listen/endpoints": [listen], **_BOUNDED, **_IMPATIENT}
-        return _config({**open_, "access_control": reserved(cell)} if cell else open_)
+        own = {"access_control": reserved(cell), "downsampling": _paced([cell])} if cell else {}
+        return _config({**open_, **own})
     every, _ = known(identity.folder)
-    settings = router_settings(listen, identity.folder, identity.certificate.name)
+    settings = router_settings(listen, identity.folder, identity.certificate.name, [cell])
     access = {"access_control": enforced(in_cell(every, cell))}
     return _config({**settings, **_IMPATIENT, **access})
 
 
-def router_settings(listen: str, folder: Path, name: str) -> dict[str, object]:
-    """Return the settings of a router that shows a certificate, without its access control."""
-    shown = {**_COMMON, **_BOUNDED, **_tls(folder, name)}
+def router_settings(
+    listen: str, folder: Path, name: str, cells: Iterable[str]
+) -> dict[str, object]:
+    """Return the settings of a cells' router that shows a certificate, but for access control."""
+    shown = {**_COMMON, **_BOUNDED, **_tls(folder, name), "downsampling": _paced(cells)}
     return {"mode": "router", "listen/endpoints": [listen], **shown}
 
 
@@ -144,6 +156,12 @@ def _tls(folder: Path, name: str) -> dict[str, object]:
             "close_link_on_expiration": True,
         },
     }
+
+
+def _paced(cells: Iterable[str]) -> list[dict[str, object]]:
+    """Return Zenoh's `downsampling` of what each peer sends for some cells."""
+    rules = [{"key_expr": KEEPALIVE.full_key(cell), "freq": KEEPALIVES_HZ} for cell in cells]
+    return [{"id": "keepalives", "messages": ["put"], "flows": ["ingress"], "rules": rules}]
 
 
 def _config(settings: Mapping[str, object]) -> "zenoh.Config":

@@ -77,7 +77,10 @@ class Admission:
         return proof
 
     def admit(self, topic: Topic, payload: bytes, proof: Proof | None, now: Instant) -> Message:
-        """Return the message of a payload that may act now. Raises `Refused`."""
+        """Return the message of a payload that may act now. Raises `Refused`.
+
+        Any message that is proven and recent renews the lease: junk on one key cannot end it.
+        """
         if proof is None and issubclass(topic.message, Command):
             raise Refused(Why.WRONG_PROOF, "no proof of the lease")
         try:
@@ -87,6 +90,7 @@ class Admission:
         if isinstance(message, Command) and proof is not None:
             self._held(proof, now)
             self._recent(message, now)
+            self.renew(now)
             needs_enabled = topic.flow is Flow.COMMAND and topic.key != "cmd/keepalive"
             if needs_enabled:
                 self._current(message, now)
@@ -115,7 +119,7 @@ class Admission:
         return self.lease
 
     def renew(self, now: Instant) -> None:
-        """Renew the lease that was just proven."""
+        """Renew the lease."""
         self.lease = self.lease.renewed(now.time_s, self._timeout_s)
 
     def end(self) -> None:

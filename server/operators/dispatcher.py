@@ -77,9 +77,7 @@ class Dispatcher:
     def _command(self, queued: QueuedMessage, context: RequestContext) -> None:
         try:
             message = self._admission.admit(queued.topic, queued.payload, queued.proof, context.now)
-            if isinstance(message, Keepalive):
-                self._admission.renew(context.now)
-            elif isinstance(message, Command):
+            if isinstance(message, Command) and not isinstance(message, Keepalive):
                 for unit in self._units.told(message):
                     T_world_mrf = unit.T_world_mrf
                     if T_world_mrf is not None:

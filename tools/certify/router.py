@@ -26,12 +26,14 @@ def write_router(folder: Path, listen: str | None, name: str | None) -> Iterator
         raise ConfigError(f"--listen: value '{listen}': a router's endpoint begins with {SECURE}")
     every, _ = known(folder)
     holders = {one.name: one.grants for one in every if not one.name.startswith(f"{Role.ROUTER}-")}
+    cells = sorted({grant.cell for one in every for grant in one.grants})
     for router in sorted(one.name for one in every if one.name.startswith(f"{Role.ROUTER}-")):
         path = folder / f"{router}.json5"
         endpoint = _standing(path)
         if listen is not None and router == f"{Role.ROUTER}-{name}":
             endpoint = listen
-        settings = router_settings(endpoint, Path(), router) | {"access_control": enforced(holders)}
+        settings = router_settings(endpoint, Path(), router, cells)
+        settings |= {"access_control": enforced(holders)}
         path.write_text(json.dumps(_nested(settings), indent=1) + "\n")
         yield path
 

@@ -157,6 +157,21 @@ def test_a_lease_may_begin_with_any_number_but_an_absurd_one(admission):
     admit(admission, command(t.KEEPALIVE, seq=2**48 + 1), topic=t.KEEPALIVE)
 
 
+@pytest.mark.parametrize("topic", [t.KEEPALIVE, t.JOYSTICK, t.SPEED], ids=lambda x: x.key)
+def test_whatever_is_proven_and_recent_renews_the_lease(admission, topic):
+    late = Instant(100.4, 1040, 900)
+    admit(admission, command(topic, seen_tick=1040), late, topic)
+    assert admission.lease.alive(100.89)
+    assert not admission.lease.alive(100.91)
+
+
+@pytest.mark.parametrize("seen_tick", [989, 1041])
+def test_what_was_late_on_its_way_renews_nothing(admission, seen_tick):
+    late = Instant(100.4, 1040, 900)
+    assert refusal(admission, command(t.KEEPALIVE, seen_tick=seen_tick), late, t.KEEPALIVE)
+    assert not admission.lease.alive(100.5)
+
+
 def test_while_a_lease_lives_nobody_else_gets_one(admission):
     with pytest.raises(Refused) as caught:
         admission.grant("bob", BOBS, NOW)

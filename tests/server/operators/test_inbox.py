@@ -149,6 +149,22 @@ def test_no_junk_pushes_out_what_the_holder_sent(network, kind, topic):
         heard.append(mine)
 
 
+def test_junk_that_crowds_out_every_keepalive_does_not_end_the_lease_of_who_steers(network):
+    """Twice a ring of junk after each keepalive, for two leases' time, and a stick at 100 Hz."""
+    rng = random.Random(7)
+    for tick in range(100):
+        network.tick, network.clock.time_s = tick, 100.0 + tick * PERIOD_S
+        network.hold(t.KEEPALIVE)
+        network.hold(t.JOYSTICK, twist=(0.0,) * 6)
+        for _ in range(2 * RING):
+            network.send(t.KEEPALIVE, *junk_of("forged", rng, ()))
+        network.inbox.sort(network.now)
+        for queued in network.inbox.commands():
+            assert queued.topic is t.JOYSTICK
+            network.admission.admit(queued.topic, queued.payload, queued.proof, network.now)
+    assert network.admission.lease.alive(network.now.time_s)
+
+
 def test_what_waits_in_the_mailbox_is_not_pushed_out_by_junk_that_comes_after_it(network):
     """Between two ticks the rings are emptied more than once: that is as often as junk likes."""
     network.hold(t.KEEPALIVE)
