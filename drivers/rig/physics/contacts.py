@@ -65,6 +65,10 @@ class Contacts:
         """Return the sum over pairs of solids of arms and payload that touch each other [N]."""
         return self._sums()[OWN]
 
+    def greatest(self) -> float:
+        """Return the greatest sum of any side now, `own` among them [N]."""
+        return max(self._sums())
+
     def peak(self, side: int) -> float:
         """Return the greatest `total` of the newest period [N]."""
         return max(self._totals[side])

@@ -65,8 +65,9 @@ def play(seed: int) -> Outcome:
         for e in simulation.events
         if e.name in ("tick_raised", "gate_refused")
     ]
-    # What forged drives say of their own motion is no setpoint.
-    sent = [v for v in simulation.observer.violations if not v.kind.startswith("measured")]
+    # What forged drives say of their own motion, or of where they stand, is no setpoint.
+    forged = ("measured", "leap")
+    sent = [v for v in simulation.observer.violations if not v.kind.startswith(forged)]
     if sent:
         first = sent[0]
         outcome.reasons.append(

@@ -6,7 +6,6 @@ third job it is the operator that goes wild, in the range of what the messages a
 may run into something, and only what came of that is excused.
 """
 
-import math
 import random
 from typing import Any
 
@@ -19,6 +18,7 @@ from ...operator.client.protocol_client import ANYBODY, NoLease
 from ...scripts.script import Script
 from ...simulation.simulation import Simulation
 from ..hostile.sights import ComputedSights
+from ..touches import Touches
 from .inputs.stranger import KEPT, Stranger
 from .inputs.values import ENVELOPE
 from .outcome import Outcome
@@ -29,8 +29,6 @@ PER_TICK = 6
 """Inputs of a stranger in a period [1]."""
 HOLDERS_EVERY = 5
 """Periods between two wild commands of the holder [1]."""
-TOUCHING_N = 0.5
-"""More than this between arm and world, or arm and arm, is contact [N]."""
 
 
 def cell_of(seed: int) -> str:
@@ -48,15 +46,8 @@ def play(seed: int, name: str | None = None) -> Outcome:
     simulation = Simulation(
         cell, _script(seed, wild=wild), cameras=lambda s: ComputedSights(s, seed)
     )
-    touched: list[float] = []
-
-    def on_tick(now: Simulation) -> None:
-        attacker.attack(now)
-        force = math.hypot(*now.truths[-1].contact_force) + now.rig.world.contacts.own()
-        if force > TOUCHING_N:
-            touched.append(now.clock.time_s)
-
-    simulation.on_tick = on_tick
+    touches = Touches(simulation)
+    simulation.on_tick = attacker.attack
     try:
         result = simulation.run()
     except Exception as error:  # noqa: BLE001  that nothing is raised is what is tried
@@ -68,10 +59,8 @@ def play(seed: int, name: str | None = None) -> Outcome:
             f"{result.summary['limit_violations']} limit violations: {first.joint} {first.kind} "
             f"{first.value:.6g} over {first.bound:.6g} at {first.time_s:.3f} s"
         )
+    outcome.reasons += touches.unexplained()
     for event in simulation.events:
-        excused = touched and event.name == "fault" and event.time_s >= touched[0]
-        if event.severity == "error" and not excused:
-            outcome.reasons.append(f"{event.name} at {event.time_s:.2f} s: {event.detail}")
         if event.name == "lease_expired" and not wild:
             outcome.reasons.append(f"lease_expired at {event.time_s:.2f} s: {event.detail}")
     if result.summary["failure"] and not wild:

@@ -14,6 +14,7 @@ from ...oracle.arm import OracleArm
 from ...oracle.poses import Array, difference, matrix
 from ...simulation.judges.tool import JUDGED_S
 from ...simulation.simulation import Simulation
+from ..touches import Touches
 from .generator import Goal, HostilePlan, generate
 from .sights import ComputedSights
 
@@ -46,7 +47,7 @@ class Verdict:
     limit_violations: int
     violations: tuple[str, ...]
     unexpected: tuple[str, ...]
-    """Faults and refusals of the gate that nothing touched explains."""
+    """Faults and refusals of the gate that no touch just before them explains."""
     touched: bool
     """The arm hit something, or itself: its goal does not count."""
     max_speed_ratio: float
@@ -89,13 +90,13 @@ class Verdict:
 def play(plan: HostilePlan) -> Verdict:
     """Run a plan in virtual time and judge it."""
     simulation = Simulation(plan.cell, plan.script, cameras=lambda s: ComputedSights(s, plan.seed))
-    against_itself = _watch_itself(simulation)
+    touches = Touches(simulation)
     settled_s = JUDGED_S if plan.goal.kind == "posture" else math.inf
     result = simulation.run(
         lambda: simulation.clock.time_s >= _posture_s(plan.goal, simulation) + settled_s
     )
     summary = result.summary
-    touched = _touched(OracleArm.of(plan.cell), result.truths) or max(against_itself) > TOUCHING[0]
+    touched = touches.most_n > TOUCHING[0] or _folded(OracleArm.of(plan.cell), result.truths)
     error = _error(plan.goal, simulation, result.truths)
     bound = REACHED if plan.goal.kind == "target" else (math.inf, POSTURE_REACHED)
     names = Counter(name.partition(":")[0] for s in result.states for name in set(s.limits))
@@ -115,7 +116,7 @@ def play(plan: HostilePlan) -> Verdict:
             f"{v.joint} {v.kind} {v.value:.6g} over {v.bound:.6g} at {v.time_s:.3f} s"
             for v in simulation.observer.violations[:5]
         ),
-        unexpected=_unexpected(simulation, touched),
+        unexpected=tuple(touches.unexplained()),
         touched=touched,
         max_speed_ratio=simulation.observer.max_speed_ratio,
         max_acceleration_ratio=simulation.observer.max_acceleration_ratio,
@@ -128,18 +129,9 @@ def play(plan: HostilePlan) -> Verdict:
     )
 
 
-def _watch_itself(simulation: Simulation) -> list[float]:
-    """Return the forces between the arm's own parts [N], one for every tick that is yet to come."""
-    forces = [0.0]
-    simulation.on_tick = lambda s: forces.append(s.rig.world.contacts.own())
-    return forces
-
-
-def _touched(arm: OracleArm, truths: tuple[RigTruth, ...]) -> bool:
-    force, distance = TOUCHING
-    if any(math.hypot(*truth.contact_force) > force for truth in truths):
-        return True
-    return any(arm.clearance(np.array(t.q))[1] < distance for t in truths[::LOOK_EVERY])
+def _folded(arm: OracleArm, truths: tuple[RigTruth, ...]) -> bool:
+    """Return whether own links came to each other by the campaign's own model."""
+    return any(arm.clearance(np.array(t.q))[1] < TOUCHING[1] for t in truths[::LOOK_EVERY])
 
 
 def _error(goal: Goal, simulation: Simulation, truths: tuple[RigTruth, ...]) -> tuple[float, float]:
@@ -166,16 +158,6 @@ def _posture_s(goal: Goal, simulation: Simulation) -> float:
 
 def _pose(truth: RigTruth) -> Array:
     return matrix(PoseSection(xyz=truth.pose_mrf[:3], rpy=truth.pose_mrf[3:]))
-
-
-def _unexpected(simulation: Simulation, touched: bool) -> tuple[str, ...]:
-    """Return the errors of a run; a fault is to be expected only where the arm hit something."""
-    found = []
-    for event in simulation.events:
-        excused = event.name == "fault" and touched
-        if event.severity == "error" and not excused:
-            found.append(f"{event.name} at {event.time_s:.2f} s: {event.detail}")
-    return tuple(found)
 
 
 def verdict(cell: str, seed: int) -> Verdict:

@@ -12,17 +12,12 @@ from ....config.load import load_cell
 from ...simulation.simulation import Simulation
 from ..part import Part, Selection
 from ..runs import Runs
+from ..touches import Touches
 from .sights import ComputedSights
 from .wild import equipped, wild
 
 CELLS = ("ur5e_scene", "pa10_vision", "pa10_all", "pa10_scene", "ranger", "pa10_platform", "pa10")
 """Cells of wild operators, in turns by the seed."""
-TOUCHING = 5.0
-"""Contact force from which the arm touches something, or itself [N]."""
-SINCE_S = 0.5
-"""A fault so long after a touch is explained by it [s]."""
-EXCUSED = ("following_error",)
-"""Causes of faults that a touch explains: the command and a joint come apart."""
 
 
 @dataclass(frozen=True)
@@ -72,36 +67,23 @@ def play_in(name: str, seed: int) -> Wild:
     """Simulate the run of a seed in a shipped cell, up to a fault, and judge it."""
     cell = equipped(load_cell(name), seed)
     simulation = Simulation(cell, wild(cell, seed), cameras=lambda s: ComputedSights(s, seed))
-    touches: list[float] = []
-
-    def look(s: Simulation) -> None:
-        contacts, arms = s.rig.world.contacts, range(len(cell.parts))
-        if max(contacts.own(), *(contacts.total(arm) for arm in arms)) > TOUCHING:
-            touches.append(s.clock.time_s)
-
-    simulation.on_physics = look
+    touches = Touches(simulation)
     title = f"{name} seed {seed}"
     try:
         result = simulation.run(lambda: any(e.name == "fault" for e in simulation.events))
     except Exception as error:  # noqa: BLE001  whatever is raised stops an arm: it is counted
-        return Wild(title, 0.0, bool(touches), False, [f"raised {type(error).__name__}: {error}"])
-    reasons, excused = [], False
+        return Wild(title, 0.0, touches.felt, False, [f"raised {type(error).__name__}: {error}"])
+    reasons = []
     if result.summary["failure"]:
         reasons.append(f"not played: {result.summary['failure']}")
     if simulation.observer.violations:
         worst = simulation.observer.violations[0]
         reasons.append(f"{worst.joint} {worst.kind} {worst.value:.6g} over {worst.bound:.6g}")
-    for event in simulation.events:
-        if event.severity != "error":
-            continue
-        recent = any(0.0 <= event.time_s - at_s <= SINCE_S for at_s in touches)
-        if event.name == "fault" and recent and event.values.get("cause") in EXCUSED:
-            excused = True
-        else:
-            reasons.append(f"{event.name} at {event.time_s:.2f} s: {event.detail}")
+    reasons += touches.unexplained()
+    excused = any(touches.explain(event) for event in simulation.events)
     enabled = sum(state.mode == "enabled" for state in result.states)
     period_s = cell.config.timing.period_s
-    return Wild(title, enabled * period_s, bool(touches), excused, reasons)
+    return Wild(title, enabled * period_s, touches.felt, excused, reasons)
 
 
 def jobs(selection: Selection) -> list[int]:
