@@ -1,9 +1,10 @@
 """Part `beam`: two arms on one payload, under sticks, goals, stops at any instant, and faults.
 
-Drawn are what the payload weighs and where, how far the grasps are from fitting it, the gain of
-force control there, where on it the MRF is, the motion, and what goes wrong. Judged by the bus and
-the physics: no bound of any joint is broken, internal force stays below its bound unless a drive
-fails, a stop stretches the payload by no more than is promised, and what was pressed is let go.
+Drawn are what the payload weighs and where, what the task is told of that, how far the grasps are
+from fitting it, the gain of force control there, the motion, and what goes wrong. Judged by the bus
+and the physics: no bound of any joint is broken, internal force stays below its bound, also after a
+drive fails, a stop stretches the payload by no more than is promised, what was pressed is let go,
+and a payload told a little wrong does not sink.
 """
 
 import math
@@ -25,11 +26,17 @@ from .steps import Act, Draw, step
 
 CELL = "pa10_pair"
 END_S = 4.5
-"""Length of a run [s]."""
+"""Length of a run [s], but for the rest at its end."""
 SEGMENT_S = (0.5, 1.2)
 """Length of one motion [s]."""
 MASS = (2.5, 9.0)
 """[kg]; pads of this stiffness need that much to swing slower than the physics steps."""
+TOLD_MASS, TOLD_COM = 0.1, 0.01
+"""The task is told a mass wrong by at most this part [1], and a centre by so much an axis [m]."""
+SUNK = 2e-3
+"""At rest, a payload told so wrong sinks or rises by at most [m], in all."""
+RESTED_S, LOOKED_S = 0.5, 4.0
+"""After the last stick it has come to rest, and then it is looked at for so long [s]."""
 MISFIT = 1.4e-3
 """Grasps are from fitting the payload by at most [m]."""
 PERIOD_S = 0.01
@@ -48,8 +55,8 @@ FAULTS: tuple[Act, ...] = (
 )
 DRIVES_FAIL = ("fault", "unplug")
 """Kinds of faults that quick-stop the drives, each on its own ramp."""
-AFTER_FAULT = 200.0
-"""Internal force that quick stops of all drives may leave [N]."""
+AFTER_FAULT = 60.0
+"""Internal force that quick stops of all drives may leave, in any direction [N]."""
 MEASURED = 1.5e-4
 """Stretch of the true payload beside what is commanded, by drives and what was pressed [m]."""
 LET_GO = 15.0
@@ -67,6 +74,8 @@ class Carried:
     """By how much a stop stretched the payload, at most [m]."""
     stops: int
     travelled_m: float
+    sunk_m: float = 0.0
+    """By how much the payload sank or rose at rest, at most [m]."""
     reasons: list[str] = field(default_factory=list)
 
 
@@ -80,6 +89,7 @@ class Carrying(Runs[Carried]):
             "most_stop_stretch_m": max((run.stop_stretch_m for run in self.runs), default=None),
             "stops": sum(run.stops for run in self.runs),
             "travelled_m": math.fsum(run.travelled_m for run in self.runs),
+            "most_sunk_m": max((run.sunk_m for run in self.runs), default=None),
         }
 
     def lines(self) -> list[str]:
@@ -87,9 +97,11 @@ class Carrying(Runs[Carried]):
         internal = max((run.internal_n for run in self.runs), default=0.0)
         stretch = max((run.stop_stretch_m for run in self.runs), default=0.0)
         stops = sum(run.stops for run in self.runs)
+        sunk = max((run.sunk_m for run in self.runs), default=0.0)
         return [
             f"{len(self.runs)} runs, {stops} stops; internal force at most {internal:.1f} N, a "
-            f"stop stretched the payload by at most {1e3 * stretch:.3f} mm",
+            f"stop stretched the payload by at most {1e3 * stretch:.3f} mm; told wrong by up to "
+            f"{TOLD_MASS:.0%}, it sank by at most {1e3 * sunk:.2f} mm at rest",
             *super().lines(),
         ]
 
@@ -110,7 +122,9 @@ def drawn(cell: Cell, draw: Draw) -> Cell:
     config = cell.config.model_copy(
         update={"rig": rig.model_copy(update={"beam": beam, "holes": ()})}
     )
-    return replace(cell, config=config, joint_tasks=(_task(task, mass, com, draw),))
+    told = mass * float(draw.uniform(1.0 - TOLD_MASS, 1.0 + TOLD_MASS))
+    a, b, c = (np.array(com) + draw.uniform(-TOLD_COM, TOLD_COM, 3)).tolist()
+    return replace(cell, config=config, joint_tasks=(_task(task, told, (a, b, c), draw),))
 
 
 def _task(
@@ -155,7 +169,9 @@ def generate(cell: Cell, seed: int) -> tuple[Cell, Script, str]:
         wrong = FAULTS[int(draw.integers(len(FAULTS)))]
         steps.append(step(float(draw.uniform(0.8, END_S - 1.0)), wrong))
         kind = str(wrong.get("rig/fault", {}).get("kind", "stop"))
-    script = Script(description=f"beam, seed {seed}", duration_s=END_S, step=tuple(steps))
+    last_s = max(END_S, *(s.at_s + (s.for_s or 0.0) for s in steps))
+    duration_s = END_S if kind else last_s + RESTED_S + LOOKED_S
+    script = Script(description=f"beam, seed {seed}", duration_s=duration_s, step=tuple(steps))
     return cell, script, kind
 
 
@@ -166,7 +182,8 @@ def play(seed: int) -> Carried:
     try:
         result = simulation.run()
     except Exception as error:  # noqa: BLE001  whatever is raised stops an arm: it is counted
-        return Carried(name, 0.0, 0.0, 0, 0.0, [f"raised {type(error).__name__}: {error}"])
+        reasons = [f"raised {type(error).__name__}: {error}"]
+        return Carried(name, 0.0, 0.0, 0, 0.0, reasons=reasons)
     task, failed = cell.joint_tasks[0], fault in DRIVES_FAIL
     beams = [truth.beam for truth in result.truths if truth.beam is not None]
     settled = round(0.5 / cell.config.timing.period_s)
@@ -191,7 +208,25 @@ def play(seed: int) -> Carried:
     travelled = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     if not fault and travelled < 0.01:
         reasons.append("the payload did not move")
-    return Carried(name, internal, stretch, stops, travelled, reasons)
+    sunk = 0.0 if fault else _sunk(script, simulation)
+    if sunk > SUNK:
+        told = task.payload.mass if task.payload else 0.0
+        weighs = cell.config.rig.beam.mass if cell.config.rig and cell.config.rig.beam else 0.0
+        reasons.append(f"told {told:.2f} kg, {weighs:.2f} kg sank by {1e3 * sunk:.2f} mm at rest")
+    return Carried(name, internal, stretch, stops, travelled, sunk, reasons)
+
+
+def _sunk(script: Script, simulation: Simulation) -> float:
+    """Return how far the payload sank or rose after the last stick [m]; 0 where it is not held."""
+    ends = [s.at_s for s in script.steps]
+    rested_s = simulation.player.start_s + max(ends) + RESTED_S
+    modes = [s.mode for s in simulation.states][-len(simulation.truths) :]
+    heights = [
+        truth.beam.pose[2]
+        for truth, mode in zip(simulation.truths, modes, strict=True)
+        if truth.time_s >= rested_s and mode == "enabled" and truth.beam is not None
+    ]
+    return max(heights) - min(heights) if heights else 0.0
 
 
 def _stop_stretch(truths: Sequence[RigTruth], modes: Sequence[str]) -> tuple[float, int]:
