@@ -72,6 +72,7 @@ def test_movers_keep_the_bounds_that_are_stated_of_them():
         ({"left": False}, "did not leave"),
         ({"closed_m": 0.01}, "own motion"),
         ({"limit_violations": 1}, "limit violations"),
+        ({"hits": (("mover0", 1.0, 0.15, True),)}, "hit at 1.00 s by mover0"),
         ({"kind": "inside", "held_m": 0.01, "least_m": 0.008}, "deeper inside"),
     ],
 )
@@ -80,6 +81,23 @@ def test_what_speaks_against_a_run_is_found(scenes, change, word):
     assert any(word in reason for reason in bad.reasons)
     assert not SceneSummary([bad]).kept
     assert any(word in line for line in SceneSummary([bad]).lines())
+
+
+@pytest.mark.parametrize(
+    "hit", [("mover0", 1.0, 0.25, True), ("mover0", 1.0, 0.15, False)], ids=["fast", "silent"]
+)
+def test_a_hit_that_no_arm_can_avoid_is_counted_all_the_same(scenes, hit):
+    summary = SceneSummary([dataclasses.replace(scenes[0], hits=(hit,))])
+    assert summary.kept
+    assert (summary.figures()["hits"], summary.figures()["hits_by_slow"]) == (1, 0)
+
+
+def test_a_mover_that_comes_to_the_arm_has_hit_it():
+    """Half a metre in a second, at an arm that is closed in: by what, when, and whether told."""
+    ((name, at_s, speed, told),) = play(23).hits
+    assert (name, told) == ("mover0", True)
+    assert 0.1 < at_s < 0.4
+    assert 0.3 < speed < 0.4
 
 
 def test_an_arm_that_is_closed_in_need_not_leave_but_is_told(scenes):

@@ -1,8 +1,9 @@
 """Part `bridge`: a rover is driven under random bridges; closed loop, with every ray cast.
 
-Of bridges of random height, width, thickness, skew, offset, distance, at random speeds: none is
-touched, no bound of any joint is broken, and every one is passed, or refused by name. Those that a
-search of other means (`oracle/duck.py`) calls passable are to be passed, most of them.
+Of bridges of random height, width, thickness, skew, offset, distance, at random speeds: the arm
+comes to none nearer than the cell promises, no bound of any joint is broken, and every one is
+passed, or refused by name. Those that a search of other means (`oracle/duck.py`) calls passable are
+to be passed, most of them.
 """
 
 from collections.abc import Sequence
@@ -152,8 +153,14 @@ def play(seed: int) -> Ducked:
         reasons.append(f"{s['limit_violations']} limit violations")
     if s["mode"] == "fault":
         reasons.append("ended in FAULT")
-    if clearance <= 0.0:
-        reasons.append(f"touched the bridge: {1e3 * clearance:.1f} mm")
+    touched = max(
+        (float(arm.contact_peak) for t in result.truths for arm in t.arms.values()), default=0
+    )
+    if clearance < CLEARANCE_M:
+        promised = f"{1e3 * CLEARANCE_M:g} mm are promised"
+        reasons.append(f"came to the bridge by {1e3 * clearance:.1f} mm, {promised}")
+    if touched > 0.0:
+        reasons.append(f"touched the bridge with {touched:.0f} N")
     if not passed and not refused:
         reasons.append("stuck: neither passed nor refused")
     words = (

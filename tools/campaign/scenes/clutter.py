@@ -4,7 +4,8 @@ Written beforehand in the label: a scene is *keepable* when the arm starts clear
 the physics' own geometry, and nothing moves. There the promised clearance must hold to the
 millimetre. Where the arm starts inside, it must not get deeper (as
 the daemon sees it, with capsules around the links); where something moves (`movers.py`), it is the
-arm's own motion that must not close what is below the promise.
+arm's own motion that must not close what is below the promise, and what comes slowly and is told of
+is given way to: hits are counted.
 """
 
 import math

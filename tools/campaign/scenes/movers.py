@@ -2,9 +2,9 @@
 
 A mover goes for a link of the true arm at nearly its greatest speed, turns away, stops, or falls
 silent and goes on; when what, is drawn beforehand. One whose acceleration is bounded changes its
-velocity accordingly, tick by tick; of any other the velocity may jump. It is a ghost: distances to
-it are true, but it does not push: what is judged is how the arm moves, and not how it is rammed.
-One that has come to the arm stands there, as if it had hit it.
+velocity accordingly, tick by tick; of any other the velocity may jump. One that comes to the arm
+has hit it, which is counted, and stands there. It is a ghost: distances to it are true, but it does
+not push, so that how the arm moves can be judged on after a hit.
 """
 
 from dataclasses import dataclass
@@ -96,6 +96,10 @@ class Chase:
                     )
             elif m.obstacle.max_acceleration is not None or self._due(name, at_s):
                 self._go(m.obstacle, self._wanted(m.obstacle, act))
+
+    def tells(self, name: str) -> bool:
+        """Return whether a mover is told of now."""
+        return name not in self._silent
 
     def end(self, touching: str = "", away: Vector | None = None) -> None:
         """Let all movers stand, but for one that backs `away` (3,), length 1."""

@@ -21,6 +21,8 @@ DEEPER = 0.001
 CLOSING = 0.006
 """Below the promise, own motion closes a gap to what moves by no more than this [m]: what has come
 into the capsules around links, which are more than the links, is kept from these."""
+SLOW = 0.2
+"""A mover that is told of, and no faster, is given way to: it does not hit the arm [m/s]."""
 PAUSE_S = 0.3
 """Between the hostile part and the retreat [s]."""
 RETREAT = 0.15
@@ -54,6 +56,9 @@ class SceneRun:
     """Least clearance of the physics, after the drives hold [m]."""
     closed_m: float
     """Most that own motion closed a gap below the promise to something that moves [m]."""
+    hits: tuple[tuple[str, float, float, bool], ...]
+    """Movers that came to the arm: name, when [s], greatest speed [m/s], and whether it was told of
+    at the time."""
     ways: int
     """Straight retreats that were tried; 1: away from what was nearest was a way out."""
     left: bool
@@ -86,6 +91,11 @@ class SceneRun:
             found.append(f"deeper inside: {1e3 * self.least_m:.2f} mm from {1e3 * self.held_m:.2f}")
         if self.closed_m > CLOSING:
             found.append(f"own motion closed a gap by {1e3 * self.closed_m:.2f} mm")
+        found += [
+            f"hit at {at_s:.2f} s by {name}, which was told of and comes at most at {speed:.2f} m/s"
+            for name, at_s, speed, told in self.hits
+            if told and speed <= SLOW
+        ]
         if not (self.left or self.closed):
             found.append("did not leave on a retreat")
         return found
@@ -101,7 +111,8 @@ class _Judge:
         self.ways = 0
         self.postures: list[np.ndarray] = []
         """Postures (n,) [rad] at the beginning and end of a retreat that failed."""
-        self._movers = {f"obstacle_{m.obstacle.name}" for m in scene.movers}
+        self._movers = {f"obstacle_{m.obstacle.name}": m.obstacle.max_speed for m in scene.movers}
+        self.hits: dict[str, tuple[str, float, float, bool]] = {}
         self._before = simulation.rig.world.q.copy()
         self._closing = 0.0
         self._chase = Chase(scene.cell, scene.movers, simulation)
@@ -125,6 +136,10 @@ class _Judge:
         if not self._judging:
             self._judging, self.first, self.least = True, near.distance, near.distance
         self.least = min(self.least, near.distance)
+        if near.distance <= 0.0 and near.other in self._movers and self._at_s < HOSTILE_S:
+            name, speed = near.other.removeprefix("obstacle_"), self._movers[near.other]
+            told = self._chase.tells(name)
+            self.hits.setdefault(name, (name, self._at_s, speed, told))
         # Two things cannot be in one place: what would be so after contact is not judged.
         if 0.0 < near.distance < PROMISE and near.other in self._movers:
             now = world.q.copy()
@@ -220,6 +235,7 @@ def play(seed: int) -> SceneRun:
         held_m=min(judge.first, scene.modelled_m),
         least_m=judge.least,
         closed_m=judge.closed,
+        hits=tuple(judge.hits.values()),
         ways=judge.ways,
         left=judge.left,
         closed=judge.stuck and closed_in(scene.cell, simulation.rig.world, judge.postures, PROMISE),
@@ -258,6 +274,10 @@ class SceneSummary:
             "did_not_leave": sum(not (s.left or s.closed) for s in self.scenes),
             "closed_in": sum(s.closed for s in self.scenes),
             "left_aside": sum(s.left and s.ways > 1 for s in self.scenes),
+            "hits": sum(len(s.hits) for s in self.scenes),
+            "hits_by_slow": sum(
+                told and speed <= SLOW for s in self.scenes for _, _, speed, told in s.hits
+            ),
             "most_closed_m": max((s.closed_m for s in self.scenes), default=0.0),
             "limit_violations": sum(s.limit_violations for s in self.scenes),
             "stopped_share": self.stopped_share,
@@ -280,6 +300,8 @@ class SceneSummary:
             "left on a retreat": f"all but {f['did_not_leave']}, must be all; "
             f"{f['left_aside']} not straight away from what was nearest, but aside",
             "closed in": f"{f['closed_in']} besides, from where a search finds no way out either",
+            "hit by movers": f"{f['hits']} times, by movers of up to {SLOW:g} m/s that were told "
+            f"of {f['hits_by_slow']} times, must be 0",
             "limit violations": f"{f['limit_violations']}, must be 0",
             "stored stop": f"{self.stopped_share:.3%} of ticks, below {STOPPED_SHARE:.0%}",
             "barriers active": f"{f['limited_share']:.1%} of ticks",
