@@ -62,6 +62,8 @@ class Player:
         self.refused: list[str] = []
         """Steps that the daemon refused, with its reasons."""
         self.failure = ""
+        self.on_step: Callable[[Step], None] = _ignore
+        """Called with every step just before it is done."""
         self.operators = Operators(cell, put, ask, script.network, reflection, new_key)
         self.client = self.operators["operator"]
         self._put, self._inject = put, inject
@@ -147,6 +149,7 @@ class Player:
     # --- steps -------------------------------------------------------------------------------
 
     def _do(self, step: Step) -> None:
+        self.on_step(step)
         client = self.operators[step.operator]
         if client.state is None:
             client.state = self.client.state
@@ -204,3 +207,7 @@ class Player:
                 self.refused.append(f"{at_s:g} s: {topic.key}: {reply.reason}: {reply.detail}")
 
         return note
+
+
+def _ignore(_step: Step) -> None:
+    """Stand in for a listener."""

@@ -27,6 +27,7 @@ from ...server.runtime.clock import VirtualClock
 from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
 from ..scripts.script import Script, load_script
+from ..scripts.step import Step
 from .frame_sensors import SimulatedFrameSensors
 from .judges.base import base_figures
 from .judges.observer import Observer
@@ -102,7 +103,8 @@ class Simulation:
         )
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)
-        self._tools = tuple(ToolJudge(part) for part in cell.parts)
+        self._tools = tuple(ToolJudge(part, first=i == 0) for i, part in enumerate(cell.parts))
+        self.player.on_step = self._on_step
         self._tunnel = TunnelJudge(cell)
         self.blind: str | None = None
         """Reason for missing pictures; None where there are pictures or no cameras."""
@@ -238,9 +240,13 @@ class Simulation:
         self.truths.append(truth := self.rig.truth())
         self._write("truth", truth)
         self._tunnel.judge(truth)
-        for judge, unit in zip(self._tools, self.cycle.units.each, strict=True):
-            commands = unit.commands
-            judge.judge(truth, commands.placed_target, commands.frames.T_wrist_mrf)
+        for judge in self._tools:
+            judge.judge(truth)
+
+    def _on_step(self, step: Step) -> None:
+        truth = self.rig.truth()
+        for judge in self._tools:
+            judge.on_step(step, truth)
 
     def _result(self) -> Result:
         period = self.cell.config.timing.period_s

@@ -1,62 +1,177 @@
-"""Judge of the tool: its true distance from the target at the end of a run."""
+"""Judge of the tool: its true distance from where the script sends it, at the end of a run.
+
+It knows the script's steps and the physics, and nothing of the controller: what a command means is
+worked out anew when it is played, from the true poses, with the oracle's own arithmetic. A target
+that the daemon refused or gave up by itself is a target all the same. Targets of joint tasks, and
+what a reflecting handle leads to, are not judged here.
+"""
 
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from ....config.load import Cell
+from ....protocols import topics as t
+from ....protocols.messages.messages import Frame
 from ....protocols.messages.rig import RigTruth
-from ....server.control.spatial import Pose, rotation_log
+from ...oracle.poses import Array, difference, matrix, matrix_of, rotation
+from ...scripts.step import Step
 
 JUDGED_S = 0.5
 """The tool's error is the largest over this long before the end [s]."""
+_ENDS_GOAL: Final = (t.POSTURE, t.JOG, t.CANCEL, t.INSERT)
+"""Commands that drop the target."""
 
 
-class _Seen(NamedTuple):
-    """The truth of a tick, the target on its ground, and the MRF in force."""
+class _Mount(NamedTuple):
+    """A frame's place on the ground that it moves with."""
 
-    truth: RigTruth
-    ground: str
-    target: Pose
-    T_wrist_mrf: Pose
+    on: str
+    T: Array
 
 
 class ToolJudge:
     """Compares the physics' pose of one arm's MRF with its target, tick by tick."""
 
-    def __init__(self, cell: Cell) -> None:
-        """Judge the arm of one part of a cell."""
-        self._mechanism = cell.config.mechanism.name
-        mrf = cell.config.mechanism.T_wrist_mrf
-        self._T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
-        self._seen: deque[_Seen | None] = deque(
-            maxlen=round(JUDGED_S / cell.config.timing.period_s)
+    def __init__(self, cell: Cell, *, first: bool = True) -> None:
+        """Judge the arm of one part of a cell; commands without a name are the `first` one's."""
+        mechanism, frames = cell.config.mechanism, cell.config.frames
+        self._period_s = cell.config.timing.period_s
+        self._name = mechanism.name
+        self._names = {mechanism.name, cell.task, *([None] if first else [])}
+        self._T_wrist_mrf = matrix(mechanism.T_wrist_mrf)
+        self._T_mrf_wrist = np.linalg.inv(self._T_wrist_mrf)
+        self._T_world_base = matrix(mechanism.T_world_base)
+        on_world = frames.crf_on == "world"
+        self._crf = _Mount(
+            frames.crf_on, matrix(cell.config.T_world_crf if on_world else frames.T_ground_crf)
+        )
+        sensor = mechanism.force_torque
+        self._T_wrist_sensor = None if sensor is None else matrix(sensor.T_wrist_sensor)
+        self._target: _Mount | None = None
+        self._T_wrist_goal = self._T_wrist_mrf
+        """The point of the tool that is sent there: the MRF of then, in the Wrist."""
+        self._master: tuple[Array, Frame] | None = None
+        """Twist (6,) of the master's handle, and in whose axes."""
+        self._clutch: dict[str, float] = {"engaged": 0.0, "translation": 1.0, "rotation": 1.0}
+        self._errors: deque[tuple[float, float] | None] = deque(
+            maxlen=round(JUDGED_S / self._period_s)
         )
 
-    def judge(self, truth: RigTruth, placed: tuple[str, Pose] | None, T_wrist_mrf: Pose) -> None:
-        """Take in a tick: the truth, the target (its ground, its pose there), the MRF in force."""
-        self._seen.append(None if placed is None else _Seen(truth, *placed, T_wrist_mrf))
+    def on_step(self, step: Step, truth: RigTruth) -> None:
+        """Take in a step of the script when it is played, with the truth of then."""
+        if step.master is not None and None in self._names:
+            self._master = np.array(step.master.twist), step.master.expressed_in
+        if step.message is None:
+            return
+        topic, fields = step.message.topic, step.message.fields
+        if fields.get("task", fields.get("mechanism")) not in self._names:
+            return
+        if topic is t.POSITION:
+            self._aim(truth, fields, fields["xyz"], fields["rpy"])
+        elif topic is t.PATH:
+            self._target = None
+            if fields.get("waypoints"):
+                last = fields["waypoints"][-1]
+                self._aim(truth, fields, last[:3], last[3:])
+        elif topic in _ENDS_GOAL:
+            self._target = None
+        elif topic is t.FRAME:
+            self._redefine(truth, fields)
+        elif topic is t.CLUTCH:
+            self._clutch |= {name: float(value) for name, value in fields.items()}
+
+    def judge(self, truth: RigTruth) -> None:
+        """Take in the truth after a tick."""
+        if self._clutch["engaged"] and self._master is not None:
+            self._lead(truth, *self._master)
+        if self._target is None:
+            self._errors.append(None)
+            return
+        T_world_target = self._ground(truth, self._target.on) @ self._target.T
+        T_world_goal = self._wrist(truth) @ self._T_wrist_goal
+        off = difference(T_world_target, T_world_goal)
+        self._errors.append((float(np.linalg.norm(off[:3])), float(np.linalg.norm(off[3:]))))
 
     @property
     def error(self) -> tuple[float, float] | None:
         """Largest distance [m] and angle [rad] of late; None without a target all along."""
-        judged = [self._error(seen) for seen in self._seen if seen is not None]
-        if len(judged) != self._seen.maxlen:
+        judged = [error for error in self._errors if error is not None]
+        if len(judged) != self._errors.maxlen:
             return None
         return max(e[0] for e in judged), max(e[1] for e in judged)
 
-    def _error(self, seen: _Seen) -> tuple[float, float]:
-        """Return distance [m] and angle [rad] of the tool from its target in one tick."""
-        truth, target = seen.truth, seen.target
-        if seen.ground in truth.frames:  # judged by the ground's true pose
-            target = _pose(truth.frames[seen.ground]) @ target
-        arm = truth.arms.get(self._mechanism)
-        pose = truth.pose_mrf if arm is None else arm.pose_mrf
-        true = _pose(pose) @ self._T_mrf_wrist @ seen.T_wrist_mrf
-        turn = rotation_log(target.R.T @ true.R)
-        return float(np.linalg.norm(true.p - target.p)), float(np.linalg.norm(turn))
+    def _aim(self, truth: RigTruth, fields: Mapping[str, Any], xyz: Array, rpy: Array) -> None:
+        relative = fields.get("relative_to", Frame.CRF)
+        axes = fields.get("expressed_in") or relative
+        R, T_origin = self._pose(truth, axes)[:3, :3], self._pose(truth, relative)
+        T = np.eye(4)
+        T[:3, :3] = R @ matrix_of(np.zeros(3), np.array(rpy))[:3, :3] @ R.T @ T_origin[:3, :3]
+        T[:3, 3] = T_origin[:3, 3] + R @ np.array(xyz)
+        self._place(truth, T, self._ground_of(truth, relative))
+
+    def _place(self, truth: RigTruth, T_world_target: Array, ground: str) -> None:
+        T = np.linalg.inv(self._ground(truth, ground)) @ T_world_target
+        self._target, self._T_wrist_goal = _Mount(ground, T), self._T_wrist_mrf
+
+    def _lead(self, truth: RigTruth, twist: Array, axes: Frame) -> None:
+        """Move the target on as the master's handle moves, at the clutch's scales."""
+        if self._target is None:
+            self._place(truth, self._pose(truth, Frame.MRF), "world")
+        if self._target is None:
+            return
+        R, T = self._pose(truth, axes)[:3, :3], self._target.T.copy()
+        T[:3, 3] += R @ twist[:3] * self._clutch["translation"] * self._period_s
+        turn = rotation(R @ twist[3:] * self._clutch["rotation"] * self._period_s)
+        T[:3, :3] = turn @ T[:3, :3]
+        self._target = self._target._replace(T=T)
+
+    def _redefine(self, truth: RigTruth, fields: Mapping[str, Any]) -> None:
+        is_mrf = fields["frame"] == "mrf"
+        there = fields.get("relative_to") or (Frame.WRIST if is_mrf else Frame.WORLD)
+        asked = matrix_of(
+            np.array(fields.get("xyz", np.zeros(3))), np.array(fields.get("rpy", np.zeros(3)))
+        )
+        T = self._pose(truth, there) @ asked
+        if fields.get("origin_only"):
+            now = self._pose(truth, Frame(fields["frame"]))
+            T[:3, :3] = now[:3, :3] @ asked[:3, :3]
+        if is_mrf:
+            self._T_wrist_mrf = np.linalg.inv(self._wrist(truth)) @ T
+        else:
+            on = fields.get("moves_with") or self._crf.on
+            self._crf = _Mount(on, np.linalg.inv(self._ground(truth, on)) @ T)
+
+    def _ground_of(self, truth: RigTruth, frame: Frame) -> str:
+        """Return the ground that what is measured against a frame moves with."""
+        grounds = (Frame.WORLD, Frame.BASE, Frame.CARRIER)
+        on = str(frame) if frame in grounds else self._crf.on
+        return on if on in truth.frames else "world"
+
+    def _ground(self, truth: RigTruth, name: str) -> Array:
+        moved = truth.frames.get(name)
+        if moved is not None:
+            return _pose(moved)
+        return self._T_world_base if name == "base" else np.eye(4)
+
+    def _wrist(self, truth: RigTruth) -> Array:
+        return _pose(truth.arms[self._name].pose_mrf) @ self._T_mrf_wrist
+
+    def _pose(self, truth: RigTruth, frame: Frame) -> Array:
+        match frame:
+            case Frame.MRF:
+                return self._wrist(truth) @ self._T_wrist_mrf
+            case Frame.CRF:
+                return self._ground(truth, self._crf.on) @ self._crf.T
+            case Frame.WRIST:
+                return self._wrist(truth)
+            case Frame.SENSOR if self._T_wrist_sensor is not None:
+                return self._wrist(truth) @ self._T_wrist_sensor
+            case _:
+                return self._ground(truth, str(frame))
 
 
-def _pose(six: tuple[float, float, float, float, float, float]) -> Pose:
-    return Pose.from_xyz_rpy(six[:3], six[3:])
+def _pose(six: tuple[float, ...]) -> Array:
+    return matrix_of(np.array(six[:3]), np.array(six[3:]))
