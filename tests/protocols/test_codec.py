@@ -205,7 +205,7 @@ def test_a_payload_over_the_topics_size_is_refused_unread() -> None:
         decode(topics.JOYSTICK, b"\xc1" * (most + 1))
 
 
-@given(st.binary(max_size=200))
+@given(st.integers(0, 200).flatmap(lambda n: st.binary(min_size=n, max_size=n)))
 @example(b"\x81\xa1v\x01")
 def test_no_bytes_whatever_raise_anything_else(payload: bytes) -> None:
     with pytest.raises(CodecError):

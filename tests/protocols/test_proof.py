@@ -6,7 +6,7 @@ from hashlib import sha256
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from telerobot.protocols.agreement import KeyPair, random_key
 from telerobot.protocols.proof import PROOF_BYTES, Proof, prove
@@ -49,7 +49,12 @@ def test_no_two_random_keys_are_equal():
     assert len({random_key() for _ in range(100)}) == 100
 
 
-@given(st.binary(max_size=300), st.integers(0, 2**56 - 1), st.integers(0, 2**64 - 1))
+def of_length(lengths):
+    """Return bytes whose length is drawn first: by themselves they are drawn short."""
+    return lengths.flatmap(lambda n: st.binary(min_size=n, max_size=n))
+
+
+@given(of_length(st.integers(0, 300)), st.integers(0, 2**56 - 1), st.integers(0, 2**64 - 1))
 def test_a_proof_is_the_digest_that_the_table_of_topics_promises(payload, epoch, seq):
     secret, key = b"s" * 32, "telerobot/pa10/cmd/jog"
     attached = prove(secret, key, epoch, seq, payload)
@@ -63,6 +68,26 @@ def test_a_proof_is_the_digest_that_the_table_of_topics_promises(payload, epoch,
     assert not proof.holds(b"t" * 32, key, payload)
 
 
-@given(st.binary(max_size=80).filter(lambda raw: len(raw) != PROOF_BYTES))
+@given(of_length(st.integers(0, 80).filter(lambda n: n != PROOF_BYTES)))
 def test_what_is_not_as_long_as_a_proof_is_none(attached):
     assert Proof.read(attached) is None
+
+
+@pytest.mark.parametrize("length", [0, PROOF_BYTES - 1, PROOF_BYTES + 1, 2 * PROOF_BYTES])
+def test_a_proof_with_a_byte_too_few_or_too_many_is_none(length):
+    made = prove(b"s" * 32, "telerobot/pa10/cmd/jog", 1, 1, b"")
+    assert Proof.read((2 * made)[:length]) is None
+    assert Proof.read(made) is not None
+
+
+def test_lengths_on_both_sides_of_a_proof_are_drawn():
+    drawn = []
+
+    @settings(max_examples=100, database=None, derandomize=True)
+    @given(of_length(st.integers(0, 80).filter(lambda n: n != PROOF_BYTES)))
+    def draw(attached):
+        drawn.append(len(attached))
+
+    draw()
+    assert sum(n > PROOF_BYTES for n in drawn) >= 20
+    assert sum(n < PROOF_BYTES for n in drawn) >= 20

@@ -18,7 +18,7 @@ def test_an_emergency_comes_back_as_it_was_sent(code: int, register: int, rest: 
     assert can301.decode_emcy(sent) == (code, register, rest)
 
 
-@given(U16, U8, st.binary(max_size=5))
+@given(U16, U8, st.integers(0, 5).flatmap(lambda n: st.binary(min_size=n, max_size=n)))
 def test_canopen_reads_our_emergencies(code: int, register: int, rest: bytes) -> None:
     consumer = EmcyConsumer()
     consumer.on_emcy(can301.emcy_id(3), can301.encode_emcy(code, register, rest), 0.0)

@@ -1,10 +1,12 @@
 """`telerobot replay`: a recorded run, computed again to the last bit."""
 
+import struct
 from pathlib import Path
 
 import msgpack
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from telerobot.config.bundle import to_text
 from telerobot.config.load import load_cell
 from telerobot.server.flight.container import MEMORY, TICK, Stamped, joined
@@ -111,18 +113,47 @@ def test_what_is_no_recording_is_refused_in_one_line(content, tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def sections(run: Path) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """Return where the bodies of a recording's chunks are, and its summary: first and end [B]."""
+    with run.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunks = [
+        (c.chunk_start_offset, c.chunk_length, c.compressed_size) for c in summary.chunk_indexes
+    ]
+    bodies = [(start + length - size, start + length) for start, length, size in chunks]
+    size = run.stat().st_size
+    (summary_start,) = struct.unpack("<Q", run.read_bytes()[size - 28 : size - 20])
+    return bodies, (summary_start, size - 40)
+
+
+def damaged(run: Path, to: Path, parts: list[tuple[int, int]], seed: int) -> Path:
+    """Return a copy of a recording with one to three words of four bytes replaced in its parts."""
+    draw, data = np.random.default_rng(seed), bytearray(run.read_bytes())
+    for _ in range(int(draw.integers(1, 4))):
+        first, end = parts[int(draw.integers(len(parts)))]
+        at = int(draw.integers(first, end - 4))
+        data[at : at + 4] = bytes(byte ^ 0x5A for byte in data[at : at + 4])
+    to.write_bytes(data)
+    return to
+
+
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("command", [["replay"], ["export", "--to=numpy", "--out=OUT"]])
-def test_a_damaged_recording_is_refused_in_one_line(run, tmp_path, capsys, command, seed):
-    draw = np.random.default_rng(seed)
-    data = bytearray(run.read_bytes())
-    for at in draw.integers(8, len(data) - 40, draw.integers(1, 4)):
-        data[at : at + 4] = draw.bytes(4)
-    path = tmp_path / "damaged.mcap"
-    path.write_bytes(data)
-    code = main([part.replace("OUT", str(tmp_path / "out")) for part in (*command, str(path))])
-    assert code in (0, 1)
-    assert capsys.readouterr().err.count("\n") == code
+def test_a_recording_whose_ticks_are_damaged_is_refused_in_one_line(
+    run, tmp_path, capsys, command, seed
+):
+    path = damaged(run, tmp_path / "damaged.mcap", sections(run)[0], seed)
+    told = [part.replace("OUT", str(tmp_path / "out")) for part in (*command, str(path))]
+    assert main(told) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_recording_whose_index_is_damaged_replays_as_before(run, tmp_path, capsys, seed):
+    path = damaged(run, tmp_path / "damaged.mcap", [sections(run)[1]], seed)
+    assert main(["replay", str(path)]) == 0
+    assert "all as recorded, to the last bit" in capsys.readouterr().out
 
 
 def test_a_recording_names_no_class_but_the_control_computation_s(run, tmp_path, capsys):
