@@ -125,6 +125,11 @@ class ObstacleMap:
         return tuple(self._known.values())
 
     @property
+    def lines(self) -> bool:
+        """True if any of them is a sight line."""
+        return any(known.shape == "sight_line" for known in self._known.values())
+
+    @property
     def stale(self) -> tuple[str, ...]:
         """Names of those whose news is stale."""
         return tuple(sorted(self._stale))
@@ -241,6 +246,8 @@ class ObstacleMap:
             if news.to is None and before.shape == "capsule":
                 way = np.subtract(news.xyz, before.xyz) + np.array(before.to)
                 told["to"] = tuple(way.tolist())
+            elif before.shape in ("point", "sphere"):
+                told["to"] = news.xyz
             told["carried"] = False
         return replace(before, tick=news.tick, owner=sender, **told)
 

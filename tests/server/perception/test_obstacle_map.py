@@ -272,6 +272,17 @@ def test_news_crosses_the_wire_and_half_an_obstacle_does_not():
 BALL = {"shape": "sphere", "xyz": (1, 0, 0), "radius": 0.1, "max_speed": 0.5, "stale": "keep"}
 
 
+@pytest.mark.parametrize("shape", ["point", "sphere"])
+def test_a_round_one_that_is_moved_leaves_nothing_where_it_was(knowing, shape):
+    radius = {} if shape == "point" else {"radius": 0.1}
+    knowing.tell("ball", shape=shape, xyz=(1, 2, 3), max_speed=10.0, **radius)
+    knowing.go(100)
+    knowing.tell("ball", xyz=(1, 2, 4))
+    rounds = knowing.scene.rounds
+    np.testing.assert_array_equal(rounds.start, [[1, 2, 4]])
+    np.testing.assert_array_equal(rounds.end, rounds.start)
+
+
 def watched(knowing, velocity, told, seconds=1.5, noise=lambda: 0.0):
     """Return the velocity along x that the scene shows in each tick (k,), 20 news a second."""
     knowing.tell("ball", **BALL, velocity=(velocity, 0, 0))
