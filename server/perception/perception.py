@@ -17,6 +17,7 @@ from .contact.collisions import CollisionMonitor
 from .contact.tool import PressedTool
 from .force_torque import ForceTorqueMonitor, reads_weight
 from .moving_frames import FrameTracker
+from .sight_lines import SightLines
 from .unexplained_load import LoadMonitor
 
 
@@ -33,6 +34,7 @@ class Perception:
         self.load = LoadMonitor(sensor, self.sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
+        self.sight_lines = SightLines(arm.p.capsules, arm.mechanism, events)
         self.passage = Passage.from_cell(cell, events)
         """The contour ahead; None where nobody looks for one."""
         self.collisions = CollisionMonitor(

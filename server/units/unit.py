@@ -13,6 +13,7 @@ from ..mode import Mode
 from ..perception.cameras import VisionTracker
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
+from ..perception.sight_lines import EVERY
 from ..plant import UnitReading
 from ..runtime.events import Events
 from .looking_ahead import LookingAhead
@@ -66,6 +67,14 @@ class Unit:
         """Update all monitors."""
         self.q = reading.q if reading.q is not None else self.q
         self.perception.update(reading, self.memory, self.output, mode, now_s)
+
+    def look_around(self, obstacles: ObstacleMap, tick: int) -> None:
+        """Update what depends on where obstacles are."""
+        lines = self.perception.sight_lines
+        if self.q is None or tick % EVERY or not (obstacles.lines or lines.lost):
+            return
+        moving, moved = self.perception.moving_frames.watching, self.commands.frames.moved
+        lines.update(obstacles.scene(tick), self.q, moved.T_world_base_measured if moving else None)
 
     def follow_frames(self, tick: int, mode: Mode) -> None:
         """Bring the frames that may move up to this tick."""

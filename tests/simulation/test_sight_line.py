@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.proximity.capsules import Capsules
-from telerobot.tools.scripts.script import load_script
+from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run
@@ -114,3 +114,31 @@ def test_what_the_physics_says_of_the_sight_line_is_what_geometry_says(on):
             near[link] = min(near[link], apart)
         for link in set(links.links) - {"base"}:
             assert truth.sight["head"][link] >= near[link] - 2e-3
+
+
+def test_a_sight_line_that_is_lost_is_told_and_one_that_is_kept_is_not(on, off, moving):
+    for run in (on, moving):
+        assert run.events("sight_line_lost") == []
+    (lost,) = off.events("sight_line_lost")
+    assert lost.values["obstacle"] == "view"
+    assert lost.values["gap_m"] < 0.0
+    # The capsule of the link that is named holds the housing, which the physics measures.
+    start, told = off.simulation.player.start_s, lost.time_s
+    assert told - start > LEGS[1][0]
+
+
+def test_of_two_lines_the_one_that_is_given_up_is_told_until_it_is_free():
+    """A second camera looks through where the elbow stands."""
+    line = {"name": "second", "shape": "sight_line", "xyz": (0.9, 0.3, 0.9), "max_speed": 0.3}
+    steps = [
+        {"at_s": 0.5, "sensor/obstacle": {**line, "to": (-0.5, 0.2, 0.75), "timeout_s": 60.0}},
+        {"at_s": 1.5, "sensor/obstacle": {"name": "second", "to": (-0.5, 2.0, 0.75)}},
+    ]
+    script = Script.model_validate({"duration_s": 2.0, "step": steps})
+    simulation = Simulation(load_cell("ranger"), script)
+    run = Run(simulation, simulation.run())
+    (lost,), (free,) = run.events("sight_line_lost"), run.events("sight_line_free")
+    assert lost.values["obstacle"] == free.values["obstacle"] == "second"
+    start = run.simulation.player.start_s
+    assert 0.5 < lost.time_s - start < 0.6
+    assert 1.5 < free.time_s - start < 1.6

@@ -56,6 +56,8 @@ _WORDS: dict[str, tuple[str, str]] = {
     "obstacle_jumped": ("The obstacle {detail} was faster than its bound.", ""),
     "made_way": ("The arm makes way: {detail}.", ""),
     "came_back": ("The arm is back where it was told to stand.", ""),
+    "sight_line_lost": ("The arm hides a view: {detail}.", "Move the arm out of the line."),
+    "sight_line_free": ("Nothing hides the view {detail} any more.", ""),
     "view_lost": ("The camera's view is lost: {detail}.", "Uncover the tag, or light the scene."),
     "view_found": ("The camera sees the tag again.", ""),
     "frame_lost": ("A frame is no longer told of: {detail}.", "Is its sensor running?"),
