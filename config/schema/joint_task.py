@@ -50,6 +50,13 @@ class JointTaskSection(Section):
     most_internal_moment: float = Field(
         15.0, gt=0, le=1e4, description="the same of a moment at a grasp [N·m]"
     )
+    most_internal_at_fault: float = Field(
+        60.0,
+        gt=0,
+        le=1e5,
+        description="internal force that a drive's fault, an arm's brakes or a silent bus may "
+        "leave: the payload is slowed down to it [N]",
+    )
     quick_stop: Literal["in_proportion", "each"] = Field(
         "in_proportion",
         description="in_proportion: drives are told ramps by which all joints come to rest "

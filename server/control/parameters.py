@@ -79,6 +79,14 @@ class Parameters:
     max_torque_rate: Array
     """Bound of what a torque changes by (n,) [N·m/s]; infinite where the cell says none."""
     avoidance: AvoidanceSection
+    quick_stop_deceleration: Array
+    """Ramps of the drives' quick stops (n,) [rad/s²]."""
+    coasting_s: Array
+    """A drive that hears no more setpoints goes on at its speed for so long (n,) [s]."""
+    brake_closes_s: Array
+    """Without power the joints' brakes hold after so long (n,) [s], by their torque."""
+    brake_torque: Array
+    """(n,) [N·m]."""
     retreat_leash: float | None
     """How far joints give way after a touch [rad]; None where nothing feels one."""
     gives_way: Flags
@@ -154,6 +162,12 @@ class Parameters:
             max_torque=np.array([d.max_torque for d in ordered]),
             max_torque_rate=np.array([d.max_torque_rate or np.inf for d in ordered]),
             avoidance=c.avoidance,
+            quick_stop_deceleration=np.array([d.quick_stop_deceleration for d in ordered]),
+            coasting_s=np.array(
+                [c.timing.period_s if d.coasting_s is None else d.coasting_s for d in ordered]
+            ),
+            brake_closes_s=np.array([d.brake_closes_s for d in ordered]),
+            brake_torque=np.array([d.brake_torque or d.rated_torque for d in ordered]),
             retreat_leash=_retreat_leash(c),
             gives_way=np.array(
                 [c.mechanism.sweep is None or d.joint != c.mechanism.sweep.joint for d in ordered]

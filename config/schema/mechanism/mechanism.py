@@ -73,6 +73,19 @@ class DriveSection(CanOpenNodeSection):
     quick_stop_deceleration: float = Field(
         10.0, ge=1e-6, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
     )
+    coasting_s: float | None = Field(
+        None,
+        ge=0,
+        le=1,
+        description="without new setpoints the drive goes on at its speed for so long, then "
+        "stands; none: one period [s]",
+    )
+    brake_closes_s: float = Field(
+        0.02, ge=0, le=1, description="without power the joint's brake holds after at most [s]"
+    )
+    brake_torque: float | None = Field(
+        None, gt=0, le=1e6, description="the brake holds with so much; none: rated_torque [N·m]"
+    )
 
     _table: int | None = PrivateAttr(None)
 

@@ -26,10 +26,12 @@ from ..mechanism.joint_rates import Around
 from ..mechanism.kinematics import Kinematics, at_mrf
 from ..mechanism.null_space.redundancy import ObjectiveGains
 from ..mechanism.wrist import WristMemory
+from ..rigid_body import rotate_twist
 from ..spatial import Array, Pose
 from ..state import Inputs, Intent, Memory, Output
 from ..task.sources.force import ForceState
 from ..task.task import TaskMemory
+from .at_fault import AtFault, Moving
 from .common import Common
 from .forces import SLIPPED_S, GivingWay, Grasping, light_s
 from .grips import Grips
@@ -75,6 +77,7 @@ class JointTask:
         self.arms = tuple(arms[i] for i in members)
         nominal = [Pose.from_xyz_rpy(T.xyz, T.rpy) for T in section.T_wrist_mrf]
         self._T_payload_wrist = nominal[0].inverse()
+        self.at_fault = AtFault(section, self.arms, nominal)
         self.grips = Grips(section.name, self.arms, nominal, self.arms[0].p.period_s)
         self._common = Common(section, self.arms[0], nominal[0].p)
         self._giving_way = GivingWay(section, self.arms)
@@ -140,6 +143,16 @@ class JointTask:
                 forces.internal_moment, strained, light[i] >= SLIPPED_S, away, of.held.redefined,
             )  # fmt: skip
             members.append(self._member(i, of, t, twists, twist, share, holding))
+        if told.intent is Intent.MOVE:
+            R_world_payload = T_world_mrf.R @ T_payload_mrf.R.T
+            slowed = self.at_fault.slowed(
+                [self._moving(member, forces, i) for i, member in enumerate(members)],
+                R_world_payload,
+            )
+            if slowed.share < 1.0:
+                share *= slowed.share
+                limit = f"internal_at_fault:{slowed.by}"
+                members = [member.slowed(slowed.share, limit) for member in members]
         return Together(
             tuple(members), T_world_mrf, shared, twists, twist, share, strained,
             lost, forces.p, forces.contact, share * relative_speed(ways),
@@ -236,6 +249,15 @@ class JointTask:
         intent = Intent.STOP if lost else of.inputs.intent
         way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, intent, of.held, at)
         return _Tuned(task, objectives, since_s, way, state)
+
+    def _moving(self, member: Member, forces: Grasping, i: int) -> Moving:
+        """Return what one arm is asked for, for what a fault would then do."""
+        k = member.seen.kinematics
+        R = k.T_world_mrf.R
+        return Moving(
+            member.memory.motion.q, member.wanted.dq, k.J,
+            R @ forces.p[i], rotate_twist(R, forces.desired[i]),
+        )  # fmt: skip
 
     def _member(
         self,

@@ -21,6 +21,15 @@ class Member(NamedTuple):
     """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""
     holding: Holding
 
+    def slowed(self, share: float, limit: str) -> "Member":
+        """Return the same at a share of its speed, which a limit of that name left."""
+        wanted = self.wanted._replace(
+            dq=share * self.wanted.dq,
+            scale=share * self.wanted.scale,
+            limits=(*self.wanted.limits, limit),
+        )
+        return self._replace(wanted=wanted, give_way=share * self.give_way)
+
 
 class Together(NamedTuple):
     """A joint task in one tick."""

@@ -93,6 +93,15 @@ class Dynamics:
         C = pin.computeCoriolisMatrix(model, data, q, dq).copy()  # it leaves the joints' Jacobians
         return Terms(M, C, g, pin.getFrameJacobian(model, data, self._tip, self._own_axes))
 
+    def standing(self, q: Array) -> tuple[Array, Array]:
+        """Return the torques that hold the joints at q (n,) [N·m], and what inertia each moves.
+
+        That is with the others held, motors included (n,) [kg·m²].
+        """
+        M = pin.crba(self._model, self._data, q)
+        inertia = M.diagonal().copy()
+        return pin.computeGeneralizedGravity(self._model, self._data, q).copy(), inertia
+
     def sensor_jacobian(self, q: Array) -> Array:
         """Return the Jacobian (6, n) of the Sensor frame, at its origin and in its own axes."""
         axes = pin.ReferenceFrame.LOCAL

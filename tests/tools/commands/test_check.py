@@ -260,6 +260,25 @@ def test_force_control_at_a_grasp_is_judged_by_what_one_arm_feels_of_another(tmp
     assert shipped_one["beam.grasps"].values["misfit_m"] < 1e-5
 
 
+def test_the_force_that_a_fault_leaves_is_judged_at_rest_and_by_the_speeds_that_it_allows(tmp_path):
+    text = (HERE / "cells/pa10_pair.toml").read_text()
+
+    def fault(bound):
+        path = tmp_path / "pair.toml"
+        key = "most_internal_at_fault = "
+        path.write_text(text.replace(f"{key}60.0", f"{key}{bound}"))
+        return {finding.check: finding for finding in judge(load_cell(path))}["beam.fault"]
+
+    shipped = fault(60.0)
+    assert shipped.status is Severity.OK
+    assert 0.05 < shipped.values["slowest_m_s"] < 0.15
+    assert shipped.values["along"][1] == "y", "the payload is stiff along itself"
+    assert fault(200.0).values["slowest_m_s"] > 2.0 * shipped.values["slowest_m_s"]
+    loose = fault(15.0)
+    assert loose.status is Severity.ERROR, "an arm whose brakes fall in presses more even at rest"
+    assert loose.values["standing_n"] == shipped.values["standing_n"] > 15.0
+
+
 def test_check_tells_when_a_wheels_counts_wrap_and_when_they_are_too_many(rover_counts):
     fine, many = rover_counts(1e5), rover_counts(4e8)
     assert fine.status is Severity.OK

@@ -11,6 +11,9 @@ from ....config.schema.joint_task import JointTaskSection
 from ....config.schema.section import PoseSection
 from ....server.control.arm.arm import Arm
 from ....server.control.grasps.load_shares import load_shares
+from ....server.control.grasps.views import mean_of
+from ....server.control.joint_task.at_fault import Moving
+from ....server.control.joint_task.forces import weight_of
 from ....server.control.joint_task.joint_task import FIT_M, JointTask
 from ....server.control.mechanism.kinematics import Mechanism
 from ....server.control.rigid_body import rotate_twist, wrench_to
@@ -27,24 +30,31 @@ from ..holding import (
 )
 from .stability import stability
 
+SLOW = 0.05
+"""A payload that a fault's force leaves less than this part of the tool's speed is worth a word
+[1]."""
+
+DIRECTIONS = tuple(f"{sign}{axis}" for axis in "xyz" for sign in "+-")
+
 
 def joint_tasks(cell: Cell) -> Iterator[Finding]:
     """Judge every joint task of a cell; none in a cell without any."""
+    names = [part.config.mechanism.name for part in cell.parts]
+    arms = [Arm.of(part) for part in cell.parts] if cell.joint_tasks else []
     for section in cell.joint_tasks:
-        yield _fit(cell, section)
+        task = JointTask(section, arms, [names.index(name) for name in section.by])
+        start = [np.array(cell.parts[i].config.mechanism.postures["start"]) for i in task.members]
+        yield _fit(section, task, start)
         yield from _load(cell, section)
+        yield _fault(cell, section, task, start)
         for i, name in enumerate(section.by):
             for finding in stability(grasp_part(cell, section, i)):
                 if finding.check.startswith("force"):
                     yield replace(finding, check=f"{section.name}.{name}.{finding.check}")
 
 
-def _fit(cell: Cell, section: JointTaskSection) -> Finding:
+def _fit(section: JointTaskSection, task: JointTask, start: list[Array]) -> Finding:
     """Judge how far the grasps are from fitting each other at the posture `start`."""
-    names = [part.config.mechanism.name for part in cell.parts]
-    members = [names.index(name) for name in section.by]
-    start = [np.array(cell.parts[i].config.mechanism.postures["start"]) for i in members]
-    task = JointTask(section, [Arm.of(part) for part in cell.parts], members)
     off = task.grips.misfit(start)
     fits = Severity.OK if off <= FIT_M else Severity.ERROR if section.at_start else Severity.WARN
     return Finding(
@@ -53,6 +63,49 @@ def _fit(cell: Cell, section: JointTaskSection) -> Finding:
         f"{1e3 * off:.2g} mm from fitting each other at start, at most {1e3 * FIT_M:g} mm",
         {"misfit_m": off, "bound_m": FIT_M},
     )
+
+
+def _fault(cell: Cell, section: JointTaskSection, task: JointTask, start: list[Array]) -> Finding:
+    """Judge the force that a fault leaves at the posture `start`, and the speeds that it allows."""
+    speed, bound = cell.config.limits.speed, section.most_internal_at_fault
+    allowed, standing = {}, (0.0, "")
+    for k, direction in enumerate(DIRECTIONS):
+        twist = np.zeros(6)
+        twist[k // 2] = speed if direction[0] == "+" else -speed
+        moving, R_world_mrf = _moving(section, task, start, twist)
+        allowed[direction] = speed * task.at_fault.slowed(moving, R_world_mrf).share
+        standing = task.at_fault.standing(moving, R_world_mrf)
+    slowest = min(allowed, key=lambda direction: allowed[direction])
+    force, by = standing
+    text = ", ".join(f"{direction} {v:.2g}" for direction, v in allowed.items())
+    text = f"a fault at rest leaves {force:.2g} N ({by}), at most {bound:g} N; [m/s] {text}"
+    slow = Severity.WARN if allowed[slowest] < SLOW * speed else Severity.OK
+    return Finding(
+        f"{section.name}.fault",
+        Severity.ERROR if force > bound else slow,
+        text,
+        {"standing_n": force, "bound_n": bound, "slowest_m_s": allowed[slowest], "along": slowest},
+    )
+
+
+def _moving(
+    section: JointTaskSection, task: JointTask, start: list[Array], twist: Array
+) -> tuple[list[Moving], Array]:
+    """Return arms at postures that move the payload by a twist (6,), and how it is turned."""
+    views = [Pose.from_xyz_rpy(T.xyz, T.rpy) for T in section.T_wrist_mrf]
+    tools = [arm.p.T_wrist_tool for arm in task.arms]
+    wrists = [arm.mechanism.pose_wrist(q) for arm, q in zip(task.arms, start, strict=True)]
+    R = mean_of([T @ view for T, view in zip(wrists, views, strict=True)]).R
+    p = np.array([(view.inverse() @ tool).p for view, tool in zip(views, tools, strict=True)])
+    payload = section.payload
+    weight = weight_of(payload.mass, np.array(payload.com), Pose.identity(), R)
+    shares = load_shares(p, np.array(section.shares or [(1.0,) * 6] * len(p)), weight)
+    found = []
+    for arm, q, view, at, share in zip(task.arms, start, views, p, shares, strict=True):
+        J = arm.mechanism.kinematics(q, view).J
+        dq: Array = np.linalg.pinv(J, rcond=1e-6) @ twist
+        found.append(Moving(q, dq, J, R @ at, rotate_twist(R, share)))
+    return found, R
 
 
 def _load(cell: Cell, section: JointTaskSection) -> Iterator[Finding]:
