@@ -115,14 +115,16 @@ def test_a_scanner_that_falls_silent_while_the_base_drives_stops_it() -> None:
     assert run.observer.violations == []
 
 
-def test_without_a_scanner_nobody_drives_ahead_but_back() -> None:
-    run = rover([drive(0.2), drive(-0.2, 1.5)], 2.5)
+def test_without_a_scanner_nobody_drives_ahead_but_slowly_back() -> None:
+    run = rover([drive(0.2), drive(-0.2, 1.5)], 4.0)
     run.rig.inject(RigFault(kind="silence", target="scanner"))
     where = []
     run.on_tick = lambda run: where.append(x(run))
     run.run()
     assert max(where) < 1e-3
-    assert where[-1] < -0.1
+    assert -0.13 < where[-1] < -0.1
+    assert names(run).count("unseen_behind") == 1
+    assert "unseen_behind" in run.states[-1].limits
     assert run.cycle.mode == "enabled"
 
 

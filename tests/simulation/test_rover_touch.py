@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.rig.bridge import RigBridgeSection
 from telerobot.config.schema.rig.rig import BoxSection
@@ -62,8 +63,40 @@ def test_a_base_that_is_driven_into_something_stops_and_lets_go_of_it() -> None:
     assert result.summary["limit_violations"] == 0
 
 
+def test_the_base_goes_back_quickly_as_far_as_it_came_and_slowly_beyond() -> None:
+    run = rover(drive(0.4), drive(-0.3, 3.3), drive(0.0, 12.0), seconds=9.0)
+    result = run.run()
+    x = np.array([truth.frames["base"][0] for truth in result.truths])
+    time_s = np.array([truth.time_s for truth in result.truths])
+    speed = np.gradient(x, time_s)
+    back = time_s > 4.4
+    far = back & (x > 0.5) & (x < 1.0)
+    assert x.max() > 1.0
+    assert far.any()
+    assert (speed[far] < -0.27).all()
+    near = back & (x < 0.09)
+    assert near.any()
+    assert (speed[near] > -0.1).all()
+    assert speed[-1] == pytest.approx(-0.05, abs=0.01)
+    (told,) = [event for event in run.events if event.name == "unseen_behind"]
+    assert told.values["asked"] == pytest.approx(0.3)
+    assert result.summary["mode"] == "enabled"
+
+
+def test_backed_into_what_nobody_saw_it_stops_gently_and_lets_go() -> None:
+    """At 0.2 m/s it was 4.5 kN, and 0.7 m of odometry."""
+    run = rover(drive(-0.2), seconds=8.0, bridge=RigBridgeSection(height=0.95, distance=-0.35))
+    forces = pressed(run)
+    run.run()
+    assert run.cycle.mode == "hold"
+    assert [event.name for event in run.events].count("touched") == 1
+    assert forces[-1][1] < 1.0
+    assert max(force for _, force in forces) < 400.0
+    assert odometry_off(run) < 0.02
+
+
 def test_an_axis_that_sweeps_does_not_give_way_and_uses_up_no_leash() -> None:
-    run = rover(drive(-0.2), seconds=4.0, bridge=RigBridgeSection(height=0.95, distance=-0.75))
+    run = rover(drive(-0.2), seconds=7.0, bridge=RigBridgeSection(height=0.95, distance=-0.35))
     forces = pressed(run)
     tilt = []
     look = run.on_tick

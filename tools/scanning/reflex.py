@@ -263,6 +263,10 @@ class PassageReflex:
             front = max(front, UNDECIDED_FRONT)
         if self.goal is not None:
             front = max(front, self._search.front(q, self.goal))
-        room = max(0.0, float(met.min()) - front - STAND_OFF)
-        b = DECELERATION * DELAY_S
-        return math.sqrt(b * b + 2.0 * DECELERATION * room) - b
+        return speed_within(max(0.0, float(met.min()) - front - STAND_OFF))
+
+
+def speed_within(room: float) -> float:
+    """Return the greatest speed of a base [m/s] that still stops within a way [m]."""
+    b = DECELERATION * DELAY_S
+    return math.sqrt(b * b + 2.0 * DECELERATION * room) - b

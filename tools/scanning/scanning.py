@@ -19,6 +19,7 @@ from ...protocols.sick.cola import TelegramError
 from ...protocols.sick.scan_data import Scan
 from ...server.control.scene import Flags
 from ...server.control.spatial import Array, Pose
+from .behind import FARTHEST, GroundBehind
 from .boxes import MOST, CellBox, boxes_of
 from .contour import CellPlane, Contour, contour_of
 from .geometry import MeasuredInstant, Ring, ScannerGeometry
@@ -27,7 +28,7 @@ from .interference import Obstacles
 from .memory import PointMemory
 from .placing import bridged, own_rays, place
 from .postures import CriticalPoints
-from .reflex import PassageReflex, Reaction
+from .reflex import PassageReflex, Reaction, speed_within
 from .search import Reach, Search
 
 SCAN: Final = "scan"
@@ -94,6 +95,8 @@ class Scanning:
         low = max(0.0, height) if contour.base_width else 0.0
         self._below = self.plane._replace(height=low)
         search = Search(points, self.plane, reach_of(contour), contour.base_width, -low)
+        self.ground = GroundBehind(contour.base_width, contour.base_rear, contour.foot[2])
+        """What is known of the ground that the base may be driven back over."""
         sweep = cell.config.mechanism.sweep
         decide_s = 0.0 if sweep is None else 2.0 * sweep.period_s
         self.reflex = PassageReflex(
@@ -140,6 +143,7 @@ class Scanning:
     def forget(self) -> None:
         """Know nothing: the daemon, or the scanner, started again."""
         self.memory.forget()
+        self.ground.forget()
         self.reflex.forget()
         self.ring = Ring()
         self._waiting.clear()
@@ -169,7 +173,10 @@ class Scanning:
         self.memory.see_through(
             knots.R[middle], knots.p[middle], scan.first_rad, scan.step_rad, seen
         )
-        now = instants[-1]
+        now, echo = instants[-1], ~np.isnan(scan.distances)
+        beyond = np.where(echo, scan.distances, 2.0 * FARTHEST)
+        ends = raw if echo.all() else place(time_s, angle, beyond, knots)
+        self.ground.see(knots.p[middle], ends, echo, own, now.time_s)
         self.memory.add(points[self._in_reach(points, now)])
         looked = Looked(scan, points, own)
         if self.scans % CONTOUR_EVERY:
@@ -214,7 +221,9 @@ class Scanning:
             Obstacles.of(contour, self.plane).beside(self._lower(seen, hits, rear)),
             Obstacles.behind(passed, self.plane),
         )
-        messages: list[ContourNews | ObstacleNews] = [self._news(now.tick, contour, answer)]
+        self.ground.stand(now.T_world_base, now.time_s)
+        back = speed_within(self.ground.room(now.T_world_base, now.time_s))
+        messages: list[ContourNews | ObstacleNews] = [self._news(now.tick, contour, answer, back)]
         if self.scans % BOXES_EVERY == 0:
             boxes = boxes_of(passed, BOXES_BEHIND)
             boxes += boxes_of(contour, MOST - len(boxes))
@@ -229,7 +238,7 @@ class Scanning:
         strip = contour_of(seen + up, hits, self._below, rear)
         return Obstacles.of(strip, self._below).lifted(-self._below.height)
 
-    def _news(self, tick: int, contour: Contour, answer: Reaction) -> ContourNews:
+    def _news(self, tick: int, contour: Contour, answer: Reaction, most_back: float) -> ContourNews:
         rows, columns = self.plane.shape
         millimetres = np.where(
             np.isnan(contour.nearest), NOTHING, np.clip(np.rint(contour.nearest * 1e3), 0, 20_000)
@@ -244,6 +253,7 @@ class Scanning:
             reason=answer.reason,
             posture=None if answer.posture is None else tuple(answer.posture.tolist()),
             most_speed=None if math.isinf(answer.most_speed) else answer.most_speed,
+            most_speed_back=most_back,
         )
 
     def _boxes(self, tick: int, boxes: tuple[CellBox, ...], T: Pose) -> Iterator[ObstacleNews]:

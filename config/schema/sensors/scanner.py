@@ -75,6 +75,15 @@ class ContourReflexSection(Section):
     base_width: float = Field(
         0.0, ge=0, le=5, description="of what carries the arm, and has to pass, too [m]"
     )
+    base_rear: float = Field(
+        0.0, ge=0, le=5, description="how far that reaches behind Base's origin [m]"
+    )
+    creep: float = Field(
+        0.05,
+        ge=0,
+        le=1,
+        description="back over ground that nobody saw, the base goes at most [m/s]",
+    )
     link_radius: float = Field(0.06, ge=0.005, le=0.5, description="of the arm's housings [m]")
     rule: Literal["posture", "sequence"] = Field(
         "posture",

@@ -20,7 +20,8 @@ class ContourNews(Message):
 
     `posture` is the arm's joints [rad] that it should take to pass, without wheels and scanner,
     none where it may stay as it is; `most_speed` [m/s] bounds how fast the base may drive ahead,
-    none: as it likes. `phase` is that of the passage, `reason` why there is no way.
+    none: as it likes; `most_speed_back` the same back over ground that was seen. `phase` is that of
+    the passage, `reason` why there is no way.
     """
 
     tick: Count
@@ -32,6 +33,7 @@ class ContourNews(Message):
     reason: Annotated[str, Field(max_length=64, pattern=r"^[a-z0-9_]*$")] = ""
     posture: tuple[Angle, ...] | None = Field(None, max_length=64)
     most_speed: float | None = Field(None, ge=0, le=100)
+    most_speed_back: float = Field(0.0, ge=0, le=100)
 
     @model_validator(mode="after")
     def _is_whole(self) -> "ContourNews":

@@ -17,6 +17,8 @@ from ...refusals import Refused, Why
 from ...runtime.events import Events
 from .headway import HELD_BACK, NO_HEADWAY, STANDS, Headway
 
+UNSEEN_BEHIND: Final = "unseen_behind"
+"""Limit and event: the base goes back slowly, since nobody saw the ground there."""
 FOLD_S: Final = 1.0
 """A posture is gone to for so long after the newest news; then the arm stands where it is [s]."""
 REFUSALS: Final = {
@@ -44,6 +46,7 @@ class PassageNews(NamedTuple):
     posture: Array | None
     """All joints of the mechanism (n,) [rad]; NaN for those that it does not concern."""
     most_speed: float
+    most_speed_back: float
     nearest: Array
     """The contour (rows, columns) [m]; NaN for nothing."""
 
@@ -65,6 +68,7 @@ class Passage:
         self._silent_ticks = max(1, round(silent_s / cell.config.timing.period_s))
         self._fold_ticks = max(1, round(FOLD_S / cell.config.timing.period_s))
         self._headway = Headway(cell.config.timing.period_s)
+        self._unseen = self._told_unseen = False
         self.newest: PassageNews | None = None
         self.silent = True
         """No news is fresh."""
@@ -102,6 +106,7 @@ class Passage:
             news.reason,
             self._posture(news.posture),
             math.inf if news.most_speed is None else news.most_speed,
+            news.most_speed_back,
             nearest,
         )
         self._tell(before, self.newest)
@@ -146,17 +151,23 @@ class Passage:
         return newest.posture
 
     def share(self, speed: float) -> float:
-        """Return the share (0 to 1) of a drive's speed [m/s] that is let through."""
-        if speed <= 0.0 or not self._contour.wait:
+        """Return the share (0 to 1) of a drive's speed [m/s] that is let through.
+
+        Ahead, where nothing is in the way; back, over ground that was seen, and slowly beyond.
+        """
+        if speed == 0.0 or not self._contour.wait:
             return 1.0
+        if speed < 0.0:
+            seen = 0.0 if self.silent or self.newest is None else self.newest.most_speed_back
+            return min(1.0, max(seen, self._contour.creep) / -speed)
         if self.silent or self.newest is None:
             return 0.0
         return min(1.0, self.newest.most_speed / speed)
 
     @property
     def held(self) -> str:
-        """Why a base that is driven ahead makes no headway; empty while it does."""
-        return self._headway.reason
+        """Why a base makes no headway, or goes slowly back; empty where nothing holds it."""
+        return UNSEEN_BEHIND if self._unseen else self._headway.reason
 
     def follow(self, speed: float, way: float, tick: int, *, cleared: bool) -> None:
         """Tell why a base that is driven ahead at a speed [m/s] makes no headway, if so.
@@ -164,17 +175,32 @@ class Passage:
         `way` [m] is how far its wheels have rolled; `cleared` whether clearances are limiting.
         What the reflex refuses, and silence, have names of their own.
         """
-        before, newest = self.held, self.newest
+        self._look_behind(speed)
+        before, newest = self._headway.reason, self.newest
         if newest is None or self.silent or newest.reason:
             self._headway.forget()
         else:
             goes = self.share(speed) * speed > STANDS
             self._headway.step(speed, way, tick, held=cleared and goes)
-        if self.held and not before:
-            words = REFUSALS[self.held]
-            self._events.warning("passage_refused", words, reason=self.held)
-        elif before and not self.held and newest is not None and newest.phase != "refused":
+        reason = self._headway.reason
+        if reason and not before:
+            self._events.warning("passage_refused", REFUSALS[reason], reason=reason)
+        elif before and not reason and newest is not None and newest.phase != "refused":
             self._events.info(f"passage_{newest.phase}", "")
+
+    def _look_behind(self, speed: float) -> None:
+        """Tell once that a base is driven back faster than the ground behind it is known."""
+        if speed >= 0.0:
+            self._told_unseen = False
+        self._unseen = speed < 0.0 and self.share(speed) < 1.0
+        if self._unseen and not self._told_unseen:
+            self._told_unseen = True
+            self._events.warning(
+                "unseen_behind",
+                f"{-speed:g} m/s back over ground that nobody saw: {self._contour.creep:g} at most",
+                asked=-speed,
+                most=self._contour.creep,
+            )
 
     def blind(self, speed: float) -> bool:
         """Return whether a base that goes ahead at a speed [m/s] must stop: nobody looks ahead."""

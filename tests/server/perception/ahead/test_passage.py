@@ -42,9 +42,32 @@ class Ahead:
 def test_nobody_drives_ahead_before_anything_was_seen() -> None:
     ahead = Ahead()
     assert ahead.passage.share(0.1) == 0.0
-    assert ahead.passage.share(-0.1) == 1.0  # backing out is free
+    assert ahead.passage.share(-0.1) == pytest.approx(0.5)  # backing out is slow
     ahead.tell(5)
     assert ahead.passage.share(0.1) == 1.0
+
+
+def test_back_a_base_goes_at_speed_only_over_ground_that_was_seen_and_it_is_told_once() -> None:
+    ahead, creep = Ahead(), CELL.config.contour.creep
+    ahead.tell(5, most_speed_back=0.2)
+    assert ahead.passage.share(-0.1) == 1.0
+    assert ahead.passage.share(-0.4) == pytest.approx(0.5)
+    ahead.tell(6, most_speed_back=0.0)
+    assert ahead.passage.share(-0.1) == pytest.approx(creep / 0.1)
+    assert ahead.passage.share(-creep) == 1.0
+    assert Ahead(wait=False).passage.share(-0.1) == 1.0
+    ahead.told  # noqa: B018  what was told until now
+    for tick, back in ((7, 0.0), (8, 1.0), (9, 0.0)):
+        ahead.tell(tick, most_speed_back=back)
+        ahead.passage.follow(-0.1, 0.0, tick, cleared=False)
+        assert ahead.passage.held == ("unseen_behind" if back == 0.0 else "")
+    assert ahead.told == ["unseen_behind"]
+    ahead.passage.update(60)  # silence: nothing is known of what was seen
+    assert ahead.passage.share(-0.1) == pytest.approx(creep / 0.1)
+    ahead.passage.follow(0.0, 0.0, 60, cleared=False)
+    assert ahead.passage.held == ""
+    ahead.passage.follow(-0.1, 0.0, 61, cleared=False)
+    assert ahead.told == ["scanner_silent", "unseen_behind"]
 
 
 def test_a_base_slows_down_to_what_the_contour_allows() -> None:
@@ -92,7 +115,7 @@ def test_a_refusal_is_told_once_by_its_reason() -> None:
 def test_clearances_that_hold_a_base_are_told_as_a_refusal_until_it_backs_out() -> None:
     ahead = Ahead()
     for tick in range(5, 500):
-        ahead.tell(tick, phase="folded", posture=FOLDED)
+        ahead.tell(tick, phase="folded", posture=FOLDED, most_speed_back=0.2)
         ahead.passage.follow(0.1, 0.0, tick, cleared=True)
     refusals = [e for e in ahead.events.take() if e.name == "passage_refused"]
     assert [e.values["reason"] for e in refusals] == ["held_back"]
