@@ -15,6 +15,7 @@ from .ahead.passage import Passage
 from .cameras import VisionTracker
 from .contact.collisions import CollisionMonitor
 from .contact.tool import PressedTool
+from .contact.walls import WallMonitor
 from .force_torque import ForceTorqueMonitor, reads_weight
 from .moving_frames import FrameTracker
 from .sight_lines import SightLines
@@ -42,6 +43,7 @@ class Perception:
         )
         self.pressed = PressedTool(config.sources.force.hold_threshold, period_s)
         """Contact of the tool while its joints are commanded themselves."""
+        self._walls = WallMonitor(arm, period_s, events)
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
@@ -54,6 +56,7 @@ class Perception:
     ) -> None:
         """Update all monitors; `memory` and `output` are those of the tick before."""
         commands = self._commands
+        self._walls.update(memory, reading.q)
         if reading.wrench_age_s is not None:
             weight, twists = None, {}
             if output is not None:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.tools.oracle.arm import OracleArm
+from telerobot.tools.oracle.tunnel import Tunnel
 from telerobot.tools.simulation.simulation import simulate
 
 
@@ -104,6 +106,53 @@ def test_enabled_inside_off_its_curve_it_can_be_jogged_back_and_nothing_else(pla
     assert "off_backbone" not in run.at(1.0).limits
     assert run.at(1.58).insertion["depth"] < run.at(1.3).insertion["depth"] - 0.008
     assert run.summary["wall_force_n"] == 0.0
+
+
+def test_enabled_with_a_link_beyond_a_wall_it_says_so_and_when_it_is_out_again(play, inside):
+    off = np.zeros(30)
+    off[[24, 27]] = 0.15, -0.30
+    cell = inside(0.95, off)
+    # The walls are not where the cell has them: nothing but the curve says that it is beyond one.
+    away = cell.config.rig.tunnel.model_copy(update={"shift": (0.0, 0.0, 1.0)})
+    rig = cell.config.rig.model_copy(update={"tunnel": away})
+    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    back = [0.0] * 24 + [-0.15, 0.0, 0.0, 0.30, 0.0, 0.0]
+    run = play({"at_s": 0.5, "for_s": 0.9, "cmd/jog": {"rates": back}}, seconds=1.8, cell=cell)
+    (beyond,), (out,) = run.events("beyond_wall"), run.events("off_wall")
+    assert beyond.values["beyond_m"] == pytest.approx(0.0144, abs=1e-3)
+    assert beyond.time_s < out.time_s
+    truth = Tunnel(cell.config.mechanism.backbone)
+    arm = OracleArm.of(cell)
+
+    def room_left(time_s):
+        q = min(run.truths, key=lambda t: abs(t.time_s - time_s)).q
+        links = arm.frames(np.array(q))[1:, :3, 3]
+        points = np.concatenate((links, 0.5 * (links[1:] + links[:-1])))
+        return 0.030 - 0.015 - truth.off_centre(points)
+
+    assert room_left(beyond.time_s) == pytest.approx(-beyond.values["beyond_m"], abs=1e-3)
+    assert -1e-3 < room_left(out.time_s) < 3e-3
+
+
+@pytest.mark.parametrize(("half_width", "from_m"), [(0.012, 0.25), (0.0175, 0.0)])
+def test_a_tunnel_told_wide_that_is_narrow_is_felt_by_name_and_let_go_of(play, half_width, from_m):
+    """Head on an edge, or wedged along all of it; without touch that ends in a drive's FAULT."""
+    cell = load_cell("snake")
+    told = cell.config.mechanism.backbone.model_copy(update={"half_width": 0.06})
+    truth = {"half_width": half_width, "narrow_from": from_m}
+    tunnel = cell.config.rig.tunnel.model_copy(update=truth)
+    parts = {
+        "mechanism": cell.config.mechanism.model_copy(update={"backbone": told}),
+        "rig": cell.config.rig.model_copy(update={"tunnel": tunnel}),
+    }
+    cell = replace(cell, config=cell.config.model_copy(update=parts))
+    run = play({"at_s": 0.3, "cmd/drive": {"rates": [0.08]}}, seconds=4.6, cell=cell)
+    assert len(run.events("touched")) == 1
+    assert run.events("touched")[0].values["joint"].startswith("j")
+    assert run.summary["mode"] == "hold"
+    assert run.events("fault") == []
+    late = [sum(map(abs, truth.contact_force)) for truth in run.truths[-30:]]
+    assert max(late) < 60.0
 
 
 @pytest.mark.parametrize(("joint", "speed"), [("j8", 0.03), ("j22", 0.08)])

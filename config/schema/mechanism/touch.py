@@ -14,7 +14,7 @@ class TouchSection(Section):
 
     torque: Annotated[tuple[Torque, ...], EachJoint] = Field(
         min_length=1,
-        max_length=32,
+        max_length=64,
         description="external torque that means contact, one for all joints or one each [N·m]",
     )
     doubt: float = Field(

@@ -106,6 +106,12 @@ class RigTunnelSection(Section):
     """How the walls of a backbone's tunnel stand in truth."""
 
     shift: Vector3 = Field((0.0, 0.0, 0.0), description="from where the cell has them [m]")
+    half_width: float | None = Field(
+        None, gt=0, le=1, description="from centre line to wall; none: as the cell says [m]"
+    )
+    narrow_from: float = Field(
+        0.0, ge=0, le=1000, description="that holds for pieces that begin so deep, or deeper [m]"
+    )
     thickness: float = Field(0.01, gt=0, le=1, description="of the walls [m]")
     half_height: float = Field(
         0.05, gt=0, le=5, description="of the walls beside a planar arm, which are open above [m]"

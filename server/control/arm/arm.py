@@ -72,6 +72,14 @@ class Arm:
         mrf, payload, bias = settings.T_wrist_mrf, settings.payload, settings.wrench_bias
         return self.stages.wrist.weight(T_world_mrf, mrf, payload, bias)
 
+    def beyond_wall(self, memory: Memory, q: Array) -> float:
+        """Return how far links at joints q (n,) stand beyond the walls of their tunnel [m].
+
+        0 for those that do not, and for an arm that goes through none.
+        """
+        slither = self.stages.slither
+        return 0.0 if slither is None else slither.backbone.beyond_wall(memory.insertion, q)
+
     def before_barriers(
         self, memory: Memory, inputs: Inputs, seen: ArmReading, asked: Wanted, beside: bool
     ) -> BarrierInputs:

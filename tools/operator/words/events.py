@@ -42,6 +42,15 @@ _WORDS: dict[str, tuple[str, str]] = {
     "giving_way": ("The arm gives way {detail}.", ""),
     "gave_way": ("The arm gave way: {detail}.", f"Look at what it met, then {RESUME}."),
     "still_pushed": ("The arm {detail}.", "Take away what pushes it."),
+    "beyond_wall": (
+        "Inside its tunnel, {detail}.",
+        "Withdraw it slowly, or jog it back; does the cell say where the tunnel is?",
+    ),
+    "off_wall": ("Inside its tunnel, {detail}.", ""),
+    "unseen_behind": (
+        "Nobody saw the ground behind the base, which goes back slowly: {detail}.",
+        "Look there, or turn the base round.",
+    ),
     "load_unknown": ("The payload is unknown: force control waits.", "Tell the payload, or tare."),
     "load_unexplained": (
         "The sensor reads a load that nothing explains: {detail}.",

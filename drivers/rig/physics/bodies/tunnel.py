@@ -1,7 +1,7 @@
 """The walls of a tunnel, as boxes: on either side of a planar arm, in rings of eight in space.
 
 Each box is tangent to the tunnel's wall in the middle of its piece of the centre line, and moved
-back where the wall bulges inward: the free room is nowhere narrower than the cell says.
+back where the wall bulges inward: the free room is nowhere narrower than the rig says.
 """
 
 import math
@@ -43,8 +43,12 @@ def add_tunnel(spec: mujoco.MjSpec, cell: Cell) -> None:
     walls, tunnel = spec.worldbody.add_body(name=f"{cell.prefix}tunnel"), rig.tunnel
     planar = backbone.axes == "planar"
     sides = (0.0, math.pi) if planar else tuple(i * math.pi / 4 for i in range(8))
-    half = backbone.half_width
+    depth = 0.0
     for i, piece in enumerate(_pieces(backbone)):
+        half = backbone.half_width
+        if tunnel.half_width is not None and depth >= tunnel.narrow_from:
+            half = tunnel.half_width
+        depth += piece.length
         for k, side in enumerate(sides):
             out = math.cos(side) * piece.R[:, 1] + math.sin(side) * piece.R[:, 2]
             reach, inward = 0.5 * piece.length, 0.0

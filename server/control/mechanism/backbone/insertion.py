@@ -273,6 +273,18 @@ class Backbone:
         depths, window = self._stations - s1, WINDOW * self.section.half_width
         return links_off_centre(self.curve.arcs[:], points, depths, window, self._upto)
 
+    def beyond_wall(self, insertion: Insertion | None, q: Array) -> float:
+        """Return how far links at joints q (n,) stand beyond the walls [m]; 0 for not.
+
+        Off the curve, as at the free length whose fit is nearest.
+        """
+        if insertion is None:
+            s1 = float(self.lengths[int(np.abs(self.fits - q).max(axis=1).argmin())])
+        else:
+            s1 = insertion.s1
+        to_wall = self.section.half_width - self.section.link_radius
+        return max(0.0, self.off_centre(self.chain.points(q[None]), s1) - to_wall)
+
     @property
     def room(self) -> float:
         """How far links may be off the centre line [m]."""
