@@ -10,9 +10,12 @@ from telerobot.config.load import load_cell
 from telerobot.tools.campaign.urdfs.collection import published
 from telerobot.tools.campaign.urdfs.trial import try_arm
 from telerobot.tools.cli import main
-from telerobot.tools.init.robot import read_arm
+from telerobot.tools.init.drives import range_of
+from telerobot.tools.init.make import make
+from telerobot.tools.init.robot import carried_mass, read_arm
 from telerobot.tools.init.shape.capsules import fit
 from telerobot.tools.init.shape.shapes import LinkMesh, hull_of, link_shape
+from telerobot.tools.init.toml_text import bound, path_from
 
 
 def refusal(urdf, tip=None):
@@ -194,3 +197,35 @@ def test_a_third_capsule_is_looked_for_where_a_second_does_not_pay():
     found = fit(looked_at("plate"))
     assert len(found.tubes) == 3
     assert found.ratio < 3.5  # one alone: 7.4
+
+
+@pytest.mark.parametrize("value", [147.6999, 12.0, 0.43217, 99999.0, 3.0])
+def test_a_bound_is_never_rounded_up(value):
+    assert 0.999 * value < float(bound(value)) <= value
+
+
+def test_a_cell_names_its_urdf_from_where_it_stands_so_that_both_can_move(tmp_path):
+    urdf = tmp_path / "robots" / "arm.urdf"
+    cells = tmp_path / "cells"
+    for folder in (urdf.parent, cells):
+        folder.mkdir()
+    urdf.touch()
+    assert path_from(cells, urdf) == "../robots/arm.urdf"
+    assert path_from(tmp_path, urdf) == "./robots/arm.urdf"
+    assert path_from(Path("/proc"), urdf) == str(urdf)
+
+
+def test_postures_keep_away_from_the_ends_of_joints_and_payloads_follow_the_drives(odd, tmp_path):
+    """A torque that no arm of this weight can mean is doubted, and rates no payload beyond it."""
+    odd.replace('effort="150"', 'effort="1e4"')
+    arm = read_arm(odd.write(), None, {})
+    made = make(arm, tmp_path / "odd.toml")
+    for q in made.draft.postures.values():
+        for angle, joint, drive in zip(q, arm.chain, made.draft.drives, strict=True):
+            endless = joint.get("type") == "continuous"
+            low, high = (-np.pi, np.pi) if endless else range_of(joint, drive)
+            low, high = max(low, -np.pi), min(high, np.pi)
+            assert abs(angle - 0.5 * (low + high)) < 0.85 * 0.5 * (high - low)
+    doubted = [note for drive in made.draft.drives for note in drive.notes if "is it meant" in note]
+    assert doubted
+    assert made.draft.payload <= made.draft.rated <= carried_mass(arm)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from .robot import UrdfArm
 from .shape.shapes import Array
-from .toml_text import number, numbers, plain, quoted
+from .toml_text import bound, number, numbers, plain, quoted
 
 CONFIRM = "CONFIRM"
 """Begins every comment at something that must be confirmed."""
@@ -46,6 +46,9 @@ class Draft:
     contacts: list[tuple[str, str]] = field(default_factory=list)
     payload: float = 0.0
     com: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rated: float = 1.0
+    """Mass that half the drives' spare torques hold at the tip in the cell's postures, and no more
+    than the arm's own [kg]."""
     gain: tuple[float, float] = (7.5e-4, 0.03)
     stiffness: tuple[float, float] = (20_000.0, 500.0)
     wall: tuple[Array, Array, float] | None = None
@@ -84,8 +87,8 @@ def text_of(draft: Draft) -> str:
         f"urdf = {quoted(draft.urdf)}",
         f"# {CONFIRM}: the link that the tool is bolted to.",
         f"tip_link = {quoted(arm.tip)}",
-        f"# {CONFIRM}: the greatest mass that the arm carries there [kg].",
-        f"rated_payload = {number(max(1.0, math.ceil(2.0 * draft.payload)))}",
+        f"# {CONFIRM}: the greatest mass that the arm carries there [kg]; by the drives' torques.",
+        f"rated_payload = {bound(draft.rated)}",
         f"# {CONFIRM}: the point that is moved, as seen from that link: here the ball of the rig.",
         f"T_wrist_mrf = {{ xyz = {numbers(draft.mrf)} }}",
     ]
@@ -149,11 +152,11 @@ def _drive(node: int, drive: DriveDraft) -> list[str]:
     for key, value in (("lower", drive.lower), ("upper", drive.upper)):
         lines += [] if value is None else [f"{key} = {number(value)}"]
     lines += [
-        f"rated_torque = {number(0.5 * drive.torque)}",
-        f"max_torque = {number(drive.torque)}",
-        f"max_velocity = {number(drive.velocity)}  # [{unit}/s]",
-        f"max_acceleration = {number(drive.acceleration)}",
-        f"max_jerk = {number(drive.jerk)}",
+        f"rated_torque = {bound(0.5 * drive.torque)}",
+        f"max_torque = {bound(drive.torque)}",
+        f"max_velocity = {bound(drive.velocity)}  # [{unit}/s]",
+        f"max_acceleration = {bound(drive.acceleration)}",
+        f"max_jerk = {bound(drive.jerk)}",
         f"position_margin = {near}",
         f"quick_stop_deceleration = {number(1.5 * drive.acceleration)}",
     ]

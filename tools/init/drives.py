@@ -16,6 +16,8 @@ QUICKEST: Final = 8.0
 """No joint accelerates more [rad/s²]."""
 STRONGEST: Final = 1e4
 """Greater torques in a URDF stand for none [N·m]."""
+MEANT: Final = 20.0
+"""A torque beyond so many times what holds all of the arm, stretched out, is doubted [1]."""
 HOLDS: Final = 0.7
 """Part of a torque that gravity may take in postures that are used [1]."""
 OFTEN: Final = 0.3
@@ -63,10 +65,13 @@ def range_of(joint: ET.Element, drive: DriveDraft) -> tuple[float, float]:
     return limit_of(joint, "lower"), limit_of(joint, "upper")
 
 
-def set_strength(drive: DriveDraft, joint: ET.Element, gravity: Array, inertia: float) -> None:
+def set_strength(
+    drive: DriveDraft, joint: ET.Element, gravity: Array, inertia: float, stretched: float
+) -> None:
     """Set torque, acceleration and speed of a drive.
 
-    By the torques `gravity` (p,) that hold the arm in many postures, and the greatest inertia that
+    `stretched` is the torque [N·m], or force [N], that holds all of the arm at its reach. By the
+    torques `gravity` (p,) that hold the arm in many postures, and the greatest inertia that
     the joint moves. A URDF's torque that holds the arm in some of them is kept.
     """
     effort, weight = limit_of(joint, "effort"), float(gravity.max(initial=0.0))
@@ -83,6 +88,11 @@ def set_strength(drive: DriveDraft, joint: ET.Element, gravity: Array, inertia: 
         drive.notes.append(
             f"the torque limit of {drive.joint}, {effort:g}, does not hold the arm everywhere: "
             f"stretched out it takes {weight:.3g}"
+        )
+    if drive.torque > MEANT * stretched:
+        drive.notes.append(
+            f"the torque limit of {drive.joint}, {effort:g}, is {effort / stretched:.0f} times "
+            "what holds the whole arm stretched out: is it meant?"
         )
     taken = min(weight, HOLDS * drive.torque)
     spare = drive.torque - taken

@@ -15,7 +15,7 @@ from ..checks.findings import Severity
 from ..checks.loops.stability import stability
 from .draft import Draft, text_of
 from .drives import HOLDS, cell_name, drive_of, range_of, set_strength
-from .robot import UrdfArm, beyond
+from .robot import UrdfArm, beyond, carried_mass
 from .script import ScriptFigures
 from .script import text_of as script_of
 from .shape.shapes import Array
@@ -28,6 +28,8 @@ TO_WALL: Final = 0.06
 INTO_WALL: Final = 0.03
 PRESS_S: Final = 4.0
 """A push lasts so long, where the arm goes straight [s]."""
+GRAVITY: Final = 9.81
+"""[m/s²]."""
 _TRIES: Final = 40
 """So many free postures are tried for the way to a wall [1]."""
 
@@ -92,6 +94,7 @@ def _planned(draft: Draft, bench: _Bench) -> ScriptFigures:
     An arm of fewer than six axes need not go straight at the wall where it can nowhere.
     """
     draft.payload, draft.com = beyond(draft.arm)
+    draft.rated = 1.01 * draft.payload + 0.01
     side = ToolSide(draft, bench.study(draft))
     wrong: ConfigError | None = None
     tries = [(straight, outward) for straight in (True, False) for outward in side.directions()]
@@ -119,8 +122,11 @@ def _strength(draft: Draft, bench: _Bench) -> None:
     places = np.array([study.tool_pose(q).p for q in postures])
     draft.reach = float(np.linalg.norm(places - study.mechanism.T_world_base.p, axis=1).max())
     draft.length = float(np.clip(0.3 * draft.reach, 0.03, 0.3))
+    mass = max(carried_mass(draft.arm), 1e-3)
     for k, joint in enumerate(draft.arm.chain):
-        set_strength(draft.drives[k], joint, gravity[:, k], float(moved[k]))
+        lever = 1.0 if draft.drives[k].prismatic else draft.reach
+        stretched = mass * GRAVITY * lever
+        set_strength(draft.drives[k], joint, gravity[:, k], float(moved[k]), stretched)
 
 
 def _postures(draft: Draft, bench: _Bench, *, straight: bool) -> ScriptFigures:
@@ -186,6 +192,8 @@ def _plan(
     if target is None or start is None:
         return None
     draft.postures = {"start": start.tolist(), "ready": q.tolist()}
+    held = min(_carried(study, p, torques) for p in (start, q, target))
+    draft.rated = max(draft.rated, min(draft.payload + held, carried_mass(draft.arm)))
     draft.singular_region = float(np.clip(0.4 * found.sigma, 1e-3, 0.05))
     speeds = np.array([drive.velocity for drive in draft.drives])
     moved_s = float((np.abs(start - q) / speeds).max()) * 1.5 + 2.0
@@ -198,8 +206,15 @@ def _plan(
     press_s = PRESS_S if granted > 0.99 else PRESS_S / granted
     return ScriptFigures(
         moved_s, stick, (np.array(pose[:3]), np.array(pose[3:])), target_s, d,
-        (0.03, TO_WALL / 0.03 / granted + 1.0), 0.0, draft.push, press_s,
+        (0.03, TO_WALL / 0.03 / granted + 1.0), 0.0, draft.push, press_s, full,
     )  # fmt: skip
+
+
+def _carried(study: Study, q: Array, torques: Array) -> float:
+    """Return the mass that half the spare torques (n,) at a posture hold at the tool [kg]."""
+    arms = np.abs(study.mechanism.kinematics(q, study.tool).J[2])  # torque of a vertical force
+    spare = np.maximum(HOLDS * torques - study.weight(q), 0.0)
+    return float((0.5 * spare / np.maximum(arms * GRAVITY, 1e-6)).min())
 
 
 def _nudged(study: Study, q: Array, by: float) -> Array | None:

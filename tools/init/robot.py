@@ -89,6 +89,24 @@ def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> UrdfA
     return arm
 
 
+def carried_mass(arm: UrdfArm) -> float:
+    """Return the mass of all links that the arm's joints move [kg]."""
+    estimated = {given.link: given.mass for given in arm.inertials}
+    moved, waiting = 0.0, [end_of(arm.chain[0], "child")]
+    masses = {link.get("name", ""): link.find("inertial/mass") for link in arm.root.findall("link")}
+    while waiting:
+        name = waiting.pop()
+        told = masses.get(name)
+        own = 0.0 if told is None else _number(told.get("value"))
+        moved += estimated.get(name, own)
+        waiting += [
+            end_of(joint, "child")
+            for joint in arm.root.findall("joint")
+            if end_of(joint, "parent") == name
+        ]
+    return moved
+
+
 def beyond(arm: UrdfArm) -> tuple[float, tuple[float, ...]]:
     """Return mass [kg] and centre of mass (3,) [m] of the tip link and what it carries.
 

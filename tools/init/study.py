@@ -72,7 +72,7 @@ class Study:
         wide = span > 0.0
         low = np.where(wide, np.maximum(self.lower, -math.pi), self.lower)
         high = np.where(wide, np.minimum(self.upper, math.pi), self.upper)
-        room = np.minimum(0.12 * (high - low), 0.3)
+        room = 0.12 * (high - low)
         draw = np.random.default_rng(1)
         return np.asarray(draw.uniform(low + room, high - room, size=(count, len(low))))
 
@@ -118,6 +118,7 @@ class Study:
         reach = float(np.linalg.norm(p, axis=1).max())
         score = sigma / max(float(sigma.max()), 1e-12)
         score += 0.3 * (1.0 - np.abs(d[:, 2])) + 0.3 * (d[:, :2] * flat).sum(axis=1)
+        score -= 0.5 * self.edge(postures)
         score -= 1.0 * (p[:, 2] < 0.15 * reach) + 0.5 * (np.linalg.norm(p, axis=1) > 0.9 * reach)
         order = np.argsort(-score, kind="stable")
         kept: list[tuple[float, int]] = []
@@ -137,6 +138,17 @@ class Study:
             kept.append((float(score[i]) - penalty, i))
         for _, i in sorted(kept, reverse=True):
             yield GradedPosture(postures[i], float(sigma[i]))
+
+    def edge(self, postures: Array) -> Array:
+        """Return how far postures (p, n) are from the middles of their joints' ranges (p,), 0 to 1.
+
+        The mean over all joints, and what the farthest has beyond 0.6 of its way to a bound.
+        """
+        low, high = np.maximum(self.lower, -math.pi), np.minimum(self.upper, math.pi)
+        half = np.maximum(0.5 * (high - low), 1e-9)
+        off = np.abs(postures - 0.5 * (low + high)) / half
+        beyond = np.maximum(off.max(axis=1) - 0.6, 0.0) / 0.4
+        return np.asarray(0.5 * off.mean(axis=1) + beyond)
 
     def weight(self, q: Array) -> Array:
         """Return the size of the torques (n,) that hold the arm against gravity [N·m]."""

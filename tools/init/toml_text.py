@@ -1,15 +1,21 @@
 """Values as a TOML file has them, and the paths that it names."""
 
+import math
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
 
 def path_from(folder: Path, file: Path) -> str:
-    """Return the path of a file as seen from a folder: whole where it is somewhere else."""
+    """Return the path of a file as seen from a folder, so that both can move together.
+
+    Whole where they share no folder but the root.
+    """
     folder, file = folder.resolve(), file.resolve()
     if file.is_relative_to(folder):
         return f"./{file.relative_to(folder)}"
-    return str(file)
+    shared = os.path.commonpath([folder, file])
+    return str(file) if shared == os.sep else os.path.relpath(file, folder)
 
 
 def quoted(text: str) -> str:
@@ -26,6 +32,14 @@ def number(value: float) -> str:
     """Return a number with four digits, and a point."""
     text = f"{float(value):.4g}"
     return text if any(c in text for c in ".en") else f"{text}.0"
+
+
+def bound(value: float) -> str:
+    """Return a positive number that is no more than a bound, with four digits."""
+    if value <= 0.0:
+        return number(value)
+    digit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return number(math.floor(value / digit * (1.0 + 1e-12)) * digit)
 
 
 def numbers(values: Iterable[float], digits: int = 4) -> str:
