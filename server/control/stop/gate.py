@@ -3,6 +3,8 @@
 It never clamps: a refused command means the quick stop, with the reason.
 """
 
+import math
+
 import numpy as np
 
 from ..compiled import MATRIX, VECTOR, compiled
@@ -90,8 +92,10 @@ def _broken(
         most = 1.0
         for j in range(n):
             ratio = abs(differences[order, j]) / steps[order, j]
-            if not ratio <= most:
+            if math.isnan(ratio):  # what was sent is no number: no joint behind this one hides it
+                return order, j, differences[order, j]
+            if ratio > most:
                 worst, most = j, ratio
-        if not most <= 1.0:
+        if most > 1.0:
             return order, worst, differences[order, worst]
     return _FINE, 0, 0.0

@@ -75,3 +75,28 @@ def test_the_joint_that_is_furthest_out_is_the_one_named():
     rest = posture(0.0)
     both = Gate(("a", "b"), -rest - 2, rest + 2, *([np.array([1.0, 1.0])] * 3), T)
     assert both.refusal(posture(0.02, -0.03), (rest, rest, rest)).startswith("b: speed -3 ")
+
+
+def test_from_below_a_bound_the_way_back_is_open_and_the_way_out_is_not():
+    at = posture(-2.1)
+    assert gate().refusal(at, (at, at, at)) is None
+    assert gate().refusal(posture(-2.0999), (at, at, at)) is None
+    refusal = gate().refusal(posture(-2.1001), (at, at, at))
+    assert refusal is not None
+    assert refusal.startswith("wrist: position -2.1001")
+
+
+def test_far_below_is_named_before_a_little_above():
+    rest = posture(0.0)
+    assert gate().refusal(posture(2.1, -2.5), (rest, rest, rest)).startswith("elbow: position")
+    assert gate().refusal(posture(-2.5, 2.1), (rest, rest, rest)).startswith("wrist: position")
+
+
+@pytest.mark.parametrize("age", [0, 1, 2])
+def test_what_follows_something_that_is_not_a_number_is_refused(age):
+    rest = posture(0.0)
+    sent = [rest, rest, rest]
+    sent[age] = posture(0.0, np.nan)
+    assert gate(**BOUNDS).refusal(rest, tuple(sent)) is not None
+    sent[age] = posture(np.nan, 0.0)
+    assert gate(**BOUNDS).refusal(rest, tuple(sent)) is not None
