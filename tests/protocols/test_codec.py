@@ -199,6 +199,22 @@ def test_what_is_not_one_messagepack_map_is_refused(payload: bytes) -> None:
     assert refused.value.reason is Reason.NOT_MESSAGEPACK
 
 
+@pytest.mark.parametrize("topic", [topics.JOYSTICK, topics.LEASE], ids=lambda topic: topic.key)
+def test_a_payload_of_just_the_topics_size_is_read_and_one_byte_more_is_not(topic: Topic) -> None:
+    # What no longer fits is refused by its size; at just the size, by what is in it.
+    for size, reason in ((0, Reason.NOT_MESSAGEPACK), (1, Reason.TOO_LARGE)):
+        with pytest.raises(CodecError) as refused:
+            decode(topic, b"\xc1" * (topic.max_bytes + size))
+        assert refused.value.reason is reason
+
+
+def test_a_message_of_just_as_many_bytes_as_it_may_have_is_read() -> None:
+    payload = encode(m.CancelGoals(seen_tick=5))
+    assert decode_as(m.CancelGoals, payload, len(payload)).seen_tick == 5
+    with pytest.raises(CodecError, match="too_large"):
+        decode_as(m.CancelGoals, payload, len(payload) - 1)
+
+
 def test_a_payload_over_the_topics_size_is_refused_unread() -> None:
     most = topics.JOYSTICK.max_bytes
     with pytest.raises(CodecError, match=f"too_large: {most + 1} bytes, at most {most}"):

@@ -192,3 +192,10 @@ def test_a_step_leads_a_pose_on_but_not_far_from_another(rng, size):
         found = moved_near(T, step, near, slack)
         expected = away * np.repeat(share, 3)
         np.testing.assert_allclose(pose_error(found, near), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_pitch_that_rounding_has_beyond_a_right_angle_is_a_right_angle(sign):
+    R = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, sign * np.pi / 2, 0.3)).R.copy()
+    R[2, 0] = -sign * (1.0 + 1e-15)
+    assert Pose(R, np.zeros(3)).to_xyz_rpy()[3:] == pytest.approx((0.0, sign * np.pi / 2, 0.3))

@@ -66,3 +66,11 @@ def test_a_squeeze_is_internal_and_a_dear_arm_carries_less():
     along = np.array([0, 30.0, 0, 0, 0, 0])
     shares = load_shares(p, np.array([[2.0] * 6, [1.0] * 6]), along)
     np.testing.assert_allclose(shares[:, 1], [10.0, 20.0])
+
+
+def test_the_greatest_of_some_vectors_is_the_longest_one_whatever_its_place_and_way():
+    vectors = np.array([[1.0, 2.0, 2.0], [0.0, -3.0, -4.0], [3.9, 0.0, 0.0]])
+    for turned in range(3):
+        for order in ([0, 1, 2], [1, 2, 0], [2, 0, 1]):
+            assert greatest(np.roll(vectors, turned, axis=1)[order]) == pytest.approx(5.0)
+    assert greatest(np.zeros((2, 3))) == 0.0

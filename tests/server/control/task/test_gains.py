@@ -152,3 +152,26 @@ def test_whatever_a_schedule_says_gains_never_jump(scheduled, stick, rng):
         most = 0.01 / GAIN_TIME_S * run.settings.gains[source]
         assert (np.abs(np.diff(gains, axis=0)) <= most + 1e-12).all()
     run.observe()
+
+
+# --- ramps ----------------------------------------------------------------------------------------
+
+
+def test_a_changed_gain_has_gone_a_part_in_a_time_constant_that_does_not_depend_on_the_period():
+    for period_s in (0.01, 0.005):
+        ramp, now, target = Gains((), period_s), {"force": np.zeros(6)}, {"force": np.ones(6)}
+        for _ in range(round(GAIN_TIME_S / period_s)):
+            now = ramp.ramped(now, target)
+        np.testing.assert_allclose(now["force"], 1.0 - np.exp(-1.0))
+        assert ramp.part == pytest.approx(1.0 - np.exp(-period_s / GAIN_TIME_S))
+    assert GAIN_TIME_S == 0.15
+
+
+def test_only_the_sources_that_are_named_get_there_at_once():
+    now = {"force": np.ones(6), "joystick": np.ones(6)}
+    target = {"force": np.zeros(6), "joystick": np.zeros(6)}
+    found = Gains((), 0.01).ramped(now, target, ("force",))
+    np.testing.assert_array_equal(found["force"], np.zeros(6))
+    assert 0.9 < found["joystick"].min() < 1.0
+    assert found is not target
+    assert Gains((), 0.01).ramped(now, target, ("force", "joystick")) is target

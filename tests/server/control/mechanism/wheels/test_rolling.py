@@ -141,3 +141,18 @@ def test_a_recorded_base_has_the_angles_of_its_wheels():
     read = unpack(pack(at))
     assert type(read) is Rolled
     assert [x.tolist() for x in (*read, read.wheels)] == [x.tolist() for x in (*at, at.wheels)]
+
+
+def test_each_of_several_places_is_gone_to_from_the_one_before():
+    """Not from the first: wheels that turn by turns end elsewhere than along one arc."""
+    start = Rolled.at(Pose(rotation_rpy(0.1, -0.2, 0.7), np.array([1.0, 2.0, 0.3])), np.zeros(2))
+    wheels = np.array([[2.0, 0.0], [2.0, 5.0], [9.0, 5.0], [9.0, 5.0]])
+    R, p = ROLLING.places(start, wheels)
+    at = start
+    for s, angles in enumerate(wheels):
+        at = ROLLING.roll(at, angles)
+        np.testing.assert_array_equal(R[s], at.R)
+        np.testing.assert_array_equal(p[s], at.p)
+    straight = ROLLING.roll(start, wheels[2])
+    assert np.linalg.norm(p[2] - straight.p) > 0.01
+    np.testing.assert_array_equal(p[3], p[2])
