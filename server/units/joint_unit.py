@@ -16,6 +16,7 @@ from ..control.state import Inputs, Intent, Output
 from ..control.task.asked import ViewGoal
 from ..mode import Mode
 from ..perception.cameras import VisionTracker
+from ..perception.contact.jam import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..plant import UnitReading
 from ..refusals import Refused, Why
@@ -65,6 +66,8 @@ class JointUnit:
         self.in_proportion = section.quick_stop == "in_proportion"
         """A quick stop is told the ramps by which all joints come to rest together."""
         self._told = [0] * len(units)
+        self.jam = JamMonitor(cell.config.timing.period_s, self.events)
+        """Whether contact holds up what is asked of the payload."""
 
     @property
     def T_world_mrf(self) -> Pose | None:
@@ -183,6 +186,7 @@ class JointUnit:
     def keep(self, output: Output | None) -> None:
         """Take in what a tick decided of the task; None while it is off."""
         self.output = output
+        self.jam.update(output)
         if output is None:
             return
         for i, unit in enumerate(self.units):

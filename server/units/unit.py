@@ -11,6 +11,7 @@ from ..control.spatial import Array, Pose
 from ..control.state import Inputs, Memory, Output
 from ..mode import Mode
 from ..perception.cameras import VisionTracker
+from ..perception.contact.jam import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
 from ..perception.sight_lines import EVERY
@@ -37,6 +38,8 @@ class Unit:
         self.ahead = LookingAhead.from_cell(cell)
         """The reflex to what is ahead, and the scanner's axis; None without either."""
         self.perception = Perception(cell, arm, self.commands, self.events)
+        self.jam = JamMonitor(cell.config.timing.period_s, self.events)
+        """Whether contact holds up what is asked of the tool."""
         self.memory: Memory | None = None
         """None before the arm's joints were heard, and after its devices were configured anew."""
         self.q: Array | None = None
@@ -137,6 +140,8 @@ class Unit:
         goals = self.commands.goals
         self.commands.reflect(output)
         self.perception.remember(tick, output)
+        # A payload's jam is told by its own task.
+        self.jam.update(output if output.held is None else None)
         if output.at_goal and goals.posture is not None:
             goals.finish_posture()
             self.events.info("posture_reached")

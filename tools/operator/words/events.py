@@ -38,6 +38,10 @@ _WORDS: dict[str, tuple[str, str]] = {
     ),
     "sensor_fresh": ("The sensor {detail} tells again.", ""),
     "touched": ("The arm touched something: {detail}.", f"Free the arm, then {RESUME}."),
+    "jammed": (
+        "Something holds up the motion: {detail}.",
+        "Draw back, or search: see whether what is to go in is before its hole.",
+    ),
     "touch_found": ("Contact is felt again.", ""),
     "giving_way": ("The arm gives way {detail}.", ""),
     "gave_way": ("The arm gave way: {detail}.", f"Look at what it met, then {RESUME}."),

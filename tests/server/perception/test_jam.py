@@ -1,0 +1,86 @@
+"""A jam is force against what is asked for without any progress; it is told once."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from telerobot.server.control.spatial import Pose
+from telerobot.server.perception.contact.jam import JAMMED_S, PRESSED_N, JamMonitor
+
+T, SPEED = 0.01, 0.004
+ALONG = np.array([SPEED, 0.0, 0.0])
+
+
+class Told(list):
+    def warning(self, name, detail, **values):
+        self.append((name, values))
+
+
+@pytest.fixture
+def told():
+    return Told()
+
+
+@pytest.fixture
+def monitor(told):
+    return JamMonitor(T, told)
+
+
+def play(monitor, seconds, asked=ALONG, force=12.0, goes=0.0, at=None):
+    """Ask for a velocity, go a part of it, press along x with a force; return where it came to."""
+    at = np.zeros(3) if at is None else at
+    for k in range(round(seconds / T)):
+        u = asked(k * T) if callable(asked) else asked
+        at = at + goes * T * u
+        wrench = None if force is None else np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0])
+        twists = {"joystick": np.concatenate([u, np.zeros(3)]), "force": -np.ones(6)}
+        pose = Pose(np.eye(3), at)
+        monitor.update(SimpleNamespace(wrench_mrf=wrench, twists=twists, T_world_mrf_measured=pose))
+    return at
+
+
+def test_it_is_told_once_with_force_and_ways_after_its_time(monitor, told):
+    play(monitor, JAMMED_S - 0.2)
+    assert told == []
+    play(monitor, 5.0)
+    ((name, values),) = told
+    assert name == "jammed"
+    assert monitor.jammed
+    assert values["force_n"] == pytest.approx(12.0)
+    assert values["way_m"] == 0.0
+    assert values["asked_m"] == pytest.approx(SPEED * JAMMED_S)
+
+
+def test_a_motion_that_goes_on_is_none_however_hard_it_presses(monitor, told):
+    play(monitor, 5.0, force=100.0, goes=0.3)
+    assert told == []
+
+
+def test_what_holds_it_up_without_force_is_no_contact(monitor, told):
+    play(monitor, 5.0, force=0.5 * PRESSED_N)
+    assert told == []
+
+
+def test_pressing_with_a_stick_at_rest_is_none(monitor, told):
+    play(monitor, 5.0, asked=np.zeros(3))
+    assert told == []
+
+
+def test_pulling_away_from_what_is_pressed_is_none(monitor, told):
+    play(monitor, 5.0, asked=-ALONG)
+    assert told == []
+
+
+def test_after_progress_the_next_one_is_told_anew(monitor, told):
+    at = play(monitor, 3.0)
+    at = play(monitor, 3.0, goes=1.0, at=at)
+    assert not monitor.jammed
+    play(monitor, 3.0, at=at)
+    assert len(told) == 2
+
+
+def test_without_a_reading_nothing_is_known(monitor, told):
+    play(monitor, 1.5)
+    play(monitor, 0.2, force=None)
+    play(monitor, 1.5)
+    assert told == []
