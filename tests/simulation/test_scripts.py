@@ -25,6 +25,7 @@ ELSEWHERE |= {
     "two_arms",
     "two_nodes",
     "two_nodes_stiff",
+    "two_nodes_search",
     "carry",
     "carry_plate",
     "stop_together",

@@ -5,6 +5,7 @@ from .beam import BEAM
 from .bridge import BRIDGE
 from .contact.peg_runs import PEG
 from .contact.reflection import REFLECTION
+from .contact.searched import SEARCH
 from .contact.touch import TOUCH
 from .fuzz.runs import FUZZ
 from .hostile.replays import REPLAYS
@@ -23,6 +24,7 @@ from .urdfs.runs import URDF
 PARTS: dict[str, Part] = {
     "hostile": HOSTILE,
     "peg": PEG,
+    "search": SEARCH,
     "scenes": SCENES,
     "touch": TOUCH,
     "torques": TORQUES,

@@ -15,6 +15,7 @@ from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State
 from ..operator.client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
+from .generators.insertion import InsertionMotion
 from .generators.obstacles import ObstacleMotions
 from .generators.tables import SCRIPT, MovingObstacle, Raw
 from .generators.targets import TargetMotion
@@ -174,6 +175,11 @@ class Player:
             self.operators.move_device(client.name, step.device)
         if step.target is not None:
             self._targets.append(TargetMotion(step.target, self._now_s))
+        if step.insertion is not None:
+            motion, task = InsertionMotion(step.insertion), step.insertion.task
+            client.stream_made(
+                t.JOYSTICK, lambda now_s: motion.fields(now_s, client.state), named=task
+            )
         if step.obstacle is not None:
             self._obstacles.take(step.obstacle, self._now_s)
         if step.raw is not None:

@@ -9,6 +9,7 @@ from ...config.errors import nearest
 from ...protocols import topics as t
 from ...protocols.messages import messages as m
 from .generators.tables import (
+    DrivenInsertion,
     HandleMotion,
     LinkConditions,
     MovingMaster,
@@ -22,7 +23,7 @@ from .message import SPOKEN, TopicMessage
 WHEN = ("at_s", "operator", "for_s")
 """Keys of every step."""
 
-GENERATORS = ("silence", "link", "master", "device", "target", "obstacle", "raw")
+GENERATORS = ("silence", "link", "master", "device", "target", "obstacle", "insertion", "raw")
 """Keys of steps that are no message."""
 
 STREAMS = frozenset(
@@ -57,6 +58,7 @@ class Step(ScriptTable):
     device: HandleMotion | None = None
     target: MovingTarget | None = None
     obstacle: MovingObstacle | None = None
+    insertion: DrivenInsertion | None = None
     raw: Raw | None = None
 
     @model_validator(mode="before")
@@ -99,6 +101,9 @@ class Step(ScriptTable):
         """Streams that begin, change or end here, as `silence` has them."""
         if self.master is not None:
             return frozenset({t.MASTER_POSE.key})
+        if self.insertion is not None:
+            key, task = t.JOYSTICK.key, self.insertion.task
+            return frozenset({f"{key}:{task}" if task else key})
         if self.message is not None and self.message.topic.key in STREAMS:
             fields = self.message.fields
             named = fields.get("task") or fields.get("mechanism")

@@ -67,7 +67,10 @@ class Cameras(Protocol):
 
 
 class Simulation:
-    """One run of a cell under a script; `cameras` takes the place of the rendered ones."""
+    """One run of a cell under a script; `cameras` takes the place of the rendered ones.
+
+    `real` is the cell as it truly stands there, where the daemon is told another.
+    """
 
     def __init__(
         self,
@@ -76,6 +79,7 @@ class Simulation:
         record: Path | None = None,
         cameras: "Callable[[Simulation], Cameras] | None" = None,
         box: BlackBox | None = None,
+        real: Cell | None = None,
     ) -> None:
         if cell.config.rig is None:
             raise ConfigError(f"{cell.path}: rig: missing: there is nothing to simulate")
@@ -85,7 +89,8 @@ class Simulation:
         self.cell = cell
         self.clock = VirtualClock()
         self.buses = VirtualBuses(cell, self.clock.now, self._pump)
-        self.rig = Rig(cell, *self.buses.of_rig)
+        self.real = cell if real is None else real
+        self.rig = Rig(self.real, *self.buses.of_rig)
         self.buses.listen(self._on_frame)
         self.link = MemoryLink()
         daemon = seeded_keys("daemon")
@@ -287,7 +292,7 @@ class Simulation:
         }
         if self.truths:
             summary |= posture_figures(self.cell, self.player.script, self.truths[-1])
-            summary |= PegJudge(self.cell).figures(self.truths[-1])
+            summary |= PegJudge(self.real).figures(self.truths[-1])
         summary |= beam_figures(self.truths, period)
         summary |= base_figures(self.cell, self.states, self.truths)
         expected = tuple(self.player.script.expect.judge(summary))

@@ -122,9 +122,12 @@ class ProtocolClient:
         topic.message(**ANYBODY, **fields)  # now, and not in some later `run`
         self._streams[topic, str(fields.get("task") or fields.get("mechanism") or "")] = fields
 
-    def stream_made(self, topic: t.Topic, fields: Fields) -> None:
-        """Keep sending a command at 100 Hz whose fields are made anew each time."""
-        self._streams[topic, ""] = fields
+    def stream_made(self, topic: t.Topic, fields: Fields, named: str | None = None) -> None:
+        """Keep sending a command at 100 Hz whose fields are made anew each time.
+
+        They name that task or mechanism.
+        """
+        self._streams[topic, named or ""] = fields
 
     def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
         """Fall silent on a topic, for a task or mechanism; without a name, for all."""

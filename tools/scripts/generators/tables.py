@@ -76,6 +76,35 @@ class MovingObstacle(ScriptTable):
         return {**own, "news": TopicMessage.of(t.OBSTACLE, told).make(0)}
 
 
+class DrivenInsertion(ScriptTable):
+    """A tool or payload that a stick drives in until it went its way, and a search where it jams.
+
+    Force control has to be on: the stick presses with its speed over the gain. `search` is the
+    radius of the spiral, 0 for none; while it goes round, it leans to and fro by `tilt`, or with
+    `swing` turns by it about the axis that it is driven along.
+    """
+
+    task: m.Identifier | None = None
+    velocity: m.Vector3
+    """[m/s]"""
+    expressed_in: Literal["world", "mrf"] = "mrf"
+    way: float = Field(gt=0, le=1)
+    """[m]"""
+    search: float = Field(0.0, ge=0, le=0.05)
+    """[m]"""
+    tilt: float = Field(0.0, ge=0, le=0.2)
+    """[rad]"""
+    swing: bool = False
+
+    @field_validator("velocity")
+    @classmethod
+    def _goes(cls, velocity: m.Vector3) -> m.Vector3:
+        speed = sum(x * x for x in velocity) ** 0.5
+        if not 1e-4 <= speed <= 0.1:
+            raise ValueError(f"{speed:g} m/s: 0.0001 to 0.1 is expected")
+        return velocity
+
+
 class LinkConditions(ScriptTable):
     """An operator's connection from now on."""
 
