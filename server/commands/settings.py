@@ -78,6 +78,8 @@ class OperatorSettings:
         """Number of requests about the load, and the kind of the last one."""
         self.sensor_share = 1.0
         """Part of their gains that the sources of the force/torque sensor act with [1]."""
+        self.contact_share = 1.0
+        """Part of the task's sum that acts: less on what force control rang on [1]."""
         self.load_settles = False
         """The load was told anew while nothing was measured: they wait until that is in effect."""
         self._rated_payload = config.mechanism.rated_payload
@@ -101,6 +103,7 @@ class OperatorSettings:
             objectives=self.objectives,
             avoid=self._shared.avoid,
             at_once=WRENCH_SOURCES if self.load_settles else (),
+            contact_share=self.contact_share,
         )
 
     @property

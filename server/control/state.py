@@ -69,6 +69,8 @@ class Settings:
     """Sources whose gains are not ramped: a load that is told anew is, and they must miss it."""
     redefined: int = 0
     """How often MRF or CRF were redefined."""
+    contact_share: float = 1.0
+    """Part of the task's sum that acts: less on what force control rang on [1]."""
 
 
 @dataclass(frozen=True)

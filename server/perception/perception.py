@@ -14,6 +14,7 @@ from ..runtime.events import Events
 from .ahead.passage import Passage
 from .cameras import VisionTracker
 from .contact.collisions import CollisionMonitor
+from .contact.ringing import ContactStability
 from .contact.tool import PressedTool
 from .contact.walls import WallMonitor
 from .force_torque import ForceTorqueMonitor, reads_weight
@@ -44,6 +45,13 @@ class Perception:
         self.pressed = PressedTool(config.sources.force.hold_threshold, period_s)
         """Contact of the tool while its joints are commanded themselves."""
         self._walls = WallMonitor(arm, period_s, events)
+        self.ringing = ContactStability(
+            commands.settings.bounds.force_loop,
+            commands,
+            config.sources.force.hold_threshold,
+            period_s,
+            events,
+        )
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
@@ -70,6 +78,7 @@ class Perception:
             if output is None or output.held is None:
                 carried = self.collisions.carried
                 self.load.update(output, mode, now_s, carried)
+                commands.settings.contact_share = self.ringing.update(output, mode)
         doubted = self.load.tool
         by_joint = doubted is None and commands.by_joint(now_s)
         self.pressed.follow(output, by_joint, mode)

@@ -54,6 +54,11 @@ class LoopBounds:
         sensed = [c for c in grasps or (cell,) if c.config.mechanism.force_torque is not None]
         self._force = [ForceLoop(each) for each in sensed]
 
+    @property
+    def force_loop(self) -> ForceLoop | None:
+        """The force loop of the first arm; None without a force/torque sensor."""
+        return self._force[0] if self._force else None
+
     def gain(
         self,
         source: str,

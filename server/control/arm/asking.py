@@ -254,6 +254,9 @@ class Asking:
         if joint_rates is not None:
             dq, self_motion = s_tool * joint_rates, self.stages.redundancy.none()
             return Wanted(dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True)
+        if inputs.settings.contact_share < 1.0:
+            s_tool *= inputs.settings.contact_share
+            limits += ("contact",)
         wish = Wish(
             left if s_tool == 1.0 else s_tool * left,
             lever,

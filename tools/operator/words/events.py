@@ -42,6 +42,10 @@ _WORDS: dict[str, tuple[str, str]] = {
         "Something holds up the motion: {detail}.",
         "Draw back, or search: see whether what is to go in is before its hole.",
     ),
+    "contact_unstable": (
+        "The tool rings on what it touches: {detail}.",
+        "Press more gently, or set lower gains of force control.",
+    ),
     "touch_found": ("Contact is felt again.", ""),
     "giving_way": ("The arm gives way {detail}.", ""),
     "gave_way": ("The arm gave way: {detail}.", f"Look at what it met, then {RESUME}."),

@@ -2,6 +2,7 @@
 
 _WORDS = {
     "tool_speed": "The tool is at its speed bound.",
+    "contact": "The tool goes gently: force control rang on what it touched.",
     "joint_speed": "A joint is at its speed bound: the motion is slowed, its direction kept.",
     "joint_limit": "Joint {0} is near the end of its range.",
     "leash": "Joint {0} lags behind its command: something resists it, so the arm slows.",
