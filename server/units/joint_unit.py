@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ...config.load import Cell, grasp_part, joint_part
 from ...config.schema.joint_task import JointTaskSection
 from ...protocols.messages import messages as m
@@ -11,7 +13,8 @@ from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.evolve import evolve
 from ..control.frame_tree import Mount
-from ..control.spatial import Array, Pose
+from ..control.grasps.held import Holding
+from ..control.spatial import GRAVITY, Array, Pose
 from ..control.state import Inputs, Intent, Output
 from ..control.task.asked import ViewGoal
 from ..mode import Mode
@@ -68,6 +71,13 @@ class JointUnit:
         self._told = [0] * len(units)
         self.jam = JamMonitor(cell.config.timing.period_s, self.events)
         """Whether contact holds up what is asked of the payload."""
+        self._payload = section.payload
+        sensor = units[0].cell.config.mechanism.force_torque
+        self._bounds = (np.inf, np.inf)
+        if sensor is not None:
+            self._bounds = (sensor.unexplained_force, sensor.unexplained_moment)
+        self._load = np.zeros(4)
+        """What the payload weighs beyond what was told, as an event told last (4,) [kg, kg·m]."""
 
     @property
     def T_world_mrf(self) -> Pose | None:
@@ -189,6 +199,8 @@ class JointUnit:
         self.jam.update(output)
         if output is None:
             return
+        if output.held is not None:
+            self._tell_load(output.held)
         for i, unit in enumerate(self.units):
             held = None if unit.output is None else unit.output.held
             if held is not None and held.redefined > self._told[i]:
@@ -199,6 +211,27 @@ class JointUnit:
                     apart_m=round(held.apart, 6),
                 )
                 self._told[i] = held.redefined
+
+    def _tell_load(self, held: Holding) -> None:
+        """Tell that the payload weighs otherwise than it was told, or than was told of it last."""
+        load, g = held.load, -float(GRAVITY[2])
+        if not load.any():  # drives were off: it is weighed anew
+            self._load = load
+            return
+        off = g * (load - self._load)
+        if abs(off[0]) <= self._bounds[0] and np.linalg.norm(off[1:]) <= self._bounds[1]:
+            return
+        self._load, told = load, self._payload
+        mass = told.mass + float(load[0])
+        com = (told.mass * np.array(told.com) + load[1:]) / max(mass, 1e-3)
+        x, y, z = (round(1e3 * float(c)) for c in com)
+        self.events.warning(
+            "payload_differs",
+            f"the grasps carry {mass:.3g} kg with its centre at {x}, {y}, {z} mm, told are "
+            f"{told.mass:g} kg",
+            mass_kg=round(mass, 3),
+            told_kg=told.mass,
+        )
 
 
 def of_task(joint: Sequence[JointUnit], name: str | None) -> JointUnit:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import HERE, load_cell
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -221,6 +221,21 @@ def test_after_a_slip_the_payload_is_taken_off_and_let_go_of_and_the_arms_go_on(
     lifted = run.truths[-1].arms["left"].pose_mrf[2] - run.truths[-40].arms["left"].pose_mrf[2]
     assert lifted > 5e-3
     assert run.summary["limit_violations"] == 0
+
+
+def test_a_payload_that_weighs_a_tenth_more_than_told_is_held_up_and_told(play, tmp_path):
+    text = (HERE / "cells/pa10_pair.toml").read_text()
+    path = tmp_path / "pair.toml"
+    path.write_text(text.replace("mass = 5.0\ngrasp", "mass = 5.5\ngrasp"))
+    run = play({"at_s": 1.5, "for_s": 0.5, "cmd/joystick": BACK}, seconds=2.5, cell=load_cell(path))
+    (told,) = run.events("payload_differs")
+    assert told.values["mass_kg"] == pytest.approx(5.5, abs=0.02)
+    assert told.values["told_kg"] == 5.0
+    assert told.time_s < 1.5
+    height = {round(truth.time_s, 3): truth.beam.pose[2] for truth in run.truths}
+    before = [z for t, z in height.items() if 0.5 < t < 2.0]
+    assert max(before) - min(before) < 1e-3
+    assert run.summary["mode"] == "enabled"
 
 
 def test_only_who_holds_a_payload_can_lose_it(play):

@@ -3,9 +3,34 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+
 from ..spatial import Array, Pose
 from ..task.sources.force import ForceState
 from ..task.task import TaskMemory
+
+
+class Weighed(NamedTuple):
+    """Memory of what the grasps carry beyond the payload that was told."""
+
+    load: Array = np.zeros(4)
+    """Mass [kg] and its first moment in the payload's frame [kg·m] that count as the payload's."""
+    waits: Array = np.zeros(4)
+    """The same of what is not given way to before it was judged once."""
+    judged: bool = False
+    """It was, since the drives are on, or other sources asked for motion."""
+    sum: Array | None = None
+    """What is carried beyond that, smoothed (4,) [N, N·m]; None while it is not judged."""
+    mark: Array | None = None
+    """The same when the comparison began."""
+    began: Pose | None = None
+    """Where the MRF was then, in World."""
+    way: Array = np.zeros(4)
+    """What force control has asked for since: up, and about x, y, z [m, rad]."""
+    time_s: float = 0.0
+    """So long it has lasted [s]."""
+    asked: bool = False
+    """Other sources asked for motion."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +52,8 @@ class Held:
     """Memory of the joint task's sources; of its first arm only."""
     redefined: int = 0
     """How often views had drifted so far apart that it was told."""
+    weighed: Weighed = field(default_factory=Weighed)
+    """What the grasps carry that nobody told of; the same in all arms of the task."""
     light_s: float = 0.0
     """So long has this arm carried next to nothing, while the others carry its part [s]."""
 
@@ -48,6 +75,8 @@ class Holding(NamedTuple):
     """`internal_force` or `internal_moment`, where that is beyond its bound: the arms stop."""
     slipped: bool
     """The payload slipped out of this arm's grasp: the arms stop."""
+    load: Array
+    """Mass [kg] and first moment in the payload's frame [kg·m] beyond what was told (4,)."""
     apart: float
     """How far this arm's view of the payload is from the mean of all [m]."""
     redefined: int

@@ -16,10 +16,11 @@ from ..grasps.load_shares import greatest, internal, load_shares, total
 from ..mechanism.wrist import WristMemory
 from ..rigid_body import rotate_twist, twist_at
 from ..scene import Flags
-from ..spatial import GRAVITY, Array, Pose, cross
+from ..spatial import Array, Pose
 from ..state import Inputs, Intent
 from ..task.bleed import bleed
 from ..task.sources.force import ForceState, desired_wrench
+from .weighing import weight_of
 
 LEAST_SHARE = 4.0
 """Of lighter payloads nobody can tell whether they slipped [N]."""
@@ -69,16 +70,6 @@ class Grasping(NamedTuple):
     def to_mrf(self, i: int, twist: Array, R_world_mrf: Array) -> Array:
         """Return a twist (6,) of one grasp at the MRF, World axes."""
         return twist_at(twist, -(R_world_mrf @ self.p[i]))
-
-
-def weight_of(mass: float, com: Array, T_payload_mrf: Pose, R_world_mrf: Array) -> Array:
-    """Return the wrench (6,) that holds a payload up, at and in the MRF.
-
-    `com` (3,) is its centre of mass in its own frame [m].
-    """
-    up = R_world_mrf.T @ (-mass * GRAVITY)
-    at = T_payload_mrf.R.T @ (com - T_payload_mrf.p)
-    return np.concatenate([up, cross(at, up)])
 
 
 def grasping(
@@ -151,7 +142,8 @@ class GivingWay:
         self._wrists = tuple(arm.stages.wrist for arm in arms)
         self._tools = tuple(arm.p.T_wrist_tool for arm in arms)
         self._weights = np.array(section.shares or [(1.0,) * 6] * len(arms))
-        self._mass, self._com = section.payload.mass, np.array(section.payload.com)
+        self._mass = section.payload.mass
+        self._moment = self._mass * np.array(section.payload.com)
         force = section.sources.force
         self._most = (section.most_internal, section.most_internal_moment)
         self._threshold, self._leash = force.hold_threshold, force.hold_leash
@@ -165,13 +157,18 @@ class GivingWay:
         wrists: Sequence[WristMemory],
         T_payload_mrf: Pose,
         R_world_mrf: Array,
+        extra: Array,
     ) -> Grasping:
-        """Return the forces at the grasps of arms that see the MRF at `views` in their Wrists."""
+        """Return the forces at the grasps of arms that see the MRF at `views` in their Wrists.
+
+        `extra` (4,) is what the payload was found to weigh more than it was told.
+        """
         felt = [
             own_wrist.wrench_mrf(memory, tool)
             for own_wrist, memory, tool in zip(self._wrists, wrists, self._tools, strict=True)
         ]
-        weight = weight_of(self._mass, self._com, T_payload_mrf, R_world_mrf)
+        mass, moment = self._mass + float(extra[0]), self._moment + extra[1:]
+        weight = weight_of(mass, moment, T_payload_mrf, R_world_mrf)
         asked = desired_wrench(told.wrench_desired, told.R_world_wrench, R_world_mrf)
         return grasping(views, self._tools, felt, self._weights, weight, asked)
 

@@ -37,6 +37,7 @@ from .forces import SLIPPED_S, GivingWay, Grasping, light_s
 from .grips import Grips
 from .members import Member, Together
 from .stretch import relative_speed
+from .weighing import Told, weighed
 
 FIT_M = 0.020
 """Grasps that are farther from fitting each other do not hold one payload [m]."""
@@ -120,7 +121,10 @@ class JointTask:
         )  # fmt: skip
         twist = sum(twists.values(), np.zeros(6))
         views, wrists = [of.inputs.settings.T_wrist_mrf for of in each], [of.wrist for of in each]
-        forces = self._giving_way.forces(told, views, wrists, T_payload_mrf, T_world_mrf.R)
+        known = first.held.weighed
+        forces = self._giving_way.forces(
+            told, views, wrists, T_payload_mrf, T_world_mrf.R, known.load + known.waits
+        )
         light = [0.0] * len(each)
         if told.intent is not Intent.SEED:
             before_s, T = [of.held.light_s for of in each], self.arms[0].p.period_s
@@ -128,6 +132,10 @@ class JointTask:
         lost = max(light) >= SLIPPED_S
         tuned = [self._tuned(i, of, forces, T_world_mrf.R, lost) for i, of in enumerate(each)]
         factor, ways = told.settings.speed_factor, [t.way for t in tuned]
+        wanted, way = bool(told.wrench_desired.any()), sum(ways, np.zeros(6)) / len(ways)
+        sums = Told(forces.contact, wanted, T_payload_mrf, T_world_mrf, twist, way)
+        intent = Intent.STOP if lost else told.intent
+        known = weighed(known, sums, intent, self.arms[0].p.period_s)
         share = min(
             arm.asking.tool_share(twist + way, factor)
             for arm, way in zip(self.arms, ways, strict=True)
@@ -136,11 +144,12 @@ class JointTask:
         strained = self._giving_way.strained(forces) if moving else None
         members = []
         for i, (seen, t) in enumerate(zip(each, tuned, strict=True)):
-            of = seen._replace(held=evolve(seen.held, light_s=light[i]))
+            of = seen._replace(held=evolve(seen.held, light_s=light[i], weighed=known))
             away = apart(T_world_mrf, of.kinematics.T_world_mrf)[0]
             holding = Holding(
                 self.name, forces.exerted[i], forces.desired[i], forces.internal_force,
-                forces.internal_moment, strained, light[i] >= SLIPPED_S, away, of.held.redefined,
+                forces.internal_moment, strained, light[i] >= SLIPPED_S, known.load, away,
+                of.held.redefined,
             )  # fmt: skip
             members.append(self._member(i, of, t, twists, twist, share, holding))
         if told.intent is Intent.MOVE:

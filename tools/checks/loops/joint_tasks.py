@@ -13,8 +13,8 @@ from ....server.control.arm.arm import Arm
 from ....server.control.grasps.load_shares import load_shares
 from ....server.control.grasps.views import mean_of
 from ....server.control.joint_task.at_fault import Moving
-from ....server.control.joint_task.forces import weight_of
 from ....server.control.joint_task.joint_task import FIT_M, JointTask
+from ....server.control.joint_task.weighing import weight_of
 from ....server.control.mechanism.kinematics import Mechanism
 from ....server.control.rigid_body import rotate_twist, wrench_to
 from ....server.control.spatial import GRAVITY, Array, Pose
@@ -98,7 +98,8 @@ def _moving(
     R = mean_of([T @ view for T, view in zip(wrists, views, strict=True)]).R
     p = np.array([(view.inverse() @ tool).p for view, tool in zip(views, tools, strict=True)])
     payload = section.payload
-    weight = weight_of(payload.mass, np.array(payload.com), Pose.identity(), R)
+    moment = payload.mass * np.array(payload.com)
+    weight = weight_of(payload.mass, moment, Pose.identity(), R)
     shares = load_shares(p, np.array(section.shares or [(1.0,) * 6] * len(p)), weight)
     found = []
     for arm, q, view, at, share in zip(task.arms, start, views, p, shares, strict=True):

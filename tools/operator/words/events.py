@@ -64,6 +64,10 @@ _WORDS: dict[str, tuple[str, str]] = {
         "The sensor reads a load that nothing explains: {detail}.",
         "Tare, tell the payload, or acknowledge the load.",
     ),
+    "payload_differs": (
+        "The payload weighs otherwise than it was told: {detail}. The arms hold it where it is.",
+        "Is it the right one, and free? Correct the task's payload in the cell.",
+    ),
     "load_acknowledged": ("The unexplained load is acknowledged: force control acts on it.", ""),
     "obstacle_stale": (
         "News of an obstacle is stale: {detail}.",

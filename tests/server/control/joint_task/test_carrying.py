@@ -51,12 +51,89 @@ def test_an_arm_that_is_misplaced_does_not_press_the_beam(cell, stick):
     assert melted.outputs[0].held.apart < 2e-3
 
 
-def test_the_load_does_not_sink_while_arms_know_what_it_weighs(cell):
-    told, untold = Carrying(cell()), Carrying(cell(("mass = 5.0, com", "mass = 0.0, com")))
-    _, _, place = told.run(1.0)
-    _, _, sunk = untold.run(1.0)
-    assert abs(place[-1] - place[0]).max() < 1e-3
-    assert sunk[0][2] - sunk[-1][2] > 5e-3
+TRUE = "mass = 5.0\ngrasp"
+"""The beam's mass in truth; it is told 5 kg."""
+
+
+def told_wrong(cell, mass, com="[0.0, 0.0, 0.0]"):
+    """Return the pair with a beam that is told 5 kg, at its middle."""
+    return Carrying(cell((TRUE, f"mass = {mass}\ncom = {com}\ngrasp")))
+
+
+@pytest.mark.parametrize("mass", [5.0, 5.5, 4.5, 7.0, 3.5, 9.0])
+def test_a_load_that_is_told_wrong_neither_sinks_nor_rises(cell, mass):
+    run = told_wrong(cell, mass)
+    before = run.world.beam.pose()[0]
+    _, _, place = run.run(2.0)
+    assert np.abs(np.array(place) - before).max() < 1e-3
+    assert abs(place[-1] - place[-50]).max() < 2e-5
+    assert run.outputs[0].held.load[0] == pytest.approx(mass - 5.0, abs=0.02)
+
+
+def test_a_load_whose_centre_is_told_wrong_does_not_turn(cell):
+    run = told_wrong(cell, 5.0, "[0.05, 0.0, 0.0]")
+    before = run.world.beam.pose()[1]
+    run.run(2.0)
+    _, turned = run.world.beam.pose()
+    assert np.arccos((np.trace(before.T @ turned) - 1) / 2) < 5e-3
+    np.testing.assert_allclose(run.outputs[0].held.load, [0, 0.25, 0, 0], atol=0.02)
+
+
+def test_what_was_found_to_weigh_more_still_does_once_it_is_turned(cell):
+    run = told_wrong(cell, 5.5, "[0.05, 0.0, 0.0]")
+    run.run(1.0)
+    before = run.world.beam.pose()
+    run.run(2.5, 0.2 * YAW)
+    run.run(1.0)
+    after = run.world.beam.pose()
+    np.testing.assert_allclose(run.outputs[0].held.load, [0.5, 0.275, 0.0, 0.0], atol=0.02)
+    assert abs(after[0] - before[0]).max() < 2e-3
+    assert abs(after[1][2] - before[1][2]).max() < 2e-3  # level as before
+
+
+def test_a_load_that_grows_on_the_way_sinks_little(cell):
+    run = Carrying(cell())
+    run.run(0.5)
+    before = run.world.beam.pose()[0]
+    run.world.beam.lift(np.array([0.0, 0.0, -0.5 * 9.81]))
+    _, _, place = run.run(3.0, 0.02 * FORWARD)
+    assert abs(place[-1][2] - before[2]) < 2e-3
+    assert place[-1][0] - before[0] > 0.05
+    assert abs(place[-1][2] - place[-50][2]) < 5e-5
+
+
+def on_a_table(run, seconds, stick=None):
+    """Let a table of 20 kN/m carry 20 N of the beam; return what it carries in each tick [N]."""
+    beam, table, pressed = run.world.beam, run.world.beam.pose()[0][2] + 1e-3, []
+    for _ in range(round(seconds / T)):
+        pressed.append(2e4 * max(0.0, table - beam.pose()[0][2]))
+        beam.lift(np.array([0.0, 0.0, pressed[-1]]))
+        run.tick(stick)
+    return pressed
+
+
+def test_what_the_load_rests_on_is_given_way_to_and_no_weight(cell):
+    run = Carrying(cell())
+    pressed = on_a_table(run, 3.0)
+    assert max(pressed) > 15.0
+    assert pressed[-1] < 1.0
+    assert abs(run.outputs[0].held.load[0]) < 0.1
+
+
+def test_what_a_stick_presses_on_is_no_weight(cell):
+    """Force control and stick agree on K_F f / 2 = 2 mm/s, and the beam stands there."""
+    run = Carrying(cell())
+    pressed = on_a_table(run, 4.0, -0.002 * UP)
+    assert pressed[-1] == pytest.approx(13.3, abs=1.0)
+    assert abs(run.outputs[0].held.load[0]) < 0.05
+
+
+def test_a_wrench_that_is_asked_for_is_exerted_and_no_weight(cell):
+    run = Carrying(cell())
+    run.wrench_desired = np.array([0.0, 0.0, -10.0, 0.0, 0.0, 0.0])
+    pressed = on_a_table(run, 3.0)
+    assert pressed[-1] == pytest.approx(10.0, abs=1.0)
+    assert abs(run.outputs[0].held.load[0]) < 0.01
 
 
 STOPS = {

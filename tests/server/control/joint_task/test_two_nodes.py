@@ -46,6 +46,16 @@ def test_both_pegs_go_in_gently_while_force_control_melts_what_does_not_fit(tmp_
     assert max(force for force, _, _ in run.truth) <= 10.0
 
 
+@pytest.mark.parametrize("mass", [3.5, 9.0])
+def test_both_pegs_of_a_beam_that_is_told_5_kg_go_in(tmp_path, mass):
+    run = Carrying(pair(tmp_path, ("mass = 5.0\ngrasp", f"mass = {mass}\ngrasp"), nodes=True))
+    run.run(0.5)
+    depths, push = inserted(run)
+    assert min(depths) >= 20e-3
+    assert push <= 27.0  # 25 with a mass that is told
+    assert max(force for force, _, _ in run.truth) <= 10.0
+
+
 def test_both_pegs_go_in_by_a_desired_wrench_alone(tmp_path):
     run = Carrying(pair(tmp_path, nodes=True))
     run.wrench_desired = np.array([22.0, 0.0, 0.0, 0.0, 0.0, 0.0])
