@@ -5,6 +5,7 @@ and moves its spare joints beside. What of these rates is granted is decided for
 cell together (`tick.py`).
 """
 
+import math
 from typing import Self
 
 from ....config.load import Cell
@@ -79,6 +80,17 @@ class Arm:
         """
         slither = self.stages.slither
         return 0.0 if slither is None else slither.backbone.beyond_wall(memory.insertion, q)
+
+    def locked_joints(self, memory: Memory) -> dict[str, float]:
+        """Return the angles of joints that stand and do not follow, by name [rad].
+
+        Looked for where an arm goes through a tunnel, and cannot leave its curve.
+        """
+        locked = None if memory.insertion is None else memory.insertion.locked
+        if locked is None:
+            return {}
+        each = zip(self.p.joints.names, locked.tolist(), strict=True)
+        return {name: angle for name, angle in each if not math.isnan(angle)}
 
     def before_barriers(
         self, memory: Memory, inputs: Inputs, seen: ArmReading, asked: Wanted, beside: bool

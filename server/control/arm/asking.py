@@ -149,6 +149,7 @@ class Asking:
             motion.q, twists, acting, task.off_path,
             inputs if at_posture is inputs.at_posture else evolve(inputs, at_posture=False),
             k, lever, around, memory.insertion, whole,
+            (memory.sent[1], inputs.q_measured),
         )  # fmt: skip
         asked = self._coming_back(stance, inputs, motion.q, k, asked)
         if inputs.beside.sweep is not None:
@@ -224,11 +225,13 @@ class Asking:
         around: Around,
         insertion: Insertion | None = None,
         whole: Whole = IDLE,
+        following: tuple[Array, Array] | None = None,
     ) -> Wanted:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
         At the commanded posture q (n,) [rad], whose kinematics are `k`. `whole` is what
-        objectives have to be taken as it is.
+        objectives have to be taken as it is; `following` are the joints (n,) as they were commanded
+        and measured at one instant.
         """
         twist = summed(twists)
         left = twist if whole is IDLE else whole.left(twists)
@@ -276,7 +279,7 @@ class Asking:
             found, insertion, together, _ = slither.at_rest(q)
         else:
             found, insertion, together, slowed = slither.rates(
-                q, k, wish, around, insertion, inputs.drive, inputs.intent is Intent.MOVE
+                q, k, wish, around, insertion, inputs.drive, inputs.intent is Intent.MOVE, following
             )
             limits += slowed
         if found.singular:

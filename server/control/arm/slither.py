@@ -46,9 +46,14 @@ class Slither:
     """Turns a twist of the tool into the joint rates of one arm with a backbone."""
 
     def __init__(
-        self, backbone: Backbone, resolver: Resolver, redundancy: Redundancy, rank: int
+        self,
+        backbone: Backbone,
+        resolver: Resolver,
+        redundancy: Redundancy,
+        rank: int,
+        names: tuple[str, ...],
     ) -> None:
-        self.backbone = backbone
+        self.backbone, self._names = backbone, names
         self._resolver, self._redundancy, self._rank = resolver, redundancy, rank
 
     def rates(
@@ -60,24 +65,28 @@ class Slither:
         before: Insertion | None,
         drive: DriveRequest,
         moving: bool,
+        following: tuple[Array, Array] | None,
     ) -> Slid:
         """Return joint rates at the commanded posture q (n,), whose kinematics are `k`.
 
         `before` is where the arm was a tick ago; `drive` is the operator's,
-        of an arm that is `moving`, and does not only give way.
+        of an arm that is `moving`, and does not only give way. `following` are the joints (n,)
+        as commanded and as measured at one instant [rad]. One with a joint that is locked may
+        withdraw, and nothing else.
         """
-        insertion = self.backbone.followed(before, q)
+        insertion = self.backbone.followed(before, q, following)
         if insertion is None:
             return Slid(self._none(np.zeros(len(q))), None, True, ("off_backbone",))
         if moving:
             insertion = self.backbone.ramped(insertion, drive, wish.speed_factor)
         else:
             insertion = insertion._replace(speed=0.0)
-        free = len(q) - insertion.beyond
+        free, locked = len(q) - insertion.beyond, insertion.locked
+        back_only = drive.back_only or locked is not None
         driven = abs(insertion.speed) > STANDS or drive.speed != 0.0
         if self.backbone.arrived(insertion, drive):
             driven = abs(insertion.speed) > ARRIVED_SPEED
-        if free > self._rank and not driven and not drive.back_only:
+        if free > self._rank and not driven and not back_only:
             return self._tail(q, k, wish, around, insertion)
         head = self.backbone.head(q)
         twist = float(head @ wish.twist[:3]) if free <= self._rank else 0.0
@@ -86,13 +95,16 @@ class Slither:
             push = k.T_world_mrf.R @ around.wrench[:3]
             share = self.backbone.gives_way(insertion.speed, push, head)
         forward, granted = twist + insertion.speed, twist + share * insertion.speed
-        if drive.back_only:
+        if back_only:
             granted = min(0.0, granted)
         dq, speed = self.backbone.rates(insertion, q, granted)
         if not wish.spare and abs(speed) < STANDS:
             dq = np.zeros(len(q))
         slowed = abs(speed) < SLOWED * abs(forward) and abs(forward) > STANDS
-        return Slid(self._none(dq), insertion, True, ("insertion_speed",) if slowed else ())
+        limits: tuple[str, ...] = ("insertion_speed",) if slowed else ()
+        if locked is not None:
+            limits += tuple(f"locked:{self._names[i]}" for i in np.flatnonzero(~np.isnan(locked)))
+        return Slid(self._none(dq), insertion, True, limits)
 
     def off_walls(self, insertion: Insertion | None, q: Array, error: Array, dq: Array) -> float:
         """Return what share (0 to 1) of joint rates dq (n,) keeps the measured links off walls.

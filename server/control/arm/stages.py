@@ -54,7 +54,9 @@ class Stages:
         )
         self.slither = None
         if backbone is not None:
-            self.slither = Slither(backbone, self.resolver, self.redundancy, mechanism.rank)
+            self.slither = Slither(
+                backbone, self.resolver, self.redundancy, mechanism.rank, joints.names
+            )
         self.rolling = None
         if base is not None and mechanism.rolling is not None:
             self.rolling = BaseRates(

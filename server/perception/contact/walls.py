@@ -1,4 +1,4 @@
-"""Wall monitor: an arm that stands beyond a wall of its tunnel, by its measured joints, is told of.
+"""Wall monitor: tells of links beyond a wall of their tunnel, and of joints that do not follow.
 
 Limits slow what leads into a wall. What stands in one already, since it was enabled there, a joint
 does not follow, or the tunnel is not where the cell says, is slowed by none of them: it is told.
@@ -28,12 +28,14 @@ class WallMonitor:
         self._ticks = 0
         self._told = 0.0
         """How far beyond it was when that was told last; 0: it is not beyond any [m]."""
+        self._locked: frozenset[str] = frozenset()
 
     def update(self, memory: Memory | None, q: Array | None) -> None:
         """Look at the measured joints q (n,) [rad], now and then."""
         self._ticks += 1
         if self._ticks % self._every or memory is None or q is None:
             return
+        self._tell_locked(self._arm.locked_joints(memory))
         beyond = self._arm.beyond_wall(memory, q)
         if beyond > BEYOND and (not self._told or beyond > self._told + WORSE):
             self._told = beyond
@@ -45,3 +47,13 @@ class WallMonitor:
         elif self._told and beyond <= 0.0:
             self._told = 0.0
             self._events.info("off_wall", "no link stands beyond a wall any more")
+
+    def _tell_locked(self, locked: dict[str, float]) -> None:
+        for joint in locked.keys() - self._locked:
+            self._events.warning(
+                "joint_locked",
+                f"{joint} stands at {locked[joint]:.3f} rad and does not follow",
+                joint=joint,
+                angle_rad=locked[joint],
+            )
+        self._locked = frozenset(locked)

@@ -54,6 +54,10 @@ _WORDS: dict[str, tuple[str, str]] = {
         "Inside its tunnel, {detail}.",
         "Withdraw it slowly, or jog it back; does the cell say where the tunnel is?",
     ),
+    "joint_locked": (
+        "Joint {detail}: the others bend around it, and the arm may only withdraw.",
+        "Withdraw it to the entrance, then see to the drive.",
+    ),
     "off_wall": ("Inside its tunnel, {detail}.", ""),
     "unseen_behind": (
         "Nobody saw the ground behind the base, which goes back slowly: {detail}.",

@@ -22,6 +22,7 @@ _WORDS = {
     "held_back": "Clearances hold the base where the reflex saw a way: back off.",
     "no_headway": "The base waits, and the reflex comes to no end: back off.",
     "off_station": "The arm has made way for something, and comes back when it can.",
+    "locked": "Joint {0} does not follow: the others bend around it, and the arm only withdraws.",
     "unseen_behind": "Nobody saw the ground behind the base: it goes back slowly.",
     "near": "Near {0}: the tool slows.",
 }

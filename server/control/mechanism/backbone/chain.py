@@ -7,6 +7,7 @@ import numpy as np
 from .....config.errors import ConfigError
 from .....config.load import Cell
 from ...proximity.forest import Branch
+from ...scene import Flags
 from ...spatial import Array
 from .fit import Fitted, Links, fitted_at, points_at
 
@@ -29,6 +30,7 @@ class Chain:
         self.links = links._replace(counts=lengths > 1e-9)
         self.base = straight[0]
         """Where the first joint is, in World (3,) [m]."""
+        self._even, self._free = np.ones(n), np.ones(n, dtype=bool)
         self.stations = np.cumsum(lengths)
         """Arc length from the first joint to each point (n,) [m]."""
 
@@ -57,13 +59,24 @@ class Chain:
         points_at(self.links[:], q, found)
         return found
 
-    def fitted(self, q: Array, curve: Array, rates: Array, iterations: int) -> Fitted:
+    def fitted(
+        self,
+        q: Array,
+        curve: Array,
+        rates: Array,
+        iterations: int,
+        weights: Array | None = None,
+        free: Flags | None = None,
+    ) -> Fitted:
         """Return joints near q (n,) that follow points (n, 3) of a curve, and their rates.
 
-        `rates` (n, 3) are the curve's along any parameter; the joints' are along the same.
+        `rates` (n, 3) are the curve's along any parameter; the joints' are along the same. Points
+        may have `weights` (n,); joints that are not `free` (n,) stay at q.
         """
         found, slopes = np.empty(self.n), np.empty(self.n)
-        fitted_at(self.links[:], q, curve, rates, iterations, found, slopes)
+        weights = self._even if weights is None else weights
+        free = self._free if free is None else free
+        fitted_at(self.links[:], q, curve, rates, weights, free, iterations, found, slopes)
         return Fitted(found, slopes)
 
     def guess(self, curve: Array) -> Array:

@@ -127,19 +127,22 @@ def farthest_apart(one: Array, other: Array, first: int) -> float:
     return float(np.sqrt(most))
 
 
-@compiled(LINKS, VECTOR, MATRIX, MATRIX, COUNT, ROW, ROW)
+@compiled(LINKS, VECTOR, MATRIX, MATRIX, VECTOR, FLAGS, COUNT, ROW, ROW)
 def fitted_at(
     links: tuple[Array, Array, Array, Array, Flags],
     q: Array,
     curve: Array,
     rates: Array,
+    weights: Array,
+    free: Flags,
     iterations: int,
     found: Array,
     slopes: Array,
 ) -> None:
     """Write joints (n,) near q (n,) that follow points (n, 3) of a curve, and their rates (n,).
 
-    `rates` (n, 3) are the curve's along any parameter; the joints' are along the same.
+    `rates` (n, 3) are the curve's along any parameter; the joints' are along the same. `weights`
+    (n,) are those of the points' squared distances; joints that are not `free` (n,) stay at q.
     """
     n = len(q)
     for i in range(n):
@@ -158,24 +161,24 @@ def fitted_at(
                 S[u, v] = 0.0
         for i in range(n - 1, -1, -1):
             if counts[i]:
-                x, y, z = points[i, 0], points[i, 1], points[i, 2]
+                x, y, z, w = points[i, 0], points[i, 1], points[i, 2], weights[i]
                 # HᵀH and Hᵀr of H = (−[p]×, 1)
-                S[0, 0] += y * y + z * z
-                S[1, 1] += x * x + z * z
-                S[2, 2] += x * x + y * y
-                S[1, 0] -= x * y
-                S[2, 0] -= x * z
-                S[2, 1] -= y * z
-                S[3, 1] += z
-                S[3, 2] -= y
-                S[4, 0] -= z
-                S[4, 2] += x
-                S[5, 0] += y
-                S[5, 1] -= x
+                S[0, 0] += w * (y * y + z * z)
+                S[1, 1] += w * (x * x + z * z)
+                S[2, 2] += w * (x * x + y * y)
+                S[1, 0] -= w * (x * y)
+                S[2, 0] -= w * (x * z)
+                S[2, 1] -= w * (y * z)
+                S[3, 1] += w * z
+                S[3, 2] -= w * y
+                S[4, 0] -= w * z
+                S[4, 2] += w * x
+                S[5, 0] += w * y
+                S[5, 1] -= w * x
                 for row in range(3):
-                    S[3 + row, 3 + row] += 1.0
-                    r[row, 0] = points[i, row] - curve[i, row]
-                    r[row, 1] = -rates[i, row]
+                    S[3 + row, 3 + row] += w
+                    r[row, 0] = w * (points[i, row] - curve[i, row])
+                    r[row, 1] = -w * rates[i, row]
                 for c in range(2):
                     g[0, c] += y * r[2, c] - z * r[1, c]
                     g[1, c] += z * r[0, c] - x * r[2, c]
@@ -192,7 +195,7 @@ def fitted_at(
                 for v in range(6):
                     b[u] += (S[u, v] if u >= v else S[v, u]) * s[i, v]
                 stiff += s[i, u] * b[u]
-            if stiff < FLAT:
+            if stiff < FLAT or not free[i]:
                 k[i, 0], k[i, 1] = 0.0, 0.0
                 for u in range(6):
                     K[i, u] = 0.0

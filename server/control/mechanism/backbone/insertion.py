@@ -17,6 +17,7 @@ import numpy as np
 from .....config.errors import ConfigError
 from .....config.load import Cell
 from .....config.schema.mechanism.backbone import BackboneSection
+from ...scene import Flags
 from ...spatial import Array
 from .chain import Chain
 from .curve import Curve
@@ -42,6 +43,16 @@ ASIDE = 0.2
 """The head may push aside with this part of `most_push` before an insertion gives way [1]."""
 LAGGING = (0.65, 0.9)
 """Measured links that take so much of their room slow what leads them on, and hold it up [1]."""
+STOOD, ASKED = 1.5e-3, 5e-3
+"""A joint that moved by less than the first while its command moved by the second is locked [rad].
+
+One that follows is at most 2 mrad behind."""
+ROUND_LOCKED = 3
+"""Steps of the fit with locked joints, a tick [1]."""
+INSIDE = 25.0
+"""Weight of points inside, over those outside, where joints are locked [1]."""
+SLOPE_BY = 0.002
+"""Half the way over which such a fit's slope is taken [m]."""
 WINDOW = 1.5
 """A point is looked for in the tunnel this many half widths from where it should be [1]."""
 
@@ -62,6 +73,17 @@ class DriveRequest(NamedTuple):
 STILL = DriveRequest()
 
 
+class Following(NamedTuple):
+    """Which joints follow their commands: what both were when each joint moved last."""
+
+    commanded: Array
+    """(n,) [rad]"""
+    measured: Array
+    """(n,) [rad]"""
+    locked: Array
+    """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
+
+
 class Insertion(NamedTuple):
     """Where along its curve an arm is."""
 
@@ -75,6 +97,14 @@ class Insertion(NamedTuple):
     """Insertion speed that the operator's drive asks for, ramped [m/s]."""
     beyond: int
     """The first joint that is beyond the exit; n for none."""
+    following: Following | None = None
+    """None before the joints were looked at."""
+
+    @property
+    def locked(self) -> Array | None:
+        """Angles (n,) of joints that do not follow, NaN for the others; None where all do."""
+        known = self.following
+        return None if known is None or np.isnan(known.locked).all() else known.locked
 
 
 class Backbone:
@@ -134,17 +164,50 @@ class Backbone:
 
     # --- where the arm is ----------------------------------------------------------------------
 
-    def fitted(self, s1: float, near: Array) -> tuple[Array, Array]:
+    def fitted(self, s1: float, near: Array, locked: Array | None = None) -> tuple[Array, Array]:
         """Return the joints (n,) that follow the curve of a free length [m], and ∂q/∂s1 (n,).
 
         One step from joints `near` by. The slope is that of the fits computed ahead: the step's own
-        leaves out what the curve's bend does to the distances that remain.
+        leaves out what the curve's bend does to the distances that remain. Where joints are
+        `locked` at angles (n,), the others bend around them.
         """
+        if locked is not None:
+            return self._round_locked(s1, near, locked)
         found = self.chain.fitted(near, *self.curve.at(s1, self.chain.stations), 1)
         place = (s1 - self.lengths[0]) / (self.lengths[1] - self.lengths[0])
         i = min(len(self.lengths) - 2, max(0, int(place)))
         part = place - i
         return found.q, (1.0 - part) * self.slopes[i] + part * self.slopes[i + 1]
+
+    def _round_locked(self, s1: float, near: Array, locked: Array) -> tuple[Array, Array]:
+        free = np.isnan(locked)
+        least = max(self.section.least, s1 - SLOPE_BY)
+        most = min(self.most, s1 + SLOPE_BY)
+        q = self._bent(s1, np.where(free, near, locked), free)
+        slope = (self._bent(most, q, free) - self._bent(least, q, free)) / (most - least)
+        return q, slope
+
+    def _bent(self, s1: float, near: Array, free: Flags) -> Array:
+        """Return joints (n,) that follow the curve as well as those that are `free` can."""
+        stations = self.chain.stations
+        # Where walls are, the arm has least room to be off.
+        weights = np.where(stations > s1, INSIDE, 1.0)
+        sampled = self.curve.at(s1, stations)
+        return self.chain.fitted(near, *sampled, ROUND_LOCKED, weights, free).q
+
+    def watched(self, before: Following | None, q: Array, measured: Array) -> Following:
+        """Return which joints follow, that were commanded at q (n,) and measured (n,) [rad]."""
+        if before is None:
+            return Following(q, measured, np.full(len(q), np.nan))
+        moved = np.abs(measured - before.measured) > STOOD
+        stands = ~moved & (np.abs(q - before.commanded) > ASKED)
+        if not (moved.any() or stands.any()):
+            return before
+        return Following(
+            np.where(moved, q, before.commanded),
+            np.where(moved, measured, before.measured),
+            np.where(stands & np.isnan(before.locked), measured, before.locked),
+        )
 
     def beyond(self, s1: float) -> int:
         """Return the first joint that is beyond the exit at a free length [m]; n for none."""
@@ -164,15 +227,25 @@ class Backbone:
         found = Insertion(s1, fit, slope, 0.0, self.beyond(s1))
         return found if self._off(found, q) < FITS else None
 
-    def followed(self, insertion: Insertion | None, q: Array) -> Insertion | None:
-        """Return where joints q (n,) have come to; None once they left the curve."""
+    def followed(
+        self,
+        insertion: Insertion | None,
+        q: Array,
+        following: tuple[Array, Array] | None = None,
+    ) -> Insertion | None:
+        """Return where joints q (n,) have come to; None once they left the curve.
+
+        `following` are the joints (n,) as commanded and as measured at one instant [rad].
+        """
         if insertion is None:
             return self.located(q)
-        s1 = self._along(insertion, q)
-        if s1 != insertion.s1:
+        s1, locked = self._along(insertion, q), insertion.locked
+        if s1 != insertion.s1 or locked is not None:
             near = insertion.q + insertion.rates * (s1 - insertion.s1)
-            fit, slope = self.fitted(s1, near)
-            insertion = Insertion(s1, fit, slope, insertion.speed, self.beyond(s1))
+            fit, slope = self.fitted(s1, near, locked)
+            insertion = insertion._replace(s1=s1, q=fit, rates=slope, beyond=self.beyond(s1))
+        if following is not None:
+            insertion = insertion._replace(following=self.watched(insertion.following, *following))
         return insertion if self._off(insertion, q) < LOST else None
 
     def _along(self, insertion: Insertion, q: Array) -> float:
@@ -202,11 +275,12 @@ class Backbone:
         if drive.depth is not None:
             way = ENDS * (drive.depth - self.depth(insertion))
             speed = max(-speed, min(speed, way))
-        most = 0.0 if drive.back_only else self.section.speed
+        back_only = drive.back_only or insertion.locked is not None
+        most = 0.0 if back_only else self.section.speed
         speed = factor * max(-self.section.speed, min(most, speed))
         step = min(bound, max(-bound, speed - insertion.speed))
         speed = insertion.speed + step
-        return Insertion(insertion.s1, insertion.q, insertion.rates, speed, insertion.beyond)
+        return insertion._replace(speed=speed)
 
     def gives_way(self, speed: float, push: Array, head: Array) -> float:
         """Return what share (0 to 1) of an insertion's speed is left, with the head pushing [N].
