@@ -4,11 +4,14 @@ Whatever a person can get wrong ends in a `ConfigError` of one line that names f
 and bound. What needs numbers to judge (bus load, stability) is `telerobot check`'s.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final
+
+from pydantic import ValidationError
 
 from .agree.agree import check_agreement
 from .agree.cell import PartOf, check_cell
@@ -21,6 +24,7 @@ from .parts import MechanismKeys, joint_tables_of, on_top, parts_of
 from .schema.bus.on_bus import Entry
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTaskSection
+from .schema.section import Section
 from .schema.sensors.cameras import CameraSection
 from .toml import read_toml
 from .urdf.robot import Robot, UrdfJoint, read_robot
@@ -33,6 +37,7 @@ __all__ = [
     "ConfigError",
     "Robot",
     "UrdfJoint",
+    "altered",
     "load_cell",
     "read_toml",
     "script_path",
@@ -101,6 +106,43 @@ class Cell:
     def default_script(self) -> Path:
         """The script that is played where none is named; a path is one beside the cell's file."""
         return script_path(self.config.default_script, self.path.parent)
+
+
+def altered(cell: Cell, changes: Mapping[str, Any]) -> Cell:
+    """Return a cell with other values, by their keys: `{"rig.wall.stiffness": 2000.0}`.
+
+    A number stands for an entry of a list: `rig.boxes.0.xyz`. Each value is judged as a file's is,
+    in its own table; not whether tables agree. Raises `ConfigError` for a key that is not there,
+    or a value that may not be.
+    """
+    config = cell.config
+    for key, value in changes.items():
+        config = _altered(config, key.split("."), value, f"{cell.path}: {key}")
+    return replace(cell, config=config)
+
+
+def _altered(table: Any, keys: list[str], value: object, where: str) -> Any:
+    """Return a table, list or mapping in which the value at these keys is another."""
+    key, *deeper = keys
+    if isinstance(table, tuple):
+        entries = list(table)
+        if not key.isdecimal() or int(key) >= len(entries):
+            raise ConfigError(f"{where}: {key}: no entry of {len(entries)}")
+        entries[int(key)] = _altered(entries[int(key)], deeper, value, where) if deeper else value
+        return tuple(entries)
+    if isinstance(table, Mapping):
+        return {**table, key: _altered(table.get(key), deeper, value, where) if deeper else value}
+    if not isinstance(table, Section):
+        raise ConfigError(f"{where}: {key}: there is no table around it")
+    if key not in type(table).model_fields:
+        raise ConfigError(f"{where}: unknown key{nearest(key, type(table).model_fields)}")
+    if deeper:
+        value = _altered(getattr(table, key), deeper, value, where)
+    try:
+        return table.model_copy(update={key: value})
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ConfigError(f"{where}: value {short(first['input'])}: {first['msg']}") from None
 
 
 def grasp_part(cell: Cell, task: JointTaskSection, member: int) -> Cell:

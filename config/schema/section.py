@@ -1,6 +1,7 @@
 """Parts of every table of a cell file: the base class, poses and vectors."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -42,6 +43,18 @@ class Section(BaseModel):
     """A table of the cell file: unknown keys and non-finite numbers are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, judged as those of a file are.
+
+        Pydantic's own takes any key and any value. Raises `ValidationError`.
+        """
+        if not update:
+            return super().model_copy(deep=deep)
+        told = {name: getattr(self, name) for name in self.model_fields_set}
+        judged = type(self).model_validate({**told, **update})
+        values = {name: getattr(judged, name) for name in update}
+        return super().model_copy(update=values, deep=deep)
 
 
 class PoseSection(Section):

@@ -9,12 +9,11 @@ import shlex
 import socket
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from telerobot import Operator, OperatorError
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.host.local_plant import LocalPlant, end, free_port
 
@@ -78,8 +77,7 @@ class There(LocalPlant):
 
     def __init__(self, cell):
         super().__init__(cell)
-        config = self.cell.config.model_copy(update={"zenoh": cell.config.zenoh})
-        self.cell = replace(self.cell, config=config)
+        self.cell = altered(self.cell, {"zenoh": cell.config.zenoh})
         self.rig_endpoint = cell.config.zenoh.endpoint
 
 

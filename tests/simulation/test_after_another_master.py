@@ -1,10 +1,10 @@
 """Another master set a drive up and left before the daemon starts: the arm works as ever."""
 
-import dataclasses
 import struct
 
 import numpy as np
 import pytest
+from telerobot.config.load import altered
 from telerobot.drivers.bus import CanMessage, InProcessBus
 from telerobot.protocols.canopen.can301 import NMT_ID, SYNC_ID, NmtCommand, sdo_request_id
 from telerobot.protocols.canopen.cia402 import Controlword, Object, OperationMode
@@ -131,9 +131,7 @@ def test_a_drive_that_another_master_left_is_driven_as_ever(pa10, left):
 @pytest.mark.parametrize("mode", ["csv", "cst"])
 def test_what_another_master_adds_to_setpoints_moves_nothing(pa10, mode):
     """Drives add 60B1h and 60B2h to what they are sent, and keep them over a reset."""
-    mechanism = pa10.config.mechanism.model_copy(update={"operation_mode": mode})
-    config = pa10.config.model_copy(update={"mechanism": mechanism})
-    cell = dataclasses.replace(pa10, config=config)
+    cell = altered(pa10, {"mechanism.operation_mode": mode})
     _, result, seen, way = played(cell, offsets)
     assert result.ok, result.summary
     assert seen[-1] == ("enabled", {"operation_enabled"})

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -99,12 +99,7 @@ def test_a_payload_that_was_told_wrong_is_held_all_the_same(kg):
     laden = cell("cst", payload_mass=max(kg, 0.0), payload_com=at)
     if kg < 0.0:
         sensor = laden.config.mechanism.force_torque
-        payload = sensor.payload.model_copy(update={"mass": sensor.payload.mass - kg})
-        told = sensor.model_copy(update={"payload": payload})
-        mechanism = laden.config.mechanism.model_copy(update={"force_torque": told})
-        laden = dataclasses.replace(
-            laden, config=laden.config.model_copy(update={"mechanism": mechanism})
-        )
+        laden = altered(laden, {"mechanism.force_torque.payload.mass": sensor.payload.mass - kg})
     run = play(laden, seconds=2.0)
     assert way(run, -1.0, 2.0) < 5e-3
     assert way(run, 1.8, 2.0) < 1e-3

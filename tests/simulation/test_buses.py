@@ -1,12 +1,11 @@
 """An arm on two CAN buses: it moves as on one, and a bus that dies stops all of it."""
 
-import dataclasses
 import struct
 
 import can
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.bus.bus import BusSection
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
@@ -31,10 +30,9 @@ def split(pa10):
         d.model_copy(update={"bus": "left" if i < 4 else "right", "node": i % 4 + 1})
         for i, d in enumerate(mechanism.drives)
     )
-    sensor = mechanism.force_torque.model_copy(update={"bus": "right"})
-    arm = mechanism.model_copy(update={"drives": drives, "force_torque": sensor})
-    config = pa10.config.model_copy(update={"mechanism": arm, "buses": BUSES})
-    return dataclasses.replace(pa10, config=config)
+    return altered(
+        pa10, {"mechanism.drives": drives, "mechanism.force_torque.bus": "right", "buses": BUSES}
+    )
 
 
 def test_an_arm_on_two_buses_moves_as_on_one(play, pa10, split):

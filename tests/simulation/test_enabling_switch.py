@@ -1,9 +1,8 @@
 """An enabling switch on the bus: released or silent it stops the arm, and nothing enables it."""
 
-import dataclasses
-
 import numpy as np
 import pytest
+from telerobot.config.load import altered
 from telerobot.config.schema.bus.enabling import EnablingSwitchSection
 from telerobot.server.telemetry import describe
 from telerobot.tools.checks.bus_load import bus_load, worst_case_bits
@@ -17,8 +16,7 @@ HELD = {"kind": "push", "target": "enabling_switch"}
 
 @pytest.fixture(scope="module")
 def guarded(pa10):
-    config = pa10.config.model_copy(update={"enabling_switch": EnablingSwitchSection(node=40)})
-    return dataclasses.replace(pa10, config=config)
+    return altered(pa10, {"enabling_switch": EnablingSwitchSection(node=40)})
 
 
 def reasons(run):

@@ -1,8 +1,7 @@
 """A daemon that anybody may command says so, as loudly as it can."""
 
-import dataclasses
-
 import pytest
+from telerobot.config.load import altered
 from telerobot.server.telemetry import describe
 from telerobot.tools.cli import main
 from telerobot.tools.host.address import moved
@@ -15,7 +14,7 @@ def reachable(cell, **security):
     zenoh = moved(cell, endpoint=EVERYWHERE).config.zenoh
     told = zenoh.security.model_copy(update=security)
     zenoh = zenoh.model_copy(update={"security": told})
-    return dataclasses.replace(cell, config=cell.config.model_copy(update={"zenoh": zenoh}))
+    return altered(cell, {"zenoh": zenoh})
 
 
 def test_it_is_the_first_event_and_told_to_who_takes_the_lease_and_described(play, pa10):

@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from telerobot.config.load import altered
 from telerobot.protocols.canopen import can301, cia402_pdo
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -109,7 +110,7 @@ def test_a_joint_pushed_out_of_its_following_window_quick_stops_the_arm(play):
 @pytest.fixture
 def unfeeling(pa10):
     """The PA-10 without collision detection: what is left is the leash."""
-    return dataclasses.replace(pa10, config=pa10.config.model_copy(update={"touch": None}))
+    return altered(pa10, {"touch": None})
 
 
 def test_a_blocked_elbow_is_met_by_the_leash_without_wind_up_or_jump(play, pa10, unfeeling):
@@ -323,7 +324,7 @@ def test_enabling_does_not_move_a_joint_that_sagged(play, pa10):
     rig = pa10.config.rig
     drive = rig.drive.model_copy(update={"torque_delay_s": 0.02})
     rig = rig.model_copy(update={"drive": drive})
-    cell = dataclasses.replace(pa10, config=pa10.config.model_copy(update={"rig": rig}))
+    cell = altered(pa10, {"rig": rig})
     off = {"at_s": 0.0, "operator/switch": {"source": "force", "on": False}}
     run = play(off, seconds=1.5, cell=cell)
     start = np.array(pa10.config.mechanism.postures["start"])

@@ -1,9 +1,8 @@
 """After a touch the arm lets go: judged by the physics' contact force."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from telerobot.config.load import altered
 from telerobot.tools.campaign.contact import doubted, letting_go
 
 STIFF = {
@@ -102,12 +101,16 @@ def test_a_push_that_lasts_is_given_way_to_inside_the_leash_and_told(play, pa10)
 
 def test_a_load_that_nobody_told_of_moves_nothing_in_hold(play, pa10):
     """Without a sensor its weight looks like a push: the arm stops, and does not sink."""
-    mechanism = pa10.config.mechanism.model_copy(update={"force_torque": None})
-    rig = pa10.config.rig.model_copy(
-        update={"payload_mass": 5.0, "payload_com": (0.0, 0.0, 0.1), "wall": None, "boxes": ()}
+    cell = altered(
+        pa10,
+        {
+            "mechanism.force_torque": None,
+            "rig.payload_mass": 5.0,
+            "rig.payload_com": (0.0, 0.0, 0.1),
+            "rig.wall": None,
+            "rig.boxes": (),
+        },
     )
-    config = pa10.config.model_copy(update={"mechanism": mechanism, "rig": rig})
-    cell = replace(pa10, config=config)
     run = play({"at_s": 0.3, "cmd/joystick": MOVING}, seconds=3.0, cell=cell)
     assert run.events("touched")
     assert run.events("still_pushed")
@@ -116,8 +119,7 @@ def test_a_load_that_nobody_told_of_moves_nothing_in_hold(play, pa10):
 
 
 def test_without_a_sensor_the_tool_is_that_of_the_urdf_and_no_push(play, pa10):
-    mechanism = pa10.config.mechanism.model_copy(update={"force_torque": None})
-    cell = replace(pa10, config=pa10.config.model_copy(update={"mechanism": mechanism}))
+    cell = altered(pa10, {"mechanism.force_torque": None})
     run = play({"at_s": 0.3, "cmd/joystick": MOVING}, seconds=3.0, cell=cell)
     assert run.events("touched") == []
     assert run.states[-1].mode == "enabled"

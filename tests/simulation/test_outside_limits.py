@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -69,7 +69,7 @@ def test_enabling_moves_nothing_in_other_bodies_either(name):
     ):  # the noise of a Base's pose is followed by the tool that holds World
         frames = rig.frames.model_copy(update={"noise": (0.0, 0.0)})
         rig = rig.model_copy(update={"frames": frames})
-        cell = dataclasses.replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+        cell = altered(cell, {"rig": rig})
     _, way = played(cell, seconds=0.4)
     assert np.abs(way - way[0]).max() < 1e-3
 

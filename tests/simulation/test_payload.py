@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from telerobot.config.load import altered
 from telerobot.config.schema.mechanism.mechanism import GripperSection, PayloadSection
 from telerobot.config.schema.rig.rig import RigGripperSection
 from telerobot.server.control.task.gains import GAIN_TIME_S
@@ -15,7 +16,7 @@ HAND = PayloadSection(mass=0.98, com=(0.0, 0.0, 0.051))
 
 def of_mechanism(cell, **update):
     mechanism = cell.config.mechanism.model_copy(update=update)
-    return dataclasses.replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    return altered(cell, {"mechanism": mechanism})
 
 
 def with_payloads(pa10, at_start):

@@ -1,10 +1,8 @@
 """Every shipped script keeps what it was written to show."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell, shipped
+from telerobot.config.load import altered, load_cell, shipped
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -77,9 +75,7 @@ def test_a_pose_move_is_within_a_millimetre_right_after_the_paths_end(pa10):
 
 @pytest.mark.parametrize("stiffness", [2_000.0, 20_000.0])
 def test_pushing_the_wall_settles_at_rate_over_gain_whatever_its_stiffness(pa10, stiffness):
-    wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
-    rig = pa10.config.rig.model_copy(update={"wall": wall})
-    cell = dataclasses.replace(pa10, config=pa10.config.model_copy(update={"rig": rig}))
+    cell = altered(pa10, {"rig.wall.stiffness": stiffness})
     run = run_shipped("wall_push", cell)
     expected = 0.0075 / pa10.config.sources.force.gain[0]
     assert run.summary["contact_force_n"] == pytest.approx(expected, abs=max(0.05 * expected, 0.3))
@@ -91,9 +87,7 @@ def test_pushing_the_wall_settles_at_rate_over_gain_whatever_its_stiffness(pa10,
 @pytest.mark.parametrize("stiffness", [2_000.0, 20_000.0])
 def test_the_first_touch_of_the_wall_does_not_bounce(pa10, stiffness):
     """Contact is kept from the first touch on, and never above what the stick asks for by 5 %."""
-    wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
-    rig = pa10.config.rig.model_copy(update={"wall": wall})
-    cell = dataclasses.replace(pa10, config=pa10.config.model_copy(update={"rig": rig}))
+    cell = altered(pa10, {"rig.wall.stiffness": stiffness})
     run = run_shipped("wall_push", cell)
     forces = np.linalg.norm([truth.contact_force for truth in run.truths], axis=1)
     first = int(np.argmax(forces > 0.0))

@@ -1,10 +1,8 @@
 """In space, too, what has left a tunnel is an ordinary arm: its head goes round a circle."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.tunnel import tunnel
@@ -21,9 +19,7 @@ def out():
     cell = load_cell("snake_tail_space")
     assert {finding.status for finding in tunnel(cell)} == {Severity.OK}
     q = tuple(Backbone.from_cell(cell).fits[1].tolist())
-    mechanism = cell.config.mechanism.model_copy(update={"postures": {"start": q, "ready": q}})
-    config = cell.config.model_copy(update={"mechanism": mechanism})
-    return dataclasses.replace(cell, config=config)
+    return altered(cell, {"mechanism.postures": {"start": q, "ready": q}})
 
 
 def test_the_head_goes_round_a_circle_with_its_attitude_held_while_the_rest_stands(play, out):

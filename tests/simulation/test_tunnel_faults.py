@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
 from telerobot.tools.oracle.arm import OracleArm
 from telerobot.tools.oracle.tunnel import Tunnel
@@ -20,8 +20,7 @@ def inside():
     def start(s1, off=0.0):
         q = fits.fits[int(np.abs(fits.lengths - s1).argmin())] + off
         postures = dict.fromkeys(("start", "ready"), tuple(q.tolist()))
-        mechanism = cell.config.mechanism.model_copy(update={"postures": postures})
-        return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+        return altered(cell, {"mechanism.postures": postures})
 
     return start
 

@@ -1,10 +1,8 @@
 """Vision in virtual time, on rendered pictures; judged by the physics' truth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.moving import FramesSection, MovingFrameSection
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import Simulation
@@ -204,7 +202,7 @@ def test_equal_runs_send_equal_frames_pictures_and_all(play, cell):
 def test_a_view_is_kept_from_a_platform_that_sways(play, cell):
     """By the Lens's true pose; the tag stands in World, and pictures are of the true platform."""
     frames = FramesSection(base=MovingFrameSection())
-    swaying = replace(cell, config=cell.config.model_copy(update={"frames": frames}))
+    swaying = altered(cell, {"frames": frames})
     sway = {"target": "platform", "sway": [0.0, 0.04, 0.02, 0.02, 0.0, 0.03], "period_s": 4.0}
     run = play(
         *STORE,

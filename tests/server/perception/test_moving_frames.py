@@ -1,8 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.protocols.messages.perception.moving import FrameNews
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp
 from telerobot.server.perception.moving_frames import FrameTracker
@@ -88,8 +86,7 @@ def test_news_of_the_future_and_of_what_does_not_move_is_refused_by_name(watch, 
     with pytest.raises(Refused) as caught:
         watch.take(news("base", 11, Pose.identity()), 10)
     assert caught.value.reason == Why.FUTURE_PICTURE
-    frames = cell.config.frames.model_copy(update={"base": None})
-    fixed = replace(cell, config=cell.config.model_copy(update={"frames": frames}))
+    fixed = altered(cell, {"frames.base": None})
     with pytest.raises(Refused) as caught:
         FrameTracker.from_cell(fixed, events).take(news("base", 9, Pose.identity()), 10)
     assert caught.value.reason == Why.UNKNOWN_FRAME

@@ -2,11 +2,10 @@
 
 import re
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.mechanism.torque import TorqueSection
 from telerobot.server.stability.following import delays, stiffest_hand
 from telerobot.server.stability.gains import LoopBounds
@@ -21,8 +20,7 @@ def cell() -> Cell:
 
 
 def in_mode(cell: Cell, mode: str) -> Cell:
-    mechanism = cell.config.mechanism.model_copy(update={"operation_mode": mode})
-    return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    return altered(cell, {"mechanism.operation_mode": mode})
 
 
 def swings(stiffness: float, delay_s: float, dt: float = 1e-4) -> bool:
@@ -69,9 +67,7 @@ def test_following_more_than_there_is_is_refused(cell: Cell, gain, words) -> Non
 
 
 def test_following_a_hand_that_is_too_stiff_is_refused(cell: Cell) -> None:
-    following = cell.config.sources.following.model_copy(update={"stiffest_hand": 5000.0})
-    sources = cell.config.sources.model_copy(update={"following": following})
-    stiff = replace(cell, config=cell.config.model_copy(update={"sources": sources}))
+    stiff = altered(cell, {"sources.following.stiffest_hand": 5000.0})
     assert "5000 N/m" in (LoopBounds(stiff).gain("following", (1, 1, 1, 0, 0, 0)).refusal or "")
     assert LoopBounds(cell).gain("following", (1, 1, 1, 0, 0, 0)).refusal is None
 

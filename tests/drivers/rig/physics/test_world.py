@@ -1,6 +1,5 @@
 """The physics against an independent truth: Pinocchio, statics, the published model."""
 
-import dataclasses
 import math
 
 import mujoco
@@ -8,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.drivers.rig.nodes.drive_loops import DriveLoops
 from telerobot.drivers.rig.physics.geoms import FIXED
 from telerobot.drivers.rig.physics.world import World
@@ -22,8 +21,7 @@ def chain(cell: Cell) -> tuple[pin.Model, pin.Data]:
 def without_payload(cell: Cell) -> Cell:
     rig = cell.config.rig
     assert rig is not None
-    bare = cell.config.model_copy(update={"rig": rig.model_copy(update={"payload_mass": 0.0})})
-    return dataclasses.replace(cell, config=bare)
+    return altered(cell, {"rig": rig.model_copy(update={"payload_mass": 0.0})})
 
 
 @pytest.mark.parametrize("name", ["pa10", "ur5e"])

@@ -2,11 +2,10 @@
 
 import math
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.protocols.canopen import can301, cia402
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object, Status
@@ -23,7 +22,7 @@ def sagging(cell: Cell) -> Cell:
     rig = cell.config.rig
     assert rig is not None
     rig = rig.model_copy(update={"drive": rig.drive.model_copy(update={"torque_delay_s": 0.02})})
-    return replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    return altered(cell, {"rig": rig})
 
 
 def move(master: Master, joint: str, speed: float, periods: int) -> None:
