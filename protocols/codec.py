@@ -228,19 +228,20 @@ def _reason(kind: str, loc: tuple[int | str, ...]) -> Reason:
 
 
 def _path(loc: tuple[int | str, ...]) -> str:
-    parts = [f"[{p}]" if isinstance(p, int) else f".{_printable(p)}" for p in loc]
+    parts = [f"[{p}]" if isinstance(p, int) else f".{_cut(p)}" for p in loc]
     return "".join(parts).removeprefix(".")
 
 
-def _printable(text: str) -> str:
-    plain = "".join(c if c.isprintable() else "?" for c in text)
+def _cut(text: str) -> str:
+    """Return foreign text cut, and all that is not printable as escapes."""
+    plain = repr(text[: _LONGEST_VALUE + 1])[1:-1]
     return plain if len(plain) <= _LONGEST_VALUE else plain[:_LONGEST_VALUE] + "…"
 
 
 def _show(value: object) -> str:
     """Return a refused value for the detail: short and flat."""
     if isinstance(value, (int, float)) or value is None:
-        return _printable(repr(value))
+        return _cut(str(value))
     if isinstance(value, str):
-        return repr(_printable(value))
+        return f"'{_cut(value)}'"
     return f"a {type(value).__name__}"

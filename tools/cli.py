@@ -13,7 +13,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Final, NoReturn
 
-from ..config.errors import ConfigError
+from ..config.errors import ConfigError, printable
 from ..drivers.device import DeviceError
 from .host.first_start import told
 
@@ -83,7 +83,7 @@ class _Parser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+        self.exit(2, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -148,7 +148,8 @@ def build_parser(loaded: Sequence[HelpRow]) -> argparse.ArgumentParser:
 
 
 def _fail(code: int, message: str) -> int:
-    print(f"telerobot: {message}", file=sys.stderr)
+    lines = [printable(line) for line in message.split("\n")]
+    print("telerobot: " + "\n".join(lines), file=sys.stderr)
     return code
 
 

@@ -12,6 +12,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import IO, Final, Literal
 
+from ...config.errors import LONGEST_LINE, printable
 from ...protocols.messages.telemetry import Event
 
 Level = Literal["off", "error", "warning", "info"]
@@ -42,7 +43,7 @@ class LogLines:
 
     def notice(self, text: str, level: Literal["warning", "info"] = "warning") -> None:
         """Have a sentence written, whatever the level."""
-        self._put(level, f"telerobot: {text}")
+        self._put(level, f"telerobot: {printable(text)}")
 
     def close(self) -> None:
         """Let what waits be written, for a moment."""
@@ -96,6 +97,10 @@ def is_journals(stream: IO[str], environment: Mapping[str, str]) -> bool:
 def _value(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
-    text = str(value)
-    plain = text and text.isprintable() and not any(c in text for c in ' "=')
-    return text if plain else json.dumps(text, ensure_ascii=False)
+    text = printable(value)
+    plain = text and text == str(value) and not any(c in text for c in ' "=')
+    return (
+        text
+        if plain
+        else printable(json.dumps(str(value)[:LONGEST_LINE], ensure_ascii=False), 10 * LONGEST_LINE)
+    )

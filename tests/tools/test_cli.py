@@ -131,3 +131,14 @@ def test_help_loads_none_of_the_heavy_libraries():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_names_in_a_file_do_nothing_to_the_terminal(tmp_path, capsys):
+    path = tmp_path / "cell.toml"
+    path.write_text('extends = "pa10"\n"\\u001b]0;mine\\u0007\\u202e" = 1\n')
+    assert main(["check", str(path)]) == 2
+    told = capsys.readouterr().err
+    assert r"\u001b]0;mine\u0007\u202e" in told
+    assert told.removesuffix("\n").isprintable()
+    assert leave(["check", "\x1b]0;mine\x07", "\x9b2J"]) == 2
+    assert capsys.readouterr().err.removesuffix("\n").isprintable()

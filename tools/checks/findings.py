@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from ...config.errors import printable
+
 Value = str | int | float | bool | None
 
 
@@ -41,7 +43,9 @@ def failed(findings: Sequence[Finding]) -> bool:
 def table(findings: Sequence[Finding]) -> str:
     """Return the findings as lines of status, check and text."""
     width = max((len(f.check) for f in findings), default=0)
-    return "\n".join(f"{f.status:<5}  {f.check:<{width}}  {f.text}" for f in findings)
+    return "\n".join(
+        printable(f"{f.status:<5}  {f.check:<{width}}  {f.text}", 100_000) for f in findings
+    )
 
 
 def to_json(head: Mapping[str, Value], findings: Sequence[Finding]) -> str:
@@ -50,7 +54,7 @@ def to_json(head: Mapping[str, Value], findings: Sequence[Finding]) -> str:
         {"check": f.check, "status": f.status.value, "text": f.text, "values": dict(f.values)}
         for f in findings
     ]
-    return json.dumps({**head, "findings": rows}, indent=2, ensure_ascii=False)
+    return json.dumps({**head, "findings": rows}, indent=2)
 
 
 def summary(findings: Sequence[Finding]) -> str:

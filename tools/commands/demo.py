@@ -7,6 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from ...config.errors import printable
 from ...config.load import ConfigError, load_cell
 from ...drivers.network.identity import identity_of
 from ...protocols.messages.telemetry import Event
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
             except (ChildDied, OperatorError) as error:
                 plant.stop()
                 print(plant.complaints(), end="", file=sys.stderr)
-                print(f"telerobot: {error}", file=sys.stderr)
+                print(f"telerobot: {printable(error)}", file=sys.stderr)
                 return 1
             show.close()
             healthy = plant.stop()

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from ...config.errors import printable
 from ...protocols.messages.telemetry import Event
 from ..host.address import add_cell_arguments, cell_from
 from ..operator.client.connection import OperatorError, ignore
@@ -51,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
                 return LiveRun(operator, script, partial(print, flush=True)).run()
             drive(operator)
     except OperatorError as error:
-        print(f"telerobot: {error}", file=sys.stderr)
+        print(f"telerobot: {printable(error)}", file=sys.stderr)
         return 1
     return 0
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TextIO
 
+from ...config.errors import printable
 from ...config.load import Cell, ConfigError
 from ...drivers.bus import CanBus, open_bus
 from ...drivers.device import DeviceError
@@ -42,7 +43,7 @@ class Refusals:
             self._left_out += 1
             return
         more = f" (and {self._left_out} more before)" if self._left_out else ""
-        print(f"telerobot: fault refused: {why}{more}", file=self._stream)
+        print(f"telerobot: fault refused: {printable(why)}{more}", file=self._stream)
         self._next_s, self._left_out = now_s + 1.0, 0
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from ...config.errors import printable
 from ..host.progress import SHOWN_AFTER_S
 from ..scripts.expectations import Expected
 from ..simulation.simulation import Simulation, simulate
@@ -69,4 +70,4 @@ def _table(summary: dict[str, object]) -> str:
             lines.append(f"{key:24} {value:.5g}")
         else:
             lines.append(f"{key:24} {'-' if value is None else value}")
-    return "\n".join(lines)
+    return "\n".join(printable(line, 100_000) for line in lines)

@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from ...config.errors import printable
 from ..recording.run_file import RecordError, read_cell
 from .lerobot import write_lerobot
 from .numpy_file import write_numpy
@@ -37,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         table = table_of(args.file, read_cell(args.file))
     except RecordError as error:
-        print(f"telerobot: {error}", file=sys.stderr)
+        print(f"telerobot: {printable(error)}", file=sys.stderr)
         return 1
     if args.to == "numpy":
         write_numpy(table, out)

@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 
+from ...config.errors import printable
 from ...config.load import Cell
 from ..host.address import add_cell_arguments, cell_from
 from ..operator.client.connection import OperatorError
@@ -56,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         lead = _simulated if args.simulate else _driven
         found = judge(part, lead(cell, stops, subject))
     except (NotIdentified, OperatorError) as error:
-        print(f"telerobot: not identified: {error}", file=sys.stderr)
+        print(f"telerobot: not identified: {printable(error)}", file=sys.stderr)
         return 1
     if args.json:
         print(json.dumps(as_dict(part, found)))

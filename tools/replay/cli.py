@@ -5,6 +5,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+from ...config.errors import printable
 from ...server.flight.container import TICK
 from ...server.flight.log import read_row
 from ..host.progress import counted
@@ -35,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         return _replay(args.file, args.until, args.explain)
     except RecordError as error:
-        print(f"telerobot: {error}", file=sys.stderr)
+        print(f"telerobot: {printable(error)}", file=sys.stderr)
         return 1
 
 
@@ -43,7 +44,10 @@ def _replay(path: Path, until: float | None, explained: bool) -> int:
     cell, version = read_cell(path), read_about(path).get("version")
     ours = metadata.version("telerobot")
     if version not in (None, ours):
-        print(f"telerobot: recorded by version {version}, replayed by {ours}", file=sys.stderr)
+        print(
+            f"telerobot: recorded by version {printable(version)}, replayed by {ours}",
+            file=sys.stderr,
+        )
     replay = Replay(path, cell)
     judgement, last = replay.judgement, None
     end_s = None if until is None else until + _origin_s(path, until)
@@ -54,7 +58,7 @@ def _replay(path: Path, until: float | None, explained: bool) -> int:
     if last is None:
         raise RecordError(f"{path}: holds no memory that a tick began with: nothing to replay")
     if explained:
-        print(explain(cell, last))
+        print(*map(printable, explain(cell, last).splitlines()), sep="\n")
     same = judgement.difference is None
     first, skipped = judgement.first_s or 0.0, ""
     if judgement.skipped:
@@ -65,7 +69,7 @@ def _replay(path: Path, until: float | None, explained: bool) -> int:
         + ("all as recorded, to the last bit" if same else "NOT as recorded")
     )
     if not same:
-        print(f"first difference: {judgement.difference}")
+        print(f"first difference: {printable(judgement.difference)}")
     return 0 if same else 1
 
 

@@ -10,6 +10,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+from ...config.errors import printable
 from ...drivers.network.identity import identity_of
 from ...drivers.scanner.client import ScannerClient
 from ...drivers.scanner.clock import Clocks
@@ -135,4 +136,4 @@ class _ScanWork:
 
 
 def _say(line: str) -> None:
-    print(f"telerobot: {line}", file=sys.stderr, flush=True)
+    print(f"telerobot: {printable(line)}", file=sys.stderr, flush=True)

@@ -117,3 +117,17 @@ def test_a_line_stays_one_line_whatever_an_event_says():
     assert "\n" not in line
     assert "\x1b" not in line
     assert parsed(line)["detail"] == "a\nb\x1b[2J"
+
+
+@pytest.mark.parametrize("text", ["\x1b]0;mine\x07", "\x9b2J x", "\u202eann", "a\nb", "x" * 10_000])
+def test_what_others_word_is_one_printable_line_of_a_bounded_length(pipe, text):
+    reads, writes = pipe
+    log, events = LogLines(writes, "info", journal=False), Events()
+    events.taps.append(log.take)
+    events.warning("protective_stop", f"asked by {text}", operator=text)
+    log.notice(text)
+    log.close()
+    lines = [reads.readline().removesuffix("\n") for _ in range(2)]
+    assert all(line.isprintable() and len(line) < 3000 for line in lines)
+    if len(text) < 1000:
+        assert parsed(lines[0])["operator"] == text

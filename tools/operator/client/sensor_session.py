@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable
 
+from ....config.errors import printable
 from ....config.load import Cell
 from ....drivers.network.identity import Identity
 from ....protocols.codec import CodecError, MessageT, decode_as
@@ -28,7 +29,7 @@ def dial(cell: Cell, identity: Identity | None, over: Over, ready: str = "") -> 
         except ConnectionError as error:
             if not told_so:
                 told_so = True
-                print(f"telerobot: waiting: {error}", file=sys.stderr, flush=True)
+                print(f"telerobot: waiting: {printable(error)}", file=sys.stderr, flush=True)
             time.sleep(RETRY_S)
         else:
             if ready:

@@ -15,6 +15,8 @@ import textwrap
 from types import FrameType, TracebackType
 from typing import Self
 
+from ....config.errors import printable
+
 _HIDE_CURSOR, _SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
 _CLEAR_BELOW = "\x1b[J"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -75,14 +77,14 @@ class Console:
         return data
 
     def say(self, line: str) -> None:
-        """Print a line above the status."""
-        self._write(self._erase() + line + "\r\n" + self._draw())
+        """Print a line above the status, whoever worded it."""
+        self._write(self._erase() + printable(line) + "\r\n" + self._draw())
 
     def show(self, *lines: str) -> None:
         """Redraw the status with these lines, each folded to the terminal's width."""
         erase = self._erase()
         width = max(shutil.get_terminal_size().columns - 1, 20)
-        self._status = [part for line in lines for part in textwrap.wrap(line, width)]
+        self._status = [part for line in lines for part in textwrap.wrap(printable(line), width)]
         self._write(erase + self._draw())
 
     def _erase(self) -> str:

@@ -2,6 +2,7 @@
 
 from typing import TypedDict
 
+from ....config.errors import printable
 from ....protocols.messages.telemetry import Event
 from .faults import FAULTS, RESUME
 from .refusals import NEXT
@@ -183,4 +184,4 @@ def event_line(event: Event) -> str:
     values = "".join(f" {key}={value}" for key, value in shown.items())
     mark = {"info": " ", "warning": "!", "error": "#"}[event.severity]
     after = f" -> {words['next']}" if words["next"] else ""
-    return f"{mark} {event.time_s:9.2f} s {event.name}: {said}{values}{after}"
+    return printable(f"{mark} {event.time_s:9.2f} s {event.name}: {said}{values}{after}")

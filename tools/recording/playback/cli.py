@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from ....config.errors import printable
 from ...operator.web import cli as live
 from ...operator.web.access import Access, Listen
 from ..run_file import RecordError
@@ -27,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         timeline = Timeline(file)
     except RecordError as error:
-        print(f"telerobot: {error}", file=sys.stderr)
+        print(f"telerobot: {printable(error)}", file=sys.stderr)
         return 1
     return asyncio.run(_play(timeline, listen, args))
 

@@ -48,3 +48,16 @@ def test_a_line_stands_above_the_status(capsys):
         console.show("READY")
         console.say("enable: done")
         assert capsys.readouterr().out.endswith("\r\x1b[Jenable: done\r\nREADY")
+
+
+@pytest.mark.usefixtures("terminal")
+def test_what_others_word_does_nothing_to_the_terminal(capsys):
+    hostile = "asked by \x1b]0;mine\x07\x9b2J\u202eann"
+    with Console() as console:
+        console.show(hostile)
+        shown = capsys.readouterr().out
+        console.say(hostile)
+        shown += capsys.readouterr().out
+    assert shown.count(r"asked by \u001b]0;mine\u0007\u009b2J\u202eann") == 3
+    for acts in ("\x1b]", "\x07", "\x9b", "\u202e"):
+        assert acts not in shown

@@ -12,7 +12,7 @@ from telerobot.protocols.messages.telemetry import Event, State
 from telerobot.server.perception.ahead.headway import REASONS
 from telerobot.server.perception.ahead.passage import REFUSALS
 from telerobot.server.refusals import Why
-from telerobot.tools.operator.words.events import event_words
+from telerobot.tools.operator.words.events import event_line, event_words
 from telerobot.tools.operator.words.limits import limit_words
 from telerobot.tools.operator.words.passage import passage_words
 from telerobot.tools.operator.words.refusals import refusal_words
@@ -131,3 +131,11 @@ def test_a_refused_passage_says_why_and_what_to_do(reason):
 def test_a_protective_stop_comes_before_every_other_reason():
     state = State.model_construct(mode="hold", protective_stop=True, lease_holder="ann")
     assert why(state, None)["next"] == "Clear it, then resume."
+
+
+def test_an_event_is_one_printable_line_whoever_is_named_in_it():
+    event = Event(
+        id=1, tick=1, time_s=0.0, severity="warning", name="protective_stop",
+        detail="asked by \x1b]0;mine\x07\u202e", values={"by": "\x9b2J"},
+    )  # fmt: skip
+    assert event_line(event).isprintable()
