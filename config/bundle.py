@@ -45,7 +45,7 @@ def from_text(text: str, folder: Path) -> Cell:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
         raise ConfigError(f"a recorded cell of another version: {where}: {first['msg']}") from None
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
         raise ConfigError(f"no recorded cell: {type(error).__name__}: {error}") from None
     first_part, *others = parts
     if not others and not joint:

@@ -1,5 +1,6 @@
 """TOML files of people: read whole, or refused in one line, however they are made."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +12,13 @@ LONGEST_FILE: Final = 1 << 20
 DEEPEST: Final = 24
 """Tables and lists are not nested more deeply than this [1]."""
 _GREATEST: Final = 2**63
+_PART: Final = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
+_DEEP_KEY: Final = re.compile(
+    rf"^[ \t]*\[{{0,2}}[ \t]*{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST}}}"
+    rf"|[{{,][ \t]*{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST}}}",
+    re.MULTILINE,
+)
+"""A key of more parts than tables may be deep: it takes `tomllib` minutes."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -19,7 +27,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         size = path.stat().st_size
         if size > LONGEST_FILE:
             raise ConfigError(f"{path}: {size} bytes: must be at most {LONGEST_FILE}")
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        if (deep := _DEEP_KEY.search(text)) is not None:
+            raise ConfigError(f"{path}: {_short(deep[0].strip())}: nested more than {DEEPEST} deep")
+        document = tomllib.loads(text)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 from urllib.parse import unquote
 
 import numpy as np
@@ -18,6 +18,11 @@ from ..errors import ConfigError
 
 if TYPE_CHECKING:
     import trimesh
+
+KINDS: Final = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
+"""Ends of the names of mesh files that are read: none is unpacked."""
+LARGEST_FILE: Final = 1 << 26
+"""A mesh file of more bytes is refused: 1.3 million triangles of a binary STL [B]."""
 
 _UP = 6
 """Folders above the URDF's that are looked into [1]."""
@@ -43,8 +48,17 @@ def read_mesh(path: Path) -> "list[trimesh.Trimesh]":
     """Return the parts of a mesh file with their looks, in the file's own frame [m].
 
     A COLLADA file is scaled by its unit; its up axis is ignored, as ROS does. Reads STL, OBJ,
-    COLLADA, PLY and glTF. Raises `ConfigError` for a file without triangles of finite numbers.
+    COLLADA, PLY and glTF. Raises `ConfigError` for a file that is too large, of another kind, or
+    without triangles of finite numbers.
     """
+    if path.suffix.lower() not in KINDS:
+        raise ConfigError(f"{path}: no mesh: its name ends in none of {', '.join(KINDS)}")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    if size > LARGEST_FILE:
+        raise ConfigError(f"{path}: {size} bytes: must be at most {LARGEST_FILE}")
     import trimesh
 
     try:

@@ -439,3 +439,17 @@ def test_every_shipped_arm_that_can_be_bought_says_what_it_is_rated_for(name):
     rated = {"pa10": 10.0, "ur5e": 5.0, "rover": 3.0, "rover_scan": 3.0}
     cell = load_cell(name)
     assert cell.config.mechanism.rated_payload == rated[cell.robot.urdf.stem]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["{key} = 1", "[{key}]", "[[ {key} ]]", "x = {{ {key} = 1 }}", "x = {{ y = 1, {key} = 1 }}"],
+)
+@pytest.mark.parametrize("part", ["a", '"a.b"', "'a'"])
+def test_a_key_of_very_many_parts_is_refused_before_it_is_parsed(tmp_path, text, part, monkeypatch):
+    monkeypatch.setattr(tomllib, "loads", lambda _text: pytest.fail("parsed"))
+    path = tmp_path / "cell.toml"
+    path.write_text("# a\n" + text.format(key=" . ".join([part] * 20_000)))
+    with pytest.raises(ConfigError, match="nested more than 24 deep") as caught:
+        load_cell(path)
+    assert len(str(caught.value)) < 300

@@ -1,11 +1,9 @@
 """`telerobot export RUN.mcap --to numpy|parquet|lerobot`: a recorded run as tables."""
 
 import argparse
-import sys
 from pathlib import Path
 
-from ...config.errors import printable
-from ..recording.run_file import RecordError, read_cell
+from ..recording.run_file import read_cell
 from .lerobot import write_lerobot
 from .numpy_file import write_numpy
 from .parquet import write_parquet
@@ -35,11 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Export a run. Raises `ConfigError` for a package that is missing, `OSError`."""
     out = args.out or args.file.with_suffix(f".{args.to}")
-    try:
-        table = table_of(args.file, read_cell(args.file))
-    except RecordError as error:
-        print(f"telerobot: {printable(error)}", file=sys.stderr)
-        return 1
+    table = table_of(args.file, read_cell(args.file))
     if args.to == "numpy":
         write_numpy(table, out)
     elif args.to == "parquet":

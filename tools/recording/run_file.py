@@ -1,6 +1,8 @@
 """A recorded run, read again: messages in the order of writing, the cell, and what was run.
 
-A file that was cut off, by a kill or a full disk, is read up to there.
+A file that was cut off, by a kill or a full disk, is read up to there. Nothing that a file says of
+itself is believed before it is bounded: lengths by what is left of the file, chunks by what they
+unpack to, while they do.
 """
 
 import atexit
@@ -10,13 +12,16 @@ import shutil
 import struct
 import tempfile
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
+import lz4.frame
+import zstandard
 from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader
-from zstandard import ZstdError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from ...config.bundle import from_text
 from ...config.load import Cell, ConfigError
@@ -26,8 +31,16 @@ from ..operator.web.scene import PREFIX, Scene
 SCENE: Final = "scene.json"
 """Name of the attachment that holds what a page draws of the cell; meshes are beside it."""
 
+LARGEST_CHUNK: Final = 1 << 24
+"""A chunk unpacks to at most so much, 16 of those that are written here [B]."""
+LARGEST_RATIO: Final = 200
+"""All chunks together unpack to at most so many times the file, and one chunk more [1]."""
 
-class RecordError(Exception):
+_RECORD: Final = struct.Struct("<BQ")
+_IN_CHUNKS: Final = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
+
+
+class RecordError(ConfigError):
     """A file that is no recording, or lacks what is asked of it: says which, and what is wrong."""
 
 
@@ -80,8 +93,12 @@ def read_frames(path: Path) -> Iterator[RecordedFrame]:
     """Yield the CAN frames of a recording, in the order of writing. Raises as `read_run`."""
     for message in read_run(path, ("can",)):
         row = message.json()
-        data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
-        yield RecordedFrame(message.stamp_ns / 1e9, row["id"], data, row["sent"], bus)
+        try:
+            data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
+            frame = RecordedFrame(message.stamp_ns / 1e9, row["id"], data, row["sent"], bus)
+        except (KeyError, TypeError, ValueError) as error:
+            raise RecordError(f"{path}: a frame lacks what a frame has: {error}") from None
+        yield frame
 
 
 def read_about(path: Path) -> dict[str, str]:
@@ -126,15 +143,73 @@ def read_scene(path: Path) -> Scene | None:
 def _records(path: Path) -> Iterator[McapRecord]:
     with path.open("rb") as file:
         count = 0
-        reader = StreamReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
+        size = path.stat().st_size
+        left = LARGEST_RATIO * size + LARGEST_CHUNK
+        reader = StreamReader(
+            _Inside(file, size),  # type: ignore[arg-type]  # it only reads
+            emit_chunks=True,
+            validate_crcs=True,
+            record_size_limit=size,
+        )
         try:
             for record in reader.records:
-                count += 1
-                yield record
+                if isinstance(record, Chunk):
+                    whole = _unpacked(record, min(left, LARGEST_CHUNK))
+                    left -= len(whole.data)
+                    for inner in breakup_chunk(whole, validate_crc=True):
+                        count += 1
+                        yield inner
+                else:
+                    count += 1
+                    yield record
         except (EndOfFile, RecordLengthLimitExceeded):
             if count == 0:
                 raise RecordError(f"{path}: not an MCAP recording: it ends at once") from None
-        except (McapError, struct.error, ValueError, ZstdError) as error:
-            if count == 0:
-                raise RecordError(f"{path}: not an MCAP recording: {error}") from None
+        except RecordError as error:
             raise RecordError(f"{path}: damaged after {count} records: {error}") from None
+        except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
+            words = str(error) or type(error).__name__
+            if count == 0:
+                raise RecordError(f"{path}: not an MCAP recording: {words}") from None
+            raise RecordError(f"{path}: damaged after {count} records: {words}") from None
+
+
+class _Inside:
+    """A file of which nobody asks for more than it holds: memory is taken before it is read."""
+
+    def __init__(self, file: IO[bytes], size: int) -> None:
+        self._file, self._left = file, size
+
+    def read(self, length: int) -> bytes:
+        """Return so many bytes. Raises `EndOfFile` where there are fewer."""
+        if length > self._left:
+            raise EndOfFile
+        self._left -= length
+        return self._file.read(length)
+
+
+def _unpacked(chunk: Chunk, most: int) -> Chunk:
+    """Return a chunk with its records as they are. Raises `RecordError` for one of too many."""
+    said = chunk.uncompressed_size
+    if said > most:
+        raise RecordError(f"a chunk of {said} bytes unpacked: at most {most}")
+    try:
+        if chunk.compression == "zstd":
+            packed = zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
+            data = packed.stream_reader(chunk.data).read(said + 1)
+        elif chunk.compression == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=said + 1)
+        else:
+            data = chunk.data
+    except (zstandard.ZstdError, RuntimeError) as error:
+        raise RecordError(f"a chunk cannot be unpacked: {error}") from None
+    if len(data) != said:
+        more = "more" if len(data) > said else f"{len(data)}"
+        raise RecordError(f"a chunk of {said} bytes unpacks to {more}")
+    at = 0
+    while at < said:
+        opcode, length = _RECORD.unpack_from(data, at)
+        if opcode not in _IN_CHUNKS:
+            raise RecordError(f"a chunk holds a record of kind {opcode}")
+        at += _RECORD.size + length
+    return replace(chunk, compression="", data=data)

@@ -32,12 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay; return 0 where every output is the recorded one, else 1. Raises `OSError`."""
-    try:
-        return _replay(args.file, args.until, args.explain)
-    except RecordError as error:
-        print(f"telerobot: {printable(error)}", file=sys.stderr)
-        return 1
+    """Replay; return 0 where every output is the recorded one, else 1.
+
+    Raises `RecordError`, `OSError`.
+    """
+    return _replay(args.file, args.until, args.explain)
 
 
 def _replay(path: Path, until: float | None, explained: bool) -> int:

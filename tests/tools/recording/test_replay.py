@@ -109,7 +109,7 @@ def test_a_tick_is_explained_stage_by_stage(run, capsys):
 def test_what_is_no_recording_is_refused_in_one_line(content, tmp_path, capsys):
     path = tmp_path / "bad.mcap"
     path.write_bytes(content)
-    assert main(["replay", str(path)]) == 1
+    assert main(["replay", str(path)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -145,7 +145,7 @@ def test_a_recording_whose_ticks_are_damaged_is_refused_in_one_line(
 ):
     path = damaged(run, tmp_path / "damaged.mcap", sections(run)[0], seed)
     told = [part.replace("OUT", str(tmp_path / "out")) for part in (*command, str(path))]
-    assert main(told) == 1
+    assert main(told) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -162,5 +162,5 @@ def test_a_recording_names_no_class_but_the_control_computation_s(run, tmp_path,
         row[5] = [msgpack.packb([4, "spatial:np.os"])]
         return msgpack.packb(row)
 
-    assert main(["replay", str(rewritten(run, tmp_path / "evil.mcap", change))]) == 1
+    assert main(["replay", str(rewritten(run, tmp_path / "evil.mcap", change))]) == 2
     assert "no class of this version's control computation" in capsys.readouterr().err

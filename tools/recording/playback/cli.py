@@ -2,14 +2,11 @@
 
 import argparse
 import asyncio
-import sys
 from pathlib import Path
 from typing import Final
 
-from ....config.errors import printable
 from ...operator.web import cli as live
 from ...operator.web.access import Access, Listen
-from ..run_file import RecordError
 from .server import PlaybackServer
 from .timeline import Timeline
 
@@ -20,16 +17,12 @@ add_arguments = live.add_arguments
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve a page until told to end. Raises `ConfigError`, `OSError`."""
+    """Serve a page until told to end. Raises `ConfigError`, `RecordError`, `OSError`."""
     file = Path(args.cell)
     if file.suffix != RECORDING:
         return live.run(args)
     listen = live.listen_of(args)
-    try:
-        timeline = Timeline(file)
-    except RecordError as error:
-        print(f"telerobot: {printable(error)}", file=sys.stderr)
-        return 1
+    timeline = Timeline(file)
     return asyncio.run(_play(timeline, listen, args))
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from ....config.errors import ConfigError
 from ....drivers.device import DeviceError
-from ..run_file import RecordError
 
 PANELS = (
     "distances", "potentials", "slope", "priority", "rates", "self_motion", "granted", "off_path",
@@ -64,10 +63,7 @@ def run(args: argparse.Namespace) -> int:
     out = args.out or args.runs[0].with_suffix(".png")
     if out.suffix not in (".png", ".svg"):
         raise ConfigError(f"--out: value '{out}': must end in .png or .svg")
-    try:
-        runs = [load_recording(path, args.cell) for path in args.runs]
-    except RecordError as error:
-        raise ConfigError(str(error)) from None
+    runs = [load_recording(path, args.cell) for path in args.runs]
     if panels == (TUNNEL,):
         from .tunnels import slithering
 
