@@ -85,20 +85,23 @@ def weighed(before: Weighed, told: Told, intent: Intent, period_s: float) -> Wei
         return before._replace(sum=None, time_s=0.0)
     sum_now = _weight_in(told) + G * before.waits
     asked = bool((np.abs(told.twist) > ASKED).any())
-    before = before._replace(judged=before.judged or asked)
-    if before.judged:
-        before = before._replace(waits=np.zeros(4))
+    if asked and not before.judged:
+        before = before._replace(judged=True, waits=np.zeros(4))
     if before.sum is None or asked != before.asked:
         way = np.zeros(4)
         return before._replace(
             sum=sum_now, mark=sum_now, began=told.T_world_mrf, asked=asked, way=way, time_s=0.0
         )
     smooth = before.sum + (1.0 - math.exp(-period_s / SMOOTH_S)) * (sum_now - before.sum)
-    way, time_s = before.way + told.way[2:] * period_s, before.time_s + period_s
-    now = before._replace(sum=smooth, way=way, time_s=time_s)
-    if not now.judged:
+    way, time_s, waits = (
+        before.way + told.way[2:] * period_s,
+        before.time_s + period_s,
+        before.waits,
+    )
+    if not before.judged:
         beyond = float(smooth[0]) - min(PROBE, max(-PROBE, float(smooth[0])))
-        now = now._replace(waits=np.array([beyond / G, 0.0, 0.0, 0.0]))
+        waits = np.array([beyond / G, 0.0, 0.0, 0.0])
+    now = before._replace(sum=smooth, way=way, time_s=time_s, waits=waits)
     if time_s < (ASKED_S if asked else WHILE_S):
         return now
     extra = _steady(now, told.T_world_mrf)
