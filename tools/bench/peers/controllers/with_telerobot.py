@@ -25,7 +25,12 @@ class Telerobot:
 
     def __init__(self, cell: Cell, scene: PeerScene) -> None:
         avoidance = cell.config.avoidance.model_copy(
-            update={"enabled": True, "clearance": CLEARANCE, "self_clearance": SELF_CLEARANCE}
+            update={
+                "enabled": True,
+                "clearance": CLEARANCE,
+                "self_clearance": SELF_CLEARANCE,
+                "standing": "step_aside",
+            }
         )
         redundancy = cell.config.redundancy.model_copy(update={"field": FIELD})
         config = cell.config.model_copy(
@@ -68,7 +73,13 @@ class Telerobot:
     @staticmethod
     def settings() -> dict[str, object]:
         """Return how it is set up."""
-        return {"cell": "as shipped", "clearance_m": CLEARANCE, "barriers": "on", "field": FIELD}
+        return {
+            "cell": "as shipped",
+            "clearance_m": CLEARANCE,
+            "barriers": "on",
+            "standing": "step_aside",
+            "field": FIELD,
+        }
 
 
 def _news(thing: Thing, tick: int, period_s: float) -> ObstacleNews:
