@@ -10,6 +10,7 @@ from .conftest import Run
 TOUCHES_N = 1.0
 READY = {"at_s": 0.2, "cmd/posture": {"posture": "ready"}}
 OVER_THE_TABLE = {"at_s": 0.2, "cmd/posture": {"q": [0.0, 0.46, 0.0, 2.1, 0.0, -0.7792, 0.0]}}
+ABOVE_THE_TABLE = {"at_s": 0.1, "cmd/posture": {"q": [0.0, 0.515, 0.0, 2.1, 0.0, -0.7792, 0.0]}}
 INTO_THE_TABLE = {"cmd/posture": {"q": [0.0, 1.0, 0.0, 2.0221, 0.0, -0.7585, 0.0]}}
 FORCE_OFF = {"at_s": 0.2, "operator/switch": {"source": "force", "on": False}}
 
@@ -37,12 +38,13 @@ def press(pa10):
 @pytest.mark.parametrize(
     "steps",
     [
+        (ABOVE_THE_TABLE, jog(0.9, 0.01)),
         (OVER_THE_TABLE, jog(1.5, 0.1)),
         (OVER_THE_TABLE, jog(1.5, 0.3)),
         (OVER_THE_TABLE, FORCE_OFF, jog(1.5, 0.3)),
         (READY, {"at_s": 1.8, **INTO_THE_TABLE}),
     ],
-    ids=["jog", "fast jog", "fast jog, force control off", "posture at full speed"],
+    ids=["slow jog", "jog", "fast jog", "fast jog, force control off", "posture at full speed"],
 )
 def test_a_tool_that_joints_lead_into_a_table_stops_and_lets_go_of_it(press, steps):
     run, force = press(*steps, seconds=3.8)

@@ -28,6 +28,8 @@ MEAN_OF = 4
 """The tool's acceleration is measured as a mean of so many ticks [1]."""
 SEEN_WITHIN = 8
 """A command is measured within so many ticks [1]."""
+STAYS_S, WITHIN_S = 0.3, 1.0
+"""Contact below the threshold may last, or come and go, for so long within this time [s]."""
 RELIEVED_S = 0.15
 """So long force control may take to relieve contact before the stop takes over [s]."""
 TURNED = 0.2
@@ -129,13 +131,17 @@ class PressedTool(ToolContact):
 
     A jog or a posture leads the joints wherever the tool presses. What it pressed with when that
     began may be a load that nobody told of, or contact that the joints lead out of: it counts by
-    how much more there is than the least since then.
+    how much more there is than the least since then. So does contact that is lighter and stays, or
+    comes and goes, where the joints lead into it more slowly than force control relieves it.
     """
 
     def __init__(self, threshold_n: float, period_s: float) -> None:
         super().__init__(period_s)
         self._threshold_n = threshold_n
         self._met_s: float | None = None
+        self._stays: deque[bool] = deque(maxlen=round(WITHIN_S / period_s))
+        """Of the last ticks: whether there was contact."""
+        self._most_of = round(STAYS_S / period_s)
         self.watching = False
         """Joints are commanded themselves, or the arm has stopped since."""
 
@@ -148,6 +154,7 @@ class PressedTool(ToolContact):
         """Forget: the sources lead the arm."""
         super().rest()
         self.watching, self._met_s = False, None
+        self._stays.clear()
 
     def follow(self, output: Output | None, by_joint: bool, mode: Mode) -> None:
         """Take in the tick before; `by_joint` says that the joints are commanded themselves."""
@@ -171,9 +178,10 @@ class PressedTool(ToolContact):
         self.bound_n = max(self._threshold_n, most) - self.known_n
         beyond = self.off_n > self.bound_n
         self._lasting = self._lasting + 1 if beyond else 0
+        self._stays.append(force_n > most)
         if self._met_s is not None:
             self._met_s += self._period_s
-        elif self._lasting >= LASTS:
+        elif self._lasting >= LASTS or sum(self._stays) > self._most_of:
             self._met_s = 0.0
         # Force control relieves the contact meanwhile, as quickly as a stop would be, and further.
         relieving = beyond and bool(output.twists["force"].any())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose
 from telerobot.server.mode import Mode
-from telerobot.server.perception.contact.tool import LASTS, RELIEVED_S, PressedTool
+from telerobot.server.perception.contact.tool import LASTS, RELIEVED_S, STAYS_S, PressedTool
 
 T, THRESHOLD = 0.01, 30.0
 NOTHING, RELIEF = np.zeros(6), np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
@@ -35,12 +35,24 @@ def after(pressed, forces, relief=NOTHING, by_joint=True, mode=Mode.ENABLED):
 
 
 def test_contact_beyond_the_threshold_counts_once_it_lasts(pressed):
-    assert after(pressed, [0.0] * 5 + [29.0] * 50) is None
+    assert after(pressed, [0.0] * 5 + [29.0] * 20) is None
+    pressed.follow(output(0.0), False, Mode.ENABLED)
+    after(pressed, [0.0] * 5)
     assert after(pressed, [31.0] * 50) == LASTS - 1
 
 
 def test_a_single_sample_is_no_contact(pressed):
-    assert after(pressed, [0.0, 500.0, 500.0, 0.0] * 20) is None
+    assert after(pressed, ([0.0] * 48 + [500.0] * 2) * 5) is None
+
+
+@pytest.mark.parametrize("forces", [[15.0], [25.0, 25.0, 25.0, 0.0]], ids=["steady", "rings"])
+def test_lighter_contact_counts_once_it_stays(pressed, forces):
+    stops = after(pressed, [0.0] * 5 + forces * 400)
+    assert 0.95 * STAYS_S < T * (stops - 5) < 1.4 * STAYS_S
+
+
+def test_a_light_touch_in_passing_is_none(pressed):
+    assert after(pressed, [0.0] * 5 + ([25.0] * 25 + [0.0] * 75) * 5) is None
 
 
 def test_force_control_may_relieve_it_first_but_not_for_long(pressed):
