@@ -300,3 +300,61 @@ def test_in_cst_a_stop_while_a_hand_pushes_is_the_verified_one(hand, way):
 def test_in_cst_pushes_stops_reversals_and_payloads_are_never_refused(seed):
     """A sample of the campaign's part `torques`."""
     assert play(seed).reasons == []
+
+
+# --- nobody's force ------------------------------------------------------------------------------
+
+
+def untold(cell, kg):
+    """Return a cell with a load at the tool that nobody told of."""
+    laden = {"payload_mass": kg, "payload_com": (0.0, 0.0, 0.1)}
+    rig = type(cell.config.rig).model_validate({**cell.config.rig.model_dump(), **laden})
+    return replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+
+
+def speeds(run, from_s, to_s):
+    """Return the tool's true speeds between two times of the script (k,) [m/s]."""
+    start = run.simulation.player.start_s
+    kept = [t for t in run.truths if from_s <= t.time_s - start <= to_s]
+    way = np.diff([t.pose_mrf[:3] for t in kept], axis=0)
+    return np.linalg.norm(way, axis=1) / run.simulation.cell.config.timing.period_s
+
+
+@pytest.mark.parametrize("mode", ["csp", "cst"])
+def test_a_load_that_nobody_told_of_leads_the_tool_slowly_and_is_named(hand, mode):
+    run = played(untold(hand(mode), 0.2), seconds=4.0)
+    (said,) = run.events("force_unchanging")
+    assert said.values["force_n"] == pytest.approx(0.2 * 9.81, abs=0.15)
+    assert speeds(run, 1.0, 4.0).mean() < 5e-3
+    start = run.simulation.player.start_s
+    poses = np.array([t.pose_mrf[:3] for t in run.truths if t.time_s >= start])
+    assert np.linalg.norm(poses[-1] - poses[0]) < 0.03
+
+
+def test_a_light_hand_leads_a_tool_with_an_untold_load_at_once_and_the_load_does_not_after(hand):
+    """1 N beside the 2 N of the load; both are followed while the hand is there."""
+    side = {"at_s": 1.5, "rig/fault": {**PUSH["rig/fault"], "vector": [0.0, 1.0, 0.0]}}
+    run = played(
+        untold(hand("csp"), 0.2), side, {**LET_GO, "at_s": 2.5}, seconds=5.0
+    )  # fmt: skip
+    start = run.simulation.player.start_s
+    t = np.array([truth.time_s - start for truth in run.truths])
+    y = np.array([truth.pose_mrf[1] for truth in run.truths])
+    led = (t > 1.8) & (t < 2.5)
+    assert np.polyfit(t[led], y[led], 1)[0] == pytest.approx(1.0 / 20.0, rel=0.05)
+    assert len(run.events("force_unchanging")) == 2
+    assert speeds(run, 4.3, 5.0).mean() < 5e-3
+
+
+def test_a_steady_hand_is_followed_and_one_that_holds_the_same_force_for_long_is_not(hand):
+    """Nobody's hand stays the same for 3 s."""
+    light = {"at_s": 0.6, "rig/fault": {**PUSH["rig/fault"], "vector": [0.0, 1.0, 0.0]}}
+    run = played(hand("csp"), light, seconds=5.0)
+    assert speeds(run, 1.2, 3.4).mean() == pytest.approx(1.0 / 20.0, rel=0.02)
+    assert speeds(run, 4.5, 5.0).mean() < 5e-3
+
+
+def test_a_told_load_and_no_hand_leave_following_as_it_is(hand):
+    run = played(hand("csp"), seconds=4.0)
+    assert run.events("force_unchanging") == []
+    assert all(state.gains["following"][0] == 1.0 for state in run.states[-300:])
