@@ -25,7 +25,7 @@ from telerobot.tools.host.local_plant import free_port
 HOST = "127.0.0.2"
 """The console's own address; that of the same port on 127.0.0.1 is the tests' to cut."""
 
-SECRET, WATCHER = "for-operators", "for-observers"
+SECRET, WATCHER = "only-for-operators", "only-for-observers"
 PLAIN = ("--disable-3d-apis", "--disable-gpu")
 DRAWING = (
     "--use-angle=swiftshader",

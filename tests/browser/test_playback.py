@@ -38,7 +38,7 @@ def console(tmp_path_factory):
     simulation.run()
     child = subprocess.Popen(
         [sys.executable, "-m", "telerobot.tools.cli", "console", str(file), "--listen=127.0.0.1:0"],
-        env={**os.environ, "TELEROBOT_CONSOLE_KEYS": "drives,watches"},
+        env={**os.environ, "TELEROBOT_CONSOLE_KEYS": "who-has-it-drives,who-has-it-watches"},
         stdout=subprocess.PIPE,
         text=True,
     )

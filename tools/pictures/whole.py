@@ -18,6 +18,7 @@ from ..host.local_plant import ChildDied, LocalPlant, free_port, listens
 
 SIZE: Final = {"width": 1280, "height": 720}
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
+SECRET: Final = "only-for-pictures"
 START_S: Final = 180.0
 SETTLED_S: Final = 6.0
 """From the last act to the picture: plots fill [s]."""
@@ -33,11 +34,14 @@ def take_whole(browser: Any, cell: Cell, picture: Path) -> None:
     """
     port = free_port(socket.SOCK_STREAM)
     with LocalPlant(cell) as plant:
-        plant.start_console([f"--listen=127.0.0.1:{port}"], {KEYS: "drives,watches"})
+        plant.start_console([f"--listen=127.0.0.1:{port}"], {KEYS: f"{SECRET},{SECRET}-to-watch"})
         plant.wait(plant.answers, START_S, "the daemon did not answer")
         plant.wait(lambda: listens(port), START_S, "the console did not answer")
         opened = OpenPage(
-            browser, f"http://127.0.0.1:{port}/?key=drives", viewport=SIZE, color_scheme="dark"
+            browser,
+            f"http://127.0.0.1:{port}/?key={SECRET}",
+            viewport=SIZE,
+            color_scheme="dark",
         )
         try:
             for pid in children("--type=gpu-process"):

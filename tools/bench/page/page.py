@@ -35,6 +35,7 @@ from ..plant import FrameListener, without_self_motion
 from .browser import FLAGS as BROWSER_FLAGS
 from .browser import OpenPage, chromium, cpu_s, missing, renderers
 
+SECRET: Final = "only-for-the-bench"
 KEYS: Final = 60
 QUICK_KEYS: Final = 10
 SECONDS: Final = 20.0
@@ -150,7 +151,8 @@ def _site(cell: Cell) -> Iterator[_Site]:
     started_s, port = time.monotonic(), free_port(socket.SOCK_STREAM)
     with LocalPlant(cell) as plant:
         plant.start_console(
-            [f"--listen=127.0.0.1:{port}"], {"TELEROBOT_CONSOLE_KEYS": "bench,watch"}
+            [f"--listen=127.0.0.1:{port}"],
+            {"TELEROBOT_CONSOLE_KEYS": f"{SECRET},{SECRET}"},
         )
         plant.wait(plant.answers, START_S, "the daemon did not answer")
         plant.wait(lambda: listens(port), START_S, "the console did not answer")
@@ -158,7 +160,7 @@ def _site(cell: Cell) -> Iterator[_Site]:
         session = Session(plant.cell.config.name, plant.cell.config.zenoh.dialled)
         try:
             site = _Site(plant, listener, session)
-            site.started_s, site.address = started_s, f"http://127.0.0.1:{port}/?key=bench"
+            site.started_s, site.address = started_s, f"http://127.0.0.1:{port}/?key={SECRET}"
             yield site
         finally:
             session.close()

@@ -6,12 +6,13 @@ a cookie made from it does. Beyond this machine there is HTTPS, and a browser th
 certificate of `[zenoh.security]` has the role that the certificate grants.
 """
 
+import asyncio
 import hashlib
 import hmac
 import ipaddress
 import secrets
 import ssl
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -64,14 +65,72 @@ class Listen:
         return frozenset(f"{host}:{port}" for host in (shown, "localhost", "127.0.0.1", "[::1]"))
 
 
+SHORTEST: Final = 16
+"""A secret of fewer characters is refused: it could be guessed [1]."""
+
+DEADLINE_S: Final = 10.0
+"""A connection, or a form, that is not whole by then is given up [s]."""
+MOST: Final = 64
+"""Connections from one address, or one network of IPv6 (/64), at a time [1]."""
+
+
+class Doorkeeper:
+    """Ends connections that keep the console waiting, and those of an address that has too many."""
+
+    def __init__(self) -> None:
+        self._since: dict[asyncio.BaseTransport, float] = {}
+        self._served: set[asyncio.BaseTransport] = set()
+
+    def served(self, connection: asyncio.BaseTransport | None) -> None:
+        """Note that a whole request came on a connection."""
+        if connection is not None:
+            self._served.add(connection)
+
+    def sweep(self, connections: Iterable[asyncio.Transport], now_s: float) -> None:
+        """End what has waited too long, or is too many, of those that are open."""
+        there = list(connections)
+        self._since = {each: self._since.get(each, now_s) for each in there}
+        self._served.intersection_update(there)
+        of: dict[str, list[asyncio.Transport]] = {}
+        for each in there:
+            if each not in self._served and now_s - self._since[each] >= DEADLINE_S:
+                each.abort()
+            else:
+                of.setdefault(_network_of(each.get_extra_info("peername")), []).append(each)
+        for open_ in of.values():
+            # Who has sent a whole request stays before those who have not.
+            open_.sort(key=lambda each: (each not in self._served, self._since[each]))
+            for each in open_[MOST:]:
+                each.abort()
+
+
+def _network_of(peer: tuple[Any, ...] | None) -> str:
+    """Return the address of a peer, of IPv6 the network that one machine may have to itself."""
+    host = str(peer[0]) if peer else ""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    if isinstance(address, ipaddress.IPv6Address) and not address.ipv4_mapped:
+        return str(ipaddress.ip_network((address, 64), strict=False))
+    return str(address)
+
+
 @dataclass(frozen=True)
 class Access:
-    """Secrets of one console, and what they open."""
+    """Secrets of one console, and what they open. Raises `ConfigError` for a short one."""
 
     cell: str
     keys: Mapping[Role, str] = field(
         default_factory=lambda: {role: secrets.token_urlsafe(24) for role in _RANK}
     )
+
+    def __post_init__(self) -> None:
+        for role, key in self.keys.items():
+            if len(key) < SHORTEST:
+                raise ConfigError(
+                    f"the {role}s' secret: {len(key)} characters: must be at least {SHORTEST}"
+                )
 
     def role_of_key(self, key: str) -> Role | None:
         """Return the role that a secret gives; None for no secret of this console."""
@@ -101,7 +160,10 @@ def same_origin(origin: str | None, scheme: str, host: str) -> bool:
     """Return whether a request comes from the page that this console served to `host`."""
     if origin is None:
         return False
-    parts = urlsplit(origin)
+    try:
+        parts = urlsplit(origin)
+    except ValueError:  # no address: http://[::1
+        return False
     return (parts.scheme, parts.netloc) == (scheme, host)
 
 

@@ -2,9 +2,12 @@
 
 import argparse
 import asyncio
+import atexit
 import gc
 import os
+import shutil
 import signal
+import tempfile
 import webbrowser
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -26,6 +29,9 @@ from .vendor.fetch import missing
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
 """Environment variable with the operators' and the observers' secret, for a console that is started
 again: whoever had come in stays in."""
+
+KEEP_S: Final = 30.0
+"""A connection on which nothing is asked for is kept so long [s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,21 +95,25 @@ async def serve_page(
     tls = tls_context(cell.config.name, identity, args.certificate, args.key) if secure else None
     access = _access(cell.config.name)
     server = make(access, secure)
-    runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
+    runner = web.AppRunner(
+        server.application(), access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEP_S
+    )
     await runner.setup()
     await web.TCPSite(runner, listen.host, listen.port, ssl_context=tls).start()
+    assert runner.server is not None  # it is set up
     server.port = runner.addresses[0][1]
     address = _address(listen, server.port, secure)
     print(f"telerobot: console of {cell.config.name}: {address}/?key={access.keys[Role.OPERATOR]}")
     print(f"telerobot: to watch only: {address}/?key={access.keys[Role.OBSERVER]}", flush=True)
     if args.open:
-        webbrowser.open(f"{address}/?key={access.keys[Role.OPERATOR]}")
+        open_page(f"{address}/?key={access.keys[Role.OPERATOR]}")
     ended = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
     gc.collect()
     gc.freeze()  # a collection may take as long as a lease lasts
     working = asyncio.create_task(work())
+    watching = asyncio.create_task(server.watch(runner.server))
     waiting = asyncio.create_task(ended.wait())
     try:
         done, _ = await asyncio.wait({working, waiting}, return_when=asyncio.FIRST_COMPLETED)
@@ -111,16 +121,33 @@ async def serve_page(
             working.result()
     finally:
         working.cancel()
+        watching.cancel()
         waiting.cancel()
         await runner.cleanup()
     return 0
 
 
 def _access(cell: str) -> Access:
-    operators, comma, observers = os.environ.pop(KEYS, "").partition(",")
-    if not comma:
+    given = os.environ.pop(KEYS, None)
+    if given is None:
         return Access(cell)
-    return Access(cell, {Role.OPERATOR: operators, Role.OBSERVER: observers})
+    operators, _, observers = given.partition(",")
+    try:
+        return Access(cell, {Role.OPERATOR: operators, Role.OBSERVER: observers})
+    except ConfigError as error:
+        raise ConfigError(f"{KEYS}: {error}") from None
+
+
+def open_page(address: str) -> None:
+    """Open an address in a browser that everybody who lists processes must not read there.
+
+    What is on its command line is a file that leads on, which nobody else may read.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="telerobot-page-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    page = folder / "open.html"
+    page.write_text(f'<meta charset="utf-8"><meta http-equiv="refresh" content="0;url={address}">')
+    webbrowser.open(page.as_uri())
 
 
 def _address(listen: Listen, port: int, secure: bool) -> str:

@@ -3,7 +3,6 @@
 import os
 import secrets
 import socket
-import webbrowser
 from importlib.util import find_spec
 
 from ...host.claim import Claims
@@ -17,7 +16,7 @@ def start_page(plant: LocalPlant, claims: Claims) -> list[str]:
     """Start the console of a demo; return what to tell about it."""
     if find_spec("aiohttp") is None:
         return ["no page in the browser: pip install 'telerobot[console]'"]
-    from .cli import KEYS
+    from .cli import KEYS, open_page
     from .vendor.fetch import missing
 
     if missing():
@@ -28,7 +27,7 @@ def start_page(plant: LocalPlant, claims: Claims) -> list[str]:
     plant.start_console([f"--listen=127.0.0.1:{port}"], {KEYS: f"{operators},{observers}"})
     address = f"http://127.0.0.1:{port}/?key={operators}"
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(address)
+        open_page(address)
     other = f" (port {PORT}: {taken})" if taken else ""
     return [
         f"the page: {address}{other}",

@@ -9,7 +9,7 @@ from aiohttp import WSMsgType, web
 
 from ....config.load import Cell
 from ....protocols.topics import Role
-from .access import Access, Listen, same_origin
+from .access import DEADLINE_S, Access, Doorkeeper, Listen, same_origin
 from .catalogue import catalogue
 from .login import LOGIN, welcome
 from .pages.hub import PageHub
@@ -20,6 +20,8 @@ STATIC: Final = Path(__file__).resolve().parent / "static"
 ROLE: Final = web.RequestKey("role", Role)
 LARGEST: Final = 65536
 """Longest message that is read from a page [B]."""
+SWEEP_S: Final = 0.5
+"""Connections are looked through every [s]."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -44,6 +46,7 @@ class SceneServer:
         self._scheme = "https" if secure else "http"
         self.port = listen.port
         """The port that is listened on, once it is."""
+        self.door = Doorkeeper()
 
     def application(self) -> web.Application:
         """Return the application."""
@@ -64,10 +67,19 @@ class SceneServer:
     def _add_routes(self, router: web.UrlDispatcher) -> None:
         """Add what else this page asks for."""
 
+    async def watch(self, server: web.Server) -> None:
+        """Look through the connections again and again."""
+        clock = asyncio.get_running_loop().time
+        while True:
+            open_ = (each.transport for each in server.connections)
+            self.door.sweep([each for each in open_ if each is not None], clock())
+            await asyncio.sleep(SWEEP_S)
+
     # --- who comes in ------------------------------------------------------------------------
 
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Let in who may see the page; every answer has the headers of `_seal`."""
+        self.door.served(request.transport)
         names = self._listen.names(self.port)
         if names and request.host not in names:
             return self._seal(request, web.Response(status=421, text="not this host\n"))
@@ -137,7 +149,11 @@ class SceneServer:
     async def _login(self, request: web.Request) -> web.StreamResponse:
         if not same_origin(request.headers.get("Origin"), self._scheme, request.host):
             return web.Response(status=403, text="another origin\n")
-        form = await request.post()
+        try:
+            async with asyncio.timeout(DEADLINE_S):
+                form = await request.post()
+        except TimeoutError:
+            return web.Response(status=408, text="the form did not come\n")
         return self._admit(str(form.get("key", "")).strip())
 
     async def _scene(self, _request: web.Request) -> web.StreamResponse:

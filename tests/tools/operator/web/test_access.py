@@ -4,6 +4,7 @@ import asyncio
 import ssl
 from contextlib import suppress
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 from aiohttp import ClientSession, TCPConnector, web
@@ -16,7 +17,16 @@ from telerobot.protocols.topics import Role
 from telerobot.tools.certify.authority import Authority
 from telerobot.tools.host.address import moved
 from telerobot.tools.operator.client.connection import OperatorError
-from telerobot.tools.operator.web.access import Access, Listen, same_origin, tls_context
+from telerobot.tools.operator.web import cli
+from telerobot.tools.operator.web.access import (
+    DEADLINE_S,
+    MOST,
+    Access,
+    Doorkeeper,
+    Listen,
+    same_origin,
+    tls_context,
+)
 from telerobot.tools.operator.web.login import LOGIN, welcome
 from telerobot.tools.operator.web.pages.hub import PageHub
 from telerobot.tools.operator.web.server import Server
@@ -226,3 +236,108 @@ def test_beyond_loopback_a_certificate_of_the_cell_logs_in_over_https(tmp_path):
 def test_a_page_that_only_leads_on_asks_for_no_icon(page):
     """A browser asks for `/favicon.ico` where none is named, and complains that there is none."""
     assert '<link rel="icon" href="data:,">' in page
+
+
+@pytest.mark.parametrize("origin", ["http://[::1", "http://[", "//[", "null", "http://[::1]]"])
+def test_an_origin_that_is_no_address_is_another_origin(origin):
+    assert not same_origin(origin, "http", "127.0.0.1:8080")
+
+    async def steps(client, access, _origin):
+        await client.get("/", params={"key": access.keys[Role.OPERATOR]})
+        for path, method in (("/login", client.post), ("/ws", client.get)):
+            reply = await method(path, headers={"Origin": origin})
+            assert reply.status == 403
+
+    visit(steps)
+
+
+@pytest.mark.parametrize(
+    "keys", [",", "", "a,b", "x" * 40, f"{'x' * 15},{'y' * 40}", "x" * 40 + ","]
+)
+def test_a_secret_that_can_be_guessed_is_refused_and_not_told(keys, monkeypatch):
+    monkeypatch.setenv(cli.KEYS, keys)
+    with pytest.raises(ConfigError, match="must be at least 16") as caught:
+        cli._access("pa10")
+    assert str(caught.value).startswith(f"{cli.KEYS}: the o")
+    assert "xxx" not in str(caught.value)
+    monkeypatch.setenv(cli.KEYS, f"{'x' * 16},{'y' * 16}")
+    assert cli._access("pa10").role_of_key("x" * 16) is Role.OPERATOR
+    assert cli._access("pa10").role_of_key("") is None
+
+
+def test_the_secret_stands_on_no_browsers_command_line(monkeypatch):
+    opened = []
+    monkeypatch.setattr(cli.webbrowser, "open", opened.append)
+    cli.open_page("http://127.0.0.1:8080/?key=very-secret")
+    (address,) = opened
+    assert "secret" not in address
+    page = Path(URL(address).path)
+    assert "url=http://127.0.0.1:8080/?key=very-secret" in page.read_text()
+    assert page.parent.stat().st_mode & 0o077 == 0
+
+
+class Connection:
+    """A connection from an address, open until it is aborted."""
+
+    def __init__(self, host):
+        self._peer, self.open = (host, 1234), True
+
+    def get_extra_info(self, _name):
+        return self._peer
+
+    def abort(self):
+        self.open = False
+
+
+def test_a_connection_on_which_no_whole_request_comes_is_ended():
+    door, half, whole = Doorkeeper(), Connection("10.0.0.1"), Connection("10.0.0.1")
+    door.sweep([half, whole], 100.0)
+    door.served(whole)
+    door.sweep([half, whole], 100.0 + 0.9 * DEADLINE_S)
+    assert half.open
+    door.sweep([half, whole], 100.0 + DEADLINE_S)
+    assert (half.open, whole.open) == (False, True)
+
+
+@pytest.mark.parametrize(
+    "hosts", [["10.0.0.1"], ["::ffff:10.0.0.1"], ["2001:db8::1", "2001:db8::2"]]
+)
+def test_an_address_has_so_many_connections_and_no_more(hosts):
+    door, page, other = Doorkeeper(), Connection(hosts[-1]), Connection("10.9.9.9")
+    many = [Connection(hosts[i % len(hosts)]) for i in range(1000)]
+    door.sweep(many[:500], 100.0)
+    door.served(page)
+    door.served(other)
+    door.sweep([*many, page, other], 101.0)
+    assert (page.open, other.open) == (True, True)
+    assert sum(each.open for each in many) == MOST - 1
+
+
+def test_a_thousand_half_sent_requests_do_not_stay():
+    """Of a real server; what is left after one look is ended by a later one."""
+
+    async def run():
+        listen = Listen("127.0.0.1", 0)
+        access = Access("pa10")
+        server = Server(load_cell("pa10"), PageHub(nobody), access, listen, secure=False)
+        runner = web.AppRunner(server.application(), access_log=None)
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        port = runner.addresses[0][1]
+        many = [await asyncio.open_connection("127.0.0.1", port) for _ in range(200)]
+        for _, writer in many:
+            writer.write(b"GET / HTTP/1.1\r\nHost: ")
+            await writer.drain()
+        while len(runner.server.connections) < len(many):
+            await asyncio.sleep(0)
+        for now_s, left in ((100.0, MOST), (100.0 + DEADLINE_S, 0)):
+            server.door.sweep([each.transport for each in runner.server.connections], now_s)
+            while len(runner.server.connections) > left:
+                await asyncio.sleep(0)
+        for reader, writer in many:
+            with suppress(ConnectionError):
+                assert await reader.read() == b""
+            writer.close()
+        await runner.cleanup()
+
+    asyncio.run(run())
