@@ -41,6 +41,25 @@ def test_a_step_and_the_rates_are_those_of_a_dense_least_squares_solver(make, cu
 
 
 @pytest.mark.parametrize(("make", "curve"), KINDS)
+def test_with_weights_and_joints_that_stand_a_step_is_that_of_a_dense_solver(make, curve):
+    chain, rng = make(30), np.random.default_rng(7)
+    q = fitted(chain, curve, 0.68)[0].q + rng.normal(0.0, 0.005, 30)
+    points, rates = curve.at(0.7, chain.stations)
+    weights, free = rng.uniform(0.5, 20.0, 30), np.ones(30, dtype=bool)
+    free[[4, 17, 18]] = False
+    found = chain.fitted(q, points, rates, 1, weights, free)
+    J, counts = jacobian(chain, q), chain.links.counts
+    root = np.repeat(np.sqrt(weights[counts]), 3)[:, None]
+    off = (points - chain.points(q[None])[0, 1:])[counts].ravel()
+    sides = np.column_stack((off, rates[counts].ravel()))
+    dense = np.zeros((30, 2))
+    dense[free] = np.linalg.lstsq(root * J[:, free], root * sides, rcond=None)[0]
+    assert found.q - q == pytest.approx(dense[:, 0], abs=3e-7)
+    assert found.rates == pytest.approx(dense[:, 1], abs=2e-5)
+    assert (found.q[~free] == q[~free]).all()
+
+
+@pytest.mark.parametrize(("make", "curve"), KINDS)
 def test_a_general_optimiser_finds_nothing_better(make, curve):
     chain = make(6)
     best, points, _ = fitted(chain, curve, 0.83)
