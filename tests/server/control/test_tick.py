@@ -283,7 +283,7 @@ def test_a_jog_moves_its_joint_alone(arm, start):
 
 def test_a_joint_at_full_speed_is_not_said_to_be_at_its_leash(arm, start, rng):
     """The joint speed is the only bound here, and rounding of it is no other."""
-    limits = arm.p.limits.model_copy(update={"speed": 100.0, "angular_speed": 100.0})
+    limits = arm.p.limits.model_copy(update={"speed": 10.0, "angular_speed": 20.0})
     run = start(
         replace(arm, control=Control([ArmControl(replace(arm.p, limits=limits), arm.mechanism)]))
     )
