@@ -20,6 +20,7 @@ from collections import deque
 import numpy as np
 
 from ...commands.commands import Commands
+from ...control.mechanism.wrist import LOAD_TIME_S
 from ...control.spatial import Array
 from ...control.state import Output
 from ...mode import Mode
@@ -56,6 +57,8 @@ SMALLEST = 0.002
 """The smallest share [1]."""
 FREE_S = 0.5
 """So long after the last contact the tool counts as free [s]."""
+RAMPED_S = 5.0 * LOAD_TIME_S
+"""A load or bias that is told anew is in effect after that time [s]."""
 RISE = 0.05
 """The share rises again by at most so much in a tick [1]."""
 SEEN = 60
@@ -84,6 +87,7 @@ class ContactStability:
         self._longest = math.ceil(SLOWEST * (2.0 * delay + 1.0))
         self.share = 1.0
         """Part of the task's motion towards what rang [1]."""
+        self._told, self._wait_s = commands.settings.load_told, 0.0
         self._acting = 1.0
         self._normal = np.zeros(3)
         """Into what rang, in World (3,)."""
@@ -108,10 +112,15 @@ class ContactStability:
             return 1.0
         if mode is Mode.READY or settings.gains["force"] is not self._gain:
             self._gain, self.share = settings.gains["force"], 1.0
-        if not (mode.energised and settings.on["force"]):
+        if settings.load_told != self._told or settings.sensor_share < 1.0:
+            # A reading that is taken otherwise is no contact; a touch under way is forgotten.
+            self._told = settings.load_told
+            self._wait_s = RAMPED_S
+        self._wait_s -= self._period_s
+        if not (mode.energised and settings.on["force"]) or self._wait_s > 0.0:
             self._forget()
-            self._acting = 1.0
-            return 1.0
+            self._acting = self.share if settings.on["force"] else 1.0
+            return self._acting
         if output.wrench_mrf is not None:
             force = output.T_world_mrf_measured.R @ output.wrench_mrf[:3]
             size = math.sqrt(float(force @ force))
