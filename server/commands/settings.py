@@ -80,8 +80,6 @@ class OperatorSettings:
         """Part of their gains that the sources of the force/torque sensor act with [1]."""
         self.contact_share = 1.0
         """Part of the task's sum that acts: less on what force control rang on [1]."""
-        self.hand_share, self.hand_at_once = 1.0, False
-        """Part of the measured force that is followed, and whether it was another just now [1]."""
         self.load_settles = False
         """The load was told anew while nothing was measured: they wait until that is in effect."""
         self._rated_payload = config.mechanism.rated_payload
@@ -94,7 +92,6 @@ class OperatorSettings:
     def for_control(self) -> Settings:
         """Return the settings that a tick uses, with the frames in force."""
         frames = self._frames
-        at_once = ("following",) if self.hand_at_once else ()
         return Settings(
             gains=self.gains_in_force,
             T_wrist_mrf=frames.T_wrist_mrf,
@@ -105,7 +102,7 @@ class OperatorSettings:
             payload=self.payload,
             objectives=self.objectives,
             avoid=self._shared.avoid,
-            at_once=WRENCH_SOURCES if self.load_settles else at_once,
+            at_once=WRENCH_SOURCES if self.load_settles else (),
             contact_share=self.contact_share,
         )
 
@@ -113,8 +110,6 @@ class OperatorSettings:
     def gains_in_force(self) -> dict[str, Array]:
         """The sources' gains (6,): zero for one that is off, or that a load makes wait."""
         found = self._gains_on
-        if self.hand_share < 1.0:
-            found["following"] = self.hand_share * found["following"]
         if self.sensor_share < 1.0:
             found.update({name: self.sensor_share * found[name] for name in WRENCH_SOURCES})
         return found

@@ -14,7 +14,6 @@ from ..runtime.events import Events
 from .ahead.passage import Passage
 from .cameras import VisionTracker
 from .contact.collisions import CollisionMonitor
-from .contact.hand import HandMonitor
 from .contact.ringing import ContactStability
 from .contact.tool import PressedTool
 from .contact.walls import WallMonitor
@@ -53,7 +52,6 @@ class Perception:
             period_s,
             events,
         )
-        self.hand = HandMonitor(config.sources.following, commands.settings, period_s, events)
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
@@ -80,9 +78,7 @@ class Perception:
             if output is None or output.held is None:
                 carried = self.collisions.carried
                 self.load.update(output, mode, now_s, carried)
-                told = commands.settings
-                told.contact_share = self.ringing.update(output, mode)
-                told.hand_share, told.hand_at_once = self.hand.update(output, mode)
+                commands.settings.contact_share = self.ringing.update(output, mode)
         doubted = self.load.tool
         by_joint = doubted is None and commands.by_joint(now_s)
         self.pressed.follow(output, by_joint, mode)
