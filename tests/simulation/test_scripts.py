@@ -61,7 +61,9 @@ def test_every_shipped_script_says_what_it_is_to_reach(name):
     expect = load_script(name).expect
     bounds = expect.model_fields_set - {"mode", "events", "refused"}
     assert bounds, "nothing that the physics could judge"
-    assert expect.mode in (("hold",) if name == "stop_together" else ("enabled", None))
+    assert expect.mode in (
+        ("hold",) if name in ("stop_together", "two_nodes_stiff") else ("enabled", None)
+    )
 
 
 def test_a_pose_move_is_within_a_millimetre_right_after_the_paths_end(pa10):

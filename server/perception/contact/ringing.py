@@ -31,7 +31,7 @@ SLOWEST = 1.5
 """A swing lasts at most so many times half a period of the loop at its bound [1]."""
 KEPT = 0.7
 """A swing of a loop that rings has at least that part of the one before [1]."""
-LEAST = 0.5
+LEAST = 0.7
 """Swings of less than that part of what is hard do not count: a peg rattles in its hole [1]."""
 DEEP = 0.6
 """A loop that rings swings by that part of its peaks, for it grows until contact is lost [1]."""

@@ -68,10 +68,10 @@ def test_a_file_without_states_is_said_in_one_line(tmp_path, capsys):
     recorder = Recorder(file)
     recorder.about(load_cell("pa10"))
     recorder.close()
-    assert main(["console", str(file)]) == 1
+    assert main(["console", str(file)]) == 2
     assert "holds no states" in capsys.readouterr().err
     file.write_bytes(b"junk")
-    assert main(["console", str(file)]) == 1
+    assert main(["console", str(file)]) == 2
     error = capsys.readouterr().err
     assert "not an MCAP recording" in error
     assert "Traceback" not in error

@@ -129,7 +129,7 @@ def test_meshes_are_asked_for_by_number_and_others_are_not_served(small, filenam
         assert shape["kind"] == "sphere", "the collision shape is drawn in its place"
         (missing,) = scene.description["missing"]
         assert (missing["link"], missing["mesh"]) == ("base", filename)
-        assert missing["why"] == "not found" or "cannot be read" in missing["why"]
+        assert missing["why"] == "not found" or "no mesh" in missing["why"]
         assert scene.files == {}
 
 
