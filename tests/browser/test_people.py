@@ -9,7 +9,7 @@ from telerobot.protocols import topics as t
 
 pytestmark = pytest.mark.browser
 
-WATCHER = "for-observers"
+WATCHER = "only-for-observers"
 SCRIPT = "<img src=x onerror=alert(1)>"
 
 
@@ -115,7 +115,7 @@ def test_nobody_comes_in_without_the_secret_nor_by_another_name_of_the_host(site
     assert asked(f"{base}/") == 401
     assert asked(f"{base}/?key=guess") == 401
     assert asked(f"{base}/scene.json") == 401
-    assert asked(f"{base}/?key=for-operators", Host="evil.example:80") == 421
+    assert asked(f"{base}/?key=only-for-operators", Host="evil.example:80") == 421
 
 
 def test_a_page_of_another_origin_cannot_open_the_socket(site):
