@@ -206,7 +206,7 @@ def _plan(
     press_s = PRESS_S if granted > 0.99 else PRESS_S / granted
     return ScriptFigures(
         moved_s, stick, (np.array(pose[:3]), np.array(pose[3:])), target_s, d,
-        (0.03, TO_WALL / 0.03 / granted + 1.0), 0.0, draft.push, press_s, full,
+        (0.03, TO_WALL / 0.03 / granted + 1.0), 0.0, draft.push, press_s,
     )  # fmt: skip
 
 

@@ -6,9 +6,8 @@ import numpy as np
 
 from .shape.shapes import Array
 
-WITHIN = (0.2, 0.6)
-"""The push on the wall is expected within this part of what is asked for; where the arm cannot go
-straight, and drags its tool along the wall, within that [1]."""
+WITHIN = 0.2
+"""The push on the wall is expected within this part of what is asked for [1]."""
 
 
 class ScriptFigures(NamedTuple):
@@ -31,8 +30,6 @@ class ScriptFigures(NamedTuple):
     """Force that follows from it [N]."""
     press_s: float
     """Time of the push [s]."""
-    straight: bool
-    """Whether the arm has all axes for a push that is straight."""
 
 
 def text_of(plan: ScriptFigures, name: str) -> str:
@@ -64,8 +61,7 @@ def text_of(plan: ScriptFigures, name: str) -> str:
     steps += [_step(at, stick)]
     at += plan.press_s
     words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
-    within = WITHIN[not plan.straight]
-    least, most = plan.force * (1.0 - within), plan.force * (1.0 + within)
+    least, most = plan.force * (1.0 - WITHIN), plan.force * (1.0 + WITHIN)
     head = [
         f'description = "{words}"',
         f"duration_s = {at:.1f}",
