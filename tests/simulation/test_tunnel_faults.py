@@ -256,3 +256,18 @@ def test_a_joint_that_sticks_inside_is_found_by_name_and_the_arm_withdraws(play)
     assert end.insertion["depth"] < stopped.insertion["depth"] - 0.02
     assert run.summary["wall_force_n"] == 0.0
     assert run.summary["min_clearance_m"] > 0.005
+
+
+def test_a_joint_whose_drive_misses_setpoints_is_late_and_not_taken_for_locked(play):
+    """It stands for a period, and its command goes on."""
+    lost = {"kind": "drop", "target": "j27", "value": 0.1}
+    run = play(
+        {"at_s": 0.25, "rig/fault": lost},
+        {"at_s": 0.3, "cmd/drive": {"rates": [0.05]}},
+        {"at_s": 2.5, "cmd/drive": {"rates": [-0.05]}},
+        seconds=3.0,
+        cell=load_cell("snake"),
+    )
+    assert run.events("joint_locked") == []
+    assert run.at(2.5).insertion["depth"] > 0.1
+    assert run.at(2.99).insertion["depth"] < run.at(2.5).insertion["depth"]

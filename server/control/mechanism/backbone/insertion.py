@@ -43,10 +43,12 @@ ASIDE = 0.2
 """The head may push aside with this part of `most_push` before an insertion gives way [1]."""
 LAGGING = (0.65, 0.9)
 """Measured links that take so much of their room slow what leads them on, and hold it up [1]."""
-STOOD, ASKED = 1.5e-3, 5e-3
-"""A joint that moved by less than the first while its command moved by the second is locked [rad].
+STOOD, ASKED, STANDS_S = 1.5e-3, 5e-3, 0.03
+"""A joint is locked that moved by less than the first [rad], while its command moved by the second
+and is as far from it [rad], for the third [s].
 
-One that follows is at most 2 mrad behind."""
+One that follows is at most 2 mrad behind, so one that turns round stands, but is near its command.
+A drive that missed one setpoint stands for a period."""
 ROUND_LOCKED = 3
 """Steps of the fit with locked joints, a tick [1]."""
 INSIDE = 25.0
@@ -82,6 +84,8 @@ class Following(NamedTuple):
     """(n,) [rad]"""
     locked: Array
     """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
+    stood: Array
+    """How long each has stood (n,) that was asked to move [s]."""
 
 
 class Insertion(NamedTuple):
@@ -198,15 +202,18 @@ class Backbone:
     def watched(self, before: Following | None, q: Array, measured: Array) -> Following:
         """Return which joints follow, that were commanded at q (n,) and measured (n,) [rad]."""
         if before is None:
-            return Following(q, measured, np.full(len(q), np.nan))
+            return Following(q, measured, np.full(len(q), np.nan), np.zeros(len(q)))
         moved = np.abs(measured - before.measured) > STOOD
-        stands = ~moved & (np.abs(q - before.commanded) > ASKED)
-        if not (moved.any() or stands.any()):
+        asked = np.minimum(np.abs(q - before.commanded), np.abs(q - measured)) > ASKED
+        stood = np.where(asked & ~moved, before.stood + self._period_s, 0.0)
+        if not (moved.any() or stood.any() or before.stood.any()):
             return before
+        locks = (stood > STANDS_S - 0.5 * self._period_s) & np.isnan(before.locked)
         return Following(
             np.where(moved, q, before.commanded),
             np.where(moved, measured, before.measured),
-            np.where(stands & np.isnan(before.locked), measured, before.locked),
+            np.where(locks, measured, before.locked),
+            stood,
         )
 
     def beyond(self, s1: float) -> int:
