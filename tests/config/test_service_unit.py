@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 from telerobot.tools.cli import COMMANDS, build_parser
 
-README = Path(__file__).resolve().parents[2] / "config" / "README.md"
+GUIDE = Path(__file__).resolve().parents[2] / "config/guides/service.md"
 COMMAND = "/opt/telerobot/.venv/bin/telerobot"
 
 
 @pytest.fixture
 def unit():
-    (text,) = re.findall(r"```ini\n(\[Unit\].*?)```", README.read_text(), re.DOTALL)
+    (text,) = re.findall(r"```ini\n(\[Unit\].*?)```", GUIDE.read_text(), re.DOTALL)
     return text
 
 

@@ -1,6 +1,6 @@
 """Certificates between real processes: who has one works, a stranger gets nowhere.
 
-The cells and commands are those of "Who may speak" in config/README.md, as they stand there, but
+The cells and commands are those of config/guides/network.md, as they stand there, but
 for hosts and ports of this machine.
 """
 
@@ -19,7 +19,7 @@ from telerobot.tools.host.local_plant import LocalPlant, end, free_port
 
 pytestmark = pytest.mark.hil
 
-README = Path(__file__).resolve().parents[2] / "config" / "README.md"
+GUIDE = Path(__file__).resolve().parents[2] / "config/guides/network.md"
 START_S = 60.0
 """Wall time after which what does not come up, or about, is a failure [s]."""
 
@@ -31,7 +31,7 @@ class Page:
     """A section of the page, for a machine where all happens at one port of loopback."""
 
     def __init__(self, title):
-        text = README.read_text(encoding="utf-8").split(f" {title}\n", 1)[1]
+        text = GUIDE.read_text(encoding="utf-8").split(f" {title}\n", 1)[1]
         text = text.split("\n#", 1)[0]
         self._here = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
         self._text = re.sub(r"(0\.0\.0\.0|arm\.local|hub\.local):7447", self._here, text)

@@ -1,4 +1,4 @@
-"""Tables of the schema for `config/README.md`: `python -m telerobot.tools.commands.reference`."""
+"""Tables of the schema, `config/reference.md`: `python -m telerobot.tools.commands.reference`."""
 
 import types
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from ...config.schema.section import PoseSection, Section
 
 BEGIN: Final = "<!-- begin: made by `python -m telerobot.tools.commands.reference` -->"
 END: Final = "<!-- end -->"
-README: Final = Path(schema.__file__).parents[1] / "README.md"
+PAGE: Final = Path(schema.__file__).parents[1] / "reference.md"
 _WORDS: Final = {float: "number", int: "integer", str: "text", bool: "true or false"}
 _SIGNS: Final = {Ge: "≥", Gt: ">", Le: "≤", Lt: "<"}
 
@@ -37,13 +37,13 @@ def updated(text: str) -> str:
 
 def main() -> None:
     """Bring the page up to date."""
-    README.write_text(updated(README.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(updated(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def _section(section: type[Section], path: str, is_list: bool) -> Iterator[str]:
     name = f"[[{path}]]" if is_list else f"[{path}]"
     heading = f"`{name}`" if path else "At the top of the file"
-    yield f"### {heading}\n"
+    yield f"## {heading}\n"
     summary = (section.__doc__ or "").strip().splitlines()[0]
     yield f"{summary}\n"
     yield "| key | value | default | meaning |\n|---|---|---|---|"

@@ -69,8 +69,8 @@ def text_of(draft: Draft) -> str:
     lines = [
         f"# {draft.name}: made by `telerobot init {arm.urdf.name}`. It runs as it is on virtual",
         "# hardware. Before a real arm moves by it, look at every line that says "
-        f"{CONFIRM}, and go",
-        "# through config/README.md: `telerobot check` judges the file, `check --bus` the drives.",
+        f"{CONFIRM}, and go through",
+        "# config/guides/own_arm.md: `telerobot check` judges the file, `check --bus` the drives.",
         "",
         f'name = "{draft.name}"',
         f'description = "{draft.name}, from {plain(arm.urdf.name)}"',

@@ -1,11 +1,11 @@
 import pytest
 from telerobot.config.schema.cell import CellConfig
 from telerobot.config.schema.mechanism.mechanism import DriveSection
-from telerobot.tools.commands.reference import BEGIN, END, README, reference, updated
+from telerobot.tools.commands.reference import BEGIN, END, PAGE, reference, updated
 
 
 def test_the_page_shows_the_schema_as_it_is():
-    text = README.read_text(encoding="utf-8")
+    text = PAGE.read_text(encoding="utf-8")
     assert updated(text) == text, "run: python -m telerobot.tools.commands.reference"
 
 
@@ -13,8 +13,8 @@ def test_every_section_and_key_is_there():
     page = reference()
     for key in (*CellConfig.model_fields, *DriveSection.model_fields):
         assert f"| `{key}` |" in page
-    assert "### `[[mechanism.drives]]`" in page
-    assert "### `[mechanism.force_torque.payload]`" in page
+    assert "## `[[mechanism.drives]]`" in page
+    assert "## `[mechanism.force_torque.payload]`" in page
 
 
 def test_bounds_defaults_and_meaning_stand_in_the_row():
