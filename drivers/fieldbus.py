@@ -13,6 +13,8 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Final
 
 import can
@@ -37,6 +39,11 @@ _SDO_BYTES: Final = 8
 _BUS_OFF: Final = 0x40  # socketcan's error class CAN_ERR_BUSOFF
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # its errors are raised to us too
 _OPERATIONAL: Final = bytes((can301.NmtState.OPERATIONAL,))
+
+
+@cache
+def _dictionary(eds: Path | None, node_id: int) -> canopen.ObjectDictionary:
+    return canopen.import_od(None if eds is None else str(eds), node_id)
 
 
 class _Network(canopen.Network):
@@ -98,9 +105,12 @@ class Fieldbus:
         self._only_known = True
         self._set_filter()
 
-    def add_node(self, node_id: int, dictionary: canopen.ObjectDictionary) -> canopen.RemoteNode:
-        """Make a node known, in place of one with the same id; only we may command it."""
-        node = canopen.RemoteNode(node_id, dictionary)
+    def add_node(self, node_id: int, eds: Path | None) -> canopen.RemoteNode:
+        """Make a node with these objects known, in place of one with the same id.
+
+        Only we may command it.
+        """
+        node = canopen.RemoteNode(node_id, _dictionary(eds, node_id))
         node.sdo.RESPONSE_TIMEOUT = 0.0  # the reply is there before canopen looks for it
         self.network.add_node(node)
         node.emcy.add_callback(lambda _emcy: _forget(node))

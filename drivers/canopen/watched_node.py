@@ -4,7 +4,6 @@ import struct
 from pathlib import Path
 
 import can
-import canopen
 from canopen.sdo.exceptions import SdoError
 
 from ...config.schema.cell import TimingSection
@@ -27,7 +26,7 @@ class WatchedNode:
         self.name, self.node_id = name, node_id
         self.state: NmtState | None = None
         self._bus, self._timing = fieldbus, timing
-        self._node = fieldbus.add_node(node_id, canopen.import_od(str(eds), node_id))
+        self._node = fieldbus.add_node(node_id, eds)
         self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
         self._heard_s: float | None = None
         self._opened = self._restarted = False

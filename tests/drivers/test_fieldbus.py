@@ -6,7 +6,6 @@ import tracemalloc
 from typing import Any
 
 import can
-import canopen
 import pytest
 from canopen.sdo.exceptions import SdoCommunicationError
 from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus
@@ -161,7 +160,7 @@ def test_sdo_and_wait_work_over_udp() -> None:
     address = f"239.74.{dice.randrange(256)}.{dice.randrange(1, 255)}", dice.randrange(20000, 60000)
     far = LoopbackBus(*address)
     fieldbus = Fieldbus(LoopbackBus(*address))
-    node = fieldbus.add_node(5, canopen.import_od(None))
+    node = fieldbus.add_node(5, None)
 
     def answer() -> None:
         request = far.recv(5.0)
@@ -221,7 +220,7 @@ def test_frames_that_nobody_asked_for_leave_nothing_behind() -> None:
     """Of every identifier that is not the master's own: SDO and LSS replies, emergencies …"""
     hub = Hub()
     fieldbus, stranger = Fieldbus(InProcessBus(hub)), InProcessBus(hub)
-    fieldbus.add_node(5, canopen.import_od(None))
+    fieldbus.add_node(5, None)
     own = {0x000, 0x080, 0x77F, 0x205, 0x605}
     frames = [
         frame(can_id, bytes((0x43, 0, 0x10, 0, 1, 2, 3, 4)))

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Final
 
 import can
-import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
 
@@ -60,10 +59,9 @@ class ServoDrive(JointDrive):
         self._timing = timing
         self._position = JointPosition(drive, endless)
         self._limits = lower, upper = self._position.limits(lower, upper)
-        dictionary = canopen.import_od(None if eds is None else str(eds), drive.node)
         self.answer_stamp = 0.0
         """The bus' stamp of the newest TPDO1, which a SYNC asked for [s], on the bus' own clock."""
-        self.node = fieldbus.add_node(drive.node, dictionary)
+        self.node = fieldbus.add_node(drive.node, eds)
         self._standstill = Standstill(self.node, drive, mode, lower, upper)
         self.node.nmt.add_heartbeat_callback(self._on_heartbeat)
         self.node.emcy.add_callback(self._on_emcy)
