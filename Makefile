@@ -15,9 +15,10 @@ JS := tools/operator/web/static/vendor/three.module.js
 PEERS := .venv-peers
 PEERS_STAMP := $(PEERS)/.installed
 JOBS ?= 2
+QUICK := not slow and not hil and not browser
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help venv page demo test vcan check bench bench-peers campaign format clean
+.PHONY: help venv page demo test test-all durations vcan check bench bench-peers campaign format clean
 
 help: ## Show these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -60,10 +61,17 @@ $(STAMP): $(RUNS) $(JS)
 demo: $(RUNS) $(JS) ## Virtual arm and daemon on this machine, ready to drive
 	@exec $(BIN)/telerobot demo pa10
 
-test: venv ## All tests: in parallel, then those that start processes, then the browser's
+test: venv ## The quick tests in parallel, then a few with processes and in the browser
+	@$(BIN)/pytest -q -m "$(QUICK)" -n $(JOBS) --dist loadfile
+	@$(BIN)/pytest -q -m smoke
+
+test-all: venv ## All tests: in parallel, then those that start processes, then the browser's
 	@$(BIN)/pytest -q -m "not hil and not browser" -n $(JOBS)
-	@$(BIN)/pytest -q -m hil || { code=$$?; test $$code -eq 5 && echo "no hil tests"; }
-	@$(BIN)/pytest -q -m browser || { code=$$?; test $$code -eq 5 && echo "no browser tests"; }
+	@$(BIN)/pytest -q -m hil
+	@$(BIN)/pytest -q -m browser
+
+durations: venv ## Measure what each test costs, and write down which are slow
+	@$(BIN)/pytest -q --measure -m "not hil and not browser" -n $(JOBS)
 
 vcan: venv ## Tests on a kernel's CAN bus, with an arm: here, or in user-mode Linux
 	@$(BIN)/python tests/vcan/run.py $(BIN)/python -m pytest -q -p no:cacheprovider \

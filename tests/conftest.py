@@ -1,12 +1,101 @@
-"""A small cell of three joints, as files that a test may spoil, and a cell of two arms."""
+"""What each test may cost; and a small cell of three joints, as files that a test may spoil."""
 
-from collections.abc import Callable
+import resource
+from collections import defaultdict
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.device import DeviceError
+
+SLOW = Path(__file__).with_name("slow.txt")
+"""Names the tests that `make test` leaves out, as `make durations` measured them."""
+SLOW_S, FAST_S = 1.5, 5.0
+"""A test that is measured above the first is slow; one that is not may cost the second [CPU s]."""
+MAY = {"slow", "hil", "browser"}
+"""Marks of tests that may cost more; those of processes wait, and are not measured."""
+
+_shared: defaultdict[tuple[str, str], float] = defaultdict(float)
+"""What fixtures cost that several tests share, by name and where they are shared [CPU s]."""
+_costs: dict[str, float] = {}
+
+
+def _cpu_s() -> float:
+    whose = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(use.ru_utime + use.ru_stime for use in map(resource.getrusage, whose))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--measure", action="store_true", help=f"write {SLOW.name} by this run's cost")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    slow = set(SLOW.read_text().splitlines())
+    known = {name for item in items for name in _names(item)}
+    whole = not any("::" in arg for arg in config.args)
+    files = {name.partition("::")[0] for name in known} if whole else set()
+    gone = {name for name in slow - known if name.partition("::")[0] in files}
+    if gone and not config.option.measure:
+        raise pytest.UsageError(f"{SLOW.name} names {min(gone)}, and there is none: make durations")
+    for item in items:
+        if slow.intersection(_names(item)):
+            item.add_marker("slow")
+
+
+def _names(item: pytest.Item) -> tuple[str, str]:
+    """Return how a test may be named: with its parameters, and all of its function."""
+    return item.nodeid, item.nodeid.partition("[")[0]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(
+    fixturedef: pytest.FixtureDef[Any], request: pytest.FixtureRequest
+) -> Generator[None, Any, Any]:
+    began = _cpu_s()
+    try:
+        return (yield)
+    finally:
+        _shared[fixturedef.argname, request.node.nodeid] += _cpu_s() - began
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Fail a test that costs too much; what it shares is part of what each costs."""
+    began = _cpu_s()
+    result = yield
+    spent = _cpu_s() - began
+    nodes, fixtures = item.listchain(), getattr(item, "fixturenames", ())
+    shared = sum(_shared.get((name, node.nodeid), 0.0) for name in fixtures for node in nodes)
+    item.user_properties.append(("cpu_s", spent + shared))
+    marks = {mark.name for mark in item.iter_markers()}
+    if spent > FAST_S and marks.isdisjoint(MAY) and not item.config.option.measure:
+        pytest.fail(f"it cost {spent:.1f} CPU s of {FAST_S:.0f}: make it quicker, or durations")
+    return result
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if report.when == "call":
+        _costs[report.nodeid] = dict(report.user_properties).get("cpu_s", 0.0)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if not session.config.option.measure or hasattr(session.config, "workerinput"):
+        return
+    rows: defaultdict[str, dict[str, float]] = defaultdict(dict)
+    for name, cost in _costs.items():
+        rows[name.partition("[")[0]][name] = cost
+    slow: list[str] = []
+    for function, each in rows.items():
+        above = [name for name, cost in each.items() if cost > SLOW_S]
+        slow += [function] if len(above) == len(each) else above
+    SLOW.write_text("".join(f"{name}\n" for name in sorted(slow)))
+    total, left = sum(_costs.values()), sum(c for c in _costs.values() if c <= SLOW_S)
+    print(f"\n{len(slow)} lines in {SLOW.name}; {total:.0f} CPU s in all, {left:.0f} in fast tests")
+
 
 _LINK = (
     '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" '

@@ -41,6 +41,7 @@ def test_a_pad_is_held_by_the_finger_and_springs_back(site):
     assert page.locator(".pad .held").count() == 0
 
 
+@pytest.mark.smoke
 def test_a_joint_slider_jogs_one_joint_and_springs_back(site):
     page = site.enabled()
     slider = page.get_by_label("Jog s1")

@@ -5,7 +5,6 @@ import pytest
 
 
 @pytest.mark.hil
-@pytest.mark.slow
 def test_a_bus_that_is_unplugged_in_motion_stops_all_thirty_joints(make_plant):
     plant = make_plant("snake30")
     operator = plant.enabled_operator()

@@ -47,6 +47,7 @@ def test_two_demos_run_side_by_side_and_show_a_healthy_arm():
         assert 0 < summary["worst_following_error_rad"] < 0.05
 
 
+@pytest.mark.smoke
 def test_without_a_terminal_the_demo_says_that_it_plays_a_script():
     demo = start("pa10", "--seconds", "2")
     out, err = demo.communicate(timeout=120)

@@ -146,7 +146,6 @@ def test_a_held_key_moves_the_arm_and_letting_go_stops_it(plant, terminal):
     plant.until(lambda: watcher.state.mode == "hold", 3.0)
 
 
-@pytest.mark.slow
 def test_held_keys_insert_and_withdraw_a_snake_of_thirty_drives_on_two_buses(
     make_plant, open_terminal
 ):
@@ -179,7 +178,6 @@ def test_held_keys_insert_and_withdraw_a_snake_of_thirty_drives_on_two_buses(
     assert plant.truth.contact_force == (0.0, 0.0, 0.0)
 
 
-@pytest.mark.slow
 def test_held_keys_drive_a_rover_to_a_bridge_where_its_arm_folds_by_itself(
     make_plant, open_terminal, tmp_path
 ):

@@ -5,7 +5,6 @@ import pytest
 
 
 @pytest.mark.hil
-@pytest.mark.slow
 def test_two_arms_carry_a_beam_and_the_fault_of_one_stops_both(make_plant):
     plant = make_plant("pa10_pair")
     operator = plant.enabled_operator()

@@ -54,7 +54,6 @@ def decoded(path, topic):
 
 
 @pytest.mark.hil
-@pytest.mark.slow
 def test_a_recorder_that_is_killed_leaves_a_run_that_others_read_and_that_replays(
     make_plant, tmp_path
 ):

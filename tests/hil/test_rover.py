@@ -6,7 +6,6 @@ import pytest
 
 
 @pytest.mark.hil
-@pytest.mark.slow
 def test_the_rover_drives_an_arc_with_the_stick_beside_and_stops_on_it(make_plant):
     plant = make_plant("rover")
     operator = plant.enabled_operator()

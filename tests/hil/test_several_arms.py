@@ -7,7 +7,6 @@ LEFT, RIGHT = slice(0, 7), slice(7, 14)
 
 
 @pytest.mark.hil
-@pytest.mark.slow
 def test_two_arms_move_at_once_and_the_bus_of_one_stops_both(make_plant):
     plant = make_plant("pa10_two")
     operator = plant.enabled_operator()

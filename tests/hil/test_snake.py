@@ -4,7 +4,6 @@ import pytest
 
 
 @pytest.mark.hil
-@pytest.mark.slow
 def test_the_snake_is_inserted_to_a_depth_driven_out_and_touches_no_wall(make_plant):
     plant = make_plant("snake")
     operator = plant.enabled_operator()

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
@@ -67,7 +66,6 @@ def test_the_rover_ducks_under_the_bridge_and_unfolds_again() -> None:
     np.testing.assert_allclose(arm[-1], arm[0], atol=0.05)
 
 
-@pytest.mark.slow
 def test_by_the_papers_order_the_rover_passes_where_its_tool_alone_has_to_move() -> None:
     run = rover([drive(0.3)], 30.0, "sequence", height=1.05)
     s = run.run(lambda: "passage_returning" in names(run) and x(run) > 2.6).summary
@@ -77,7 +75,6 @@ def test_by_the_papers_order_the_rover_passes_where_its_tool_alone_has_to_move()
     assert s["min_clearance_m"] > 0.02
 
 
-@pytest.mark.slow
 def test_by_the_papers_order_an_arm_that_goes_round_in_circles_stands_and_says_so() -> None:
     run = rover([drive(0.3)], 30.0, "sequence", height=1.15, width=0.9)
     since: list[float] = []

@@ -146,7 +146,6 @@ def test_a_beam_that_sinks_ahead_is_stood_still_before_and_backed_away_from_at_o
     assert result.summary["min_clearance_m"] > 0.3
 
 
-@pytest.mark.slow
 def test_the_operator_backs_out_from_under_a_bridge_at_once() -> None:
     """Half of it is passed, and neither what is ahead nor what is behind is waited for."""
     made = RigBridgeSection(height=1.0, distance=1.3)

@@ -148,7 +148,6 @@ def test_a_push_stops_an_identification(pa10, target, vector):
     assert felt.time_s - simulation.player.start_s < 9.5
 
 
-@pytest.mark.slow
 def test_a_tool_on_a_bad_sensor_is_identified_and_then_weighs_nothing(pa10):
     cell = unknown_tool(pa10)
     found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 24, 0.15)))

@@ -59,7 +59,6 @@ def test_a_search_finds_the_hole_and_presses_no_harder(insert):
     assert run.summary["limit_violations"] == 0
 
 
-@pytest.mark.slow
 def test_a_beam_finds_nodes_that_its_chamfers_do_not_catch():
     """Without a search both pegs stay on the rims and press with 26 N."""
     found = searched.play(14)

@@ -155,7 +155,6 @@ def test_a_tunnel_told_wide_that_is_narrow_is_felt_by_name_and_let_go_of(play, h
     assert max(late) < 60.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("joint", "speed"), [("j8", 0.03), ("j22", 0.08)])
 def test_with_a_locked_joint_the_others_bend_around_it_out_to_the_entrance(
     play, inside, joint, speed
