@@ -10,7 +10,7 @@ FOLDERS = ("config", "drivers", "protocols", "server", "tools")
 UNSHIPPED = "node_modules"
 THERE = {
     f"/{path.relative_to(ROOT).as_posix()}"
-    for folder in (*FOLDERS, "tests", ".ci")
+    for folder in (*FOLDERS, "docs", "tests", ".ci")
     for path in (ROOT / folder, *(ROOT / folder).rglob("*"))
     if UNSHIPPED not in path.parts
 }
@@ -21,7 +21,7 @@ CODE = re.compile(r"`[^`]*`")
 LINK = re.compile(r"\]\((?!https?:)([^)\s]*)\)")
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|js|toml|urdf|md))`")
 FOLDER = re.compile(rf"`((?:{'|'.join(FOLDERS)})(?:/[\w.-]+)*)/`")
-STANDS_FOR = ("NAME", "RUN", "out/", "runs/")
+STANDS_FOR = ("NAME", "RUN", "out/", "runs/", "demo.numpy/")
 """Parts of names that stand for others, or that a command makes."""
 
 

@@ -1,4 +1,4 @@
-"""The two operators in the README, run as they stand there."""
+"""The operators in the README and on the protocol's page, run as they stand there."""
 
 import ast
 import re
@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 
 SIMPLE = (ast.Import, ast.Assign, ast.Expr, ast.Return)
-README = Path(__file__).resolve().parents[2] / "README.md"
+ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = pytest.mark.hil
 
 
-def readme_operator(title="An operator in 15 lines"):
-    section = README.read_text(encoding="utf-8").split(f"## {title}\n")[1]
+def program_of(page="protocols/README.md", title="An operator in 15 lines"):
+    section = (ROOT / page).read_text(encoding="utf-8").split(f"## {title}\n")[1]
     return re.search(r"```python\n(.*?)```", section, re.DOTALL)[1]
 
 
-def test_the_operator_in_the_readme_moves_the_arm_as_it_says(plant, tmp_path):
-    text = readme_operator()
+def test_the_operator_of_the_protocol_moves_the_arm_as_it_says(plant, tmp_path):
+    text = program_of()
     default = "tcp/127.0.0.1:7447"
     assert default in text
     program = tmp_path / "operator.py"
@@ -44,7 +44,7 @@ def test_the_operator_in_the_readme_moves_the_arm_as_it_says(plant, tmp_path):
 
 
 def test_the_script_in_the_readme_moves_the_arm_as_it_says(plant, tmp_path):
-    text = readme_operator("From your own script")
+    text = program_of("README.md", "From your own script")
     assert text.count('Operator("pa10")') == 1
     here = f'Operator("pa10", endpoint="{plant.cell.config.zenoh.listen}")'
     program = tmp_path / "script.py"
@@ -62,6 +62,6 @@ def test_the_script_in_the_readme_moves_the_arm_as_it_says(plant, tmp_path):
     assert watcher.state.lease_holder is None
 
 
-def test_the_operator_in_the_readme_is_as_short_as_it_says():
-    simple = [n for n in ast.walk(ast.parse(readme_operator())) if isinstance(n, SIMPLE)]
+def test_the_operator_of_the_protocol_is_as_short_as_it_says():
+    simple = [n for n in ast.walk(ast.parse(program_of())) if isinstance(n, SIMPLE)]
     assert len(simple) <= 15
