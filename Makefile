@@ -14,11 +14,13 @@ LOCK := $(addprefix tools/operator/web/vendor/,package-lock.json fetch.py)
 JS := tools/operator/web/static/vendor/three.module.js
 PEERS := .venv-peers
 PEERS_STAMP := $(PEERS)/.installed
+DOCS := .venv-docs
+DOCS_STAMP := $(DOCS)/.installed
 JOBS ?= 2
 QUICK := not slow and not hil and not browser
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help venv page demo test test-all durations vcan check bench bench-peers campaign format clean
+.PHONY: help venv page demo test test-all durations vcan check bench bench-peers campaign docs format clean
 
 help: ## Show these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -105,5 +107,17 @@ $(PEERS_STAMP): pyproject.toml constraints.txt constraints-peers.txt
 campaign: venv ## Behaviour at scale: random scripts, scenes and faults
 	@$(BIN)/telerobot campaign
 
+docs: $(DOCS_STAMP) ## Build the site from the pages beside the code; a broken link is an error
+	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --quiet --config-file docs/mkdocs.yml
+	@echo "out/site: $(DOCS)/bin/python -m http.server --bind 127.0.0.1 --directory out/site 8000"
+
+$(DOCS_STAMP): pyproject.toml constraints.txt
+	@test -x $(DOCS)/bin/python || { echo "creating $(DOCS)"; "$(PYTHON)" -m venv $(DOCS); }
+	@echo "installing what builds the site into $(DOCS)"
+	@$(DOCS)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=25.1'
+	@$(DOCS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	  --group docs
+	@touch $@
+
 clean: ## Remove what can be built again
-	@rm -rf $(VENV) $(NODE) $(PEERS) dist build out .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf $(VENV) $(NODE) $(PEERS) $(DOCS) dist build out .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("config", "drivers", "protocols", "server", "tools")
-FENCE = re.compile(r'^```(\w*)(?: title="((?:[^"\\]|\\.)*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+FENCE = re.compile(
+    r'^```(\w*)(?: title="((?:[^"\\]|\\.)*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL
+)
 INTO = re.compile(r"(\S+), (after|before) the line: (.*)")
 STAND_INS = {
     r"^python ": f"{sys.executable} ",
@@ -32,7 +34,7 @@ class Block(NamedTuple):
 def blocks(page):
     """Return the fenced blocks of a page, from the first to the last."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    return [Block(a, b.replace('\\"', '"'), c) for a, b, c in FENCE.findall(text)]
+    return [Block(a, b, c) for a, b, c in FENCE.findall(text)]
 
 
 def commands(page):
