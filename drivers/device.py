@@ -39,6 +39,7 @@ class Cause(StrEnum):
     STATE_LOST = "state_lost"
     POWER_LOST = "power_lost"
     SECOND_MASTER = "second_master"
+    FOREIGN_PDO = "foreign_pdo"
     BUS_ERROR = "bus_error"
     BUS_SILENT = "bus_silent"
     SATURATED = "saturated"

@@ -31,6 +31,8 @@ Tap = Callable[[int, bytes], None]
 """Called with identifier and data of every frame that was sent."""
 
 SDO_TIMEOUT_S: Final = 0.3
+MOST_LATE: Final = 3
+"""Answers that may still come to so many SYNCs before the newest one [1]."""
 SYNC_DOUBT_S: Final = 2.5e-4
 """A SYNC that took so much longer to send than others went out nobody knows when [s]."""
 _MOST_FRAMES_AT_ONCE: Final = 1000
@@ -38,6 +40,8 @@ _SDO_ABORT: Final = 0x80
 _SDO_BYTES: Final = 8
 _BUS_OFF: Final = 0x40  # socketcan's error class CAN_ERR_BUSOFF
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # its errors are raised to us too
+_HEARTBEATS: Final = can301.heartbeat_id(0)
+_STATES: Final = frozenset(can301.NmtState)
 _OPERATIONAL: Final = bytes((can301.NmtState.OPERATIONAL,))
 
 
@@ -84,6 +88,8 @@ class Fieldbus:
         self.now = clock()
         """When the frames being dispatched were taken off the bus [s], on `clock`."""
         self._handlers: dict[int, Handler] = {}
+        self._answers: dict[int, tuple[int, bytes]] = {}
+        """Identifiers of which each SYNC asks for one frame: SYNCs answered, newest answer."""
         self._for_canopen: set[int] = set()
         self._awaited: int | None = None
         """Identifier of the SDO reply that a request waits for."""
@@ -124,6 +130,18 @@ class Fieldbus:
         """Hand frames of an identifier to `handler`, instead of to canopen."""
         self._handlers[can_id] = handler
         self._set_filter()
+
+    def expect_answers(self, can_id: int) -> None:
+        """Take one frame of an identifier for each SYNC from now on; another is a second sender's.
+
+        Its values are not taken, and `trouble` tells of it: nobody knows which of the two is true.
+        A frame that a bus delivers twice is no such one, nor are late answers to earlier SYNCs.
+        """
+        self._answers[can_id] = self.sync_count, b""
+
+    def expect_no_answers(self, can_id: int) -> None:
+        """Take any number of frames of an identifier again."""
+        self._answers.pop(can_id, None)
 
     def send(self, can_id: int, data: bytes) -> bool:
         """Send a frame without blocking; return whether it went out, else `trouble` says why."""
@@ -260,6 +278,8 @@ class Fieldbus:
         if can_id in self._masters:
             self._fail(Cause.SECOND_MASTER, f"someone else sent {can_id:#05x}", can_id=can_id)
             return
+        if can_id in self._answers and not self._asked_for(can_id, bytes(message.data)):
+            return
         handler = self._handlers.get(can_id)
         # An interface that does not stamp leaves 0: what goes by instants has to have some.
         stamp = message.timestamp or self.now
@@ -268,11 +288,26 @@ class Fieldbus:
                 handler(bytes(message.data), stamp)
             elif can_id == self._awaited and len(message.data) != _SDO_BYTES:
                 self.malformed += 1  # canopen would look for more in it
+            elif can_id > _HEARTBEATS and (not message.data or message.data[0] not in _STATES):
+                self.malformed += 1  # canopen would keep a state that it cannot name
             elif can_id in self._for_canopen or can_id == self._awaited:
                 # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.
                 self.network.notify(can_id, message.data, stamp)
         except (FrameError, struct.error, IndexError):
             self.malformed += 1
+
+    def _asked_for(self, can_id: int, data: bytes) -> bool:
+        """Return whether a frame answers a SYNC that was not answered before, and note it."""
+        answered, newest = self._answers[can_id]
+        # A SYNC long ago is not answered any more: its answer was lost.
+        answered = max(answered, self.sync_count - 1 - MOST_LATE) + 1
+        if answered <= self.sync_count:
+            self._answers[can_id] = answered, data
+            return True
+        if data != newest:
+            detail = f"{can_id:#05x} came again after one SYNC, with other data: two send it"
+            self._fail(Cause.FOREIGN_PDO, detail, can_id=can_id)
+        return False
 
     def _fail(self, cause: Cause, detail: str, **values: int) -> None:
         if self.trouble is None:

@@ -166,11 +166,14 @@ class Plant:
     def emergency(self) -> Trouble | None:
         """Return the trouble that the drives are to be stopped for with the next SYNC, or None.
 
-        Of what was received by now: what a drive tells of at once, asked by no SYNC; or a bus of
-        which no drive has answered the last SYNC, in all of its period, while drives of another bus
-        have. Where all buses are silent nobody would hear the stop, and a daemon or a network that
-        stood still for a moment is the likelier cause: that is judged drive by drive, in `read`.
+        Of what was received by now: what is wrong with a bus; what a drive tells of at once, asked
+        by no SYNC; or a bus of which no drive has answered the last SYNC, in all of its period,
+        while drives of another bus have. Where all buses are silent nobody would hear the stop, and
+        a daemon or a network that stood still for a moment is the likelier cause: that is judged
+        drive by drive, in `read`.
         """
+        if self.buses.trouble is not None:
+            return self.buses.trouble
         for drive in self.drives:
             trouble = drive.emergency
             if trouble is not None:

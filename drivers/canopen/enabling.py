@@ -53,11 +53,13 @@ class EnablingInput(Device):
     def open(self) -> None:
         """Let the module answer every SYNC, and start it. Blocks; raises `DeviceError`."""
         pdo, cob_id = Com.TPDO_COMMUNICATION, can301.tpdo1_id(self._id)
+        self._bus.expect_no_answers(cob_id)
         self._node.open(
             (pdo, 1, "<I", cob_id | PDO_INVALID),
             (pdo, 2, "<B", EVERY_SYNC),
             (pdo, 1, "<I", cob_id),
         )
+        self._bus.expect_answers(cob_id)
         self._inputs, self._answered_sync = None, self._bus.sync_count
 
     def read(self) -> SwitchReading:
@@ -71,6 +73,7 @@ class EnablingInput(Device):
     def close(self) -> None:
         """Watch the module no more. Never raises."""
         self._node.close()
+        self._bus.expect_no_answers(can301.tpdo1_id(self._id))
         self._inputs = None
 
     def interlock(self) -> str | None:

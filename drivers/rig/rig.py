@@ -24,7 +24,7 @@ from .nodes.node import Node
 from .nodes.sensors.scanner_node import NAME as SCANNER
 from .nodes.sensors.scanner_node import SimulatedScanner
 from .nodes.servo.servo_node import SimulatedDrive
-from .nodes.wire import RigError, Wire
+from .nodes.wire import Wire
 from .physics.bodies.beam import Beam
 from .physics.clearance.sight import SightLines
 from .physics.geoms import quaternion
@@ -32,8 +32,6 @@ from .physics.movers import Movers
 from .physics.scene import prefixes, turned_by
 from .physics.sensors.tags import KINDS, Tags
 from .physics.world import Vector, World
-
-__all__ = ["Rig", "RigError"]
 
 SYNC_STAMPS = 1 << 16
 """So many of the newest SYNC stamps are kept [1]."""
@@ -104,7 +102,7 @@ class Rig:
         return self._time_s
 
     def poll(self) -> None:
-        """Handle every frame that waits on a bus. Raises `RigError` for a second rig on it."""
+        """Handle every frame that waits on a bus."""
         while (heard := self.receive()) is not None:
             self.handle(*heard)
 
@@ -120,10 +118,7 @@ class Rig:
         return wire, wire.take()
 
     def handle(self, wire: Wire, message: can.Message, ahead_s: float = 0.0) -> None:
-        """Handle a frame that was sent `ahead_s` after the newest step [s].
-
-        Raises `RigError` for one that only a node of the same id sends.
-        """
+        """Handle a frame that was sent `ahead_s` after the newest step [s]."""
         self.world.ahead_s = ahead_s
         wire.deliver(message.arbitration_id, bytes(message.data))
         if wire.sync_count > self.sync_count:  # on the first bus that it came on

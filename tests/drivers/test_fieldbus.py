@@ -269,3 +269,69 @@ def test_a_reply_that_is_too_short_is_none(cell: Any) -> None:
     with pytest.raises(SdoCommunicationError):
         cell.fieldbus.network[5].sdo.upload(0x6502, 0)
     assert cell.fieldbus.malformed >= 8
+
+
+# --- answers to SYNC ----------------------------------------------------------------------------
+
+
+def answers(cell: Any, *data: bytes) -> list[bytes]:
+    """Return which frames of a node are taken, sent one after the other."""
+    taken: list[bytes] = []
+    cell.fieldbus.listen(0x190, lambda told, _stamp: taken.append(told))
+    for told in data:
+        cell.played.send(0x190, told)
+    cell.fieldbus.receive(0.0)
+    return taken
+
+
+def test_a_second_answer_to_one_sync_is_not_taken_and_told(cell: Any) -> None:
+    cell.fieldbus.expect_answers(0x190)
+    cell.fieldbus.sync()
+    assert answers(cell, b"\x01", b"\x02") == [b"\x01"]
+    trouble = cell.fieldbus.trouble
+    assert (trouble.cause, trouble.values) == (Cause.FOREIGN_PDO, {"can_id": 0x190})
+    cell.fieldbus.clear_trouble()
+    cell.fieldbus.sync()
+    assert answers(cell, b"\x03") == [b"\x03"]
+    assert cell.fieldbus.trouble is None
+    assert answers(cell, b"\x04") == []
+    assert cell.fieldbus.trouble is not None, "before the next SYNC, too"
+
+
+def test_a_frame_that_the_bus_delivers_twice_is_no_second_sender(cell: Any) -> None:
+    """CAN repeats a frame whose last bit but one was disturbed: who had it has it twice."""
+    cell.fieldbus.expect_answers(0x190)
+    cell.fieldbus.sync()
+    assert answers(cell, b"\x01", b"\x01") == [b"\x01"]
+    assert cell.fieldbus.trouble is None
+
+
+@pytest.mark.parametrize("late", [1, 2, 3])
+def test_late_answers_are_taken_with_the_one_in_turn(cell: Any, late: int) -> None:
+    cell.fieldbus.expect_answers(0x190)
+    for _ in range(late + 1):
+        cell.fieldbus.sync()
+    told = [bytes((k,)) for k in range(late + 1)]
+    assert answers(cell, *told) == told
+    assert cell.fieldbus.trouble is None
+    assert answers(cell, b"\x7f") == []
+    assert cell.fieldbus.trouble.cause is Cause.FOREIGN_PDO
+
+
+def test_answers_that_were_lost_long_ago_are_not_taken_now(cell: Any) -> None:
+    cell.fieldbus.expect_answers(0x190)
+    for _ in range(100):
+        cell.fieldbus.sync()
+    assert answers(cell, b"\x01", b"\x02", b"\x03", b"\x04", b"\x05") == [
+        bytes((k,)) for k in range(1, 5)
+    ]
+    assert cell.fieldbus.trouble.cause is Cause.FOREIGN_PDO
+
+
+def test_a_node_that_is_not_configured_yet_may_say_what_it_likes(cell: Any) -> None:
+    """By default a drive tells of each change, and not when it is asked."""
+    assert answers(cell, b"\x01", b"\x02") == [b"\x01", b"\x02"]
+    cell.fieldbus.expect_answers(0x190)
+    cell.fieldbus.expect_no_answers(0x190)
+    assert answers(cell, b"\x03", b"\x04") == [b"\x03", b"\x04"]
+    assert cell.fieldbus.trouble is None

@@ -215,6 +215,21 @@ def test_a_missing_heartbeat_is_noticed_after_its_timeout(cell: Any) -> None:
     assert causes(cell, 2).cause is Cause.HEARTBEAT_LOST
 
 
+def test_a_heartbeat_of_no_state_is_none_and_the_drive_can_be_configured_anew(cell: Any) -> None:
+    """canopen would keep a state that it has no name for, and raise at the next command."""
+    cell.enable()
+    for state in {*range(256)} - set(NmtState):
+        cell.played.send(0x705, bytes((state,)))
+    assert causes(cell) is None
+    assert cell.fieldbus.malformed == 252
+    cell.played.beats = False
+    assert causes(cell, 25).cause is Cause.HEARTBEAT_LOST
+    cell.played.send(0x705, b"\x3f")
+    cell.fieldbus.receive(cell.hub.time_s)
+    cell.servo.close()
+    cell.servo.open()
+
+
 def test_a_drive_that_never_answers_is_noticed(cell: Any) -> None:
     cell.servo.open()
     cell.played.answers_sync = False

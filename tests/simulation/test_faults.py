@@ -319,6 +319,44 @@ def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
     assert errors[0].values["cause"] == "second_master"
 
 
+@pytest.mark.parametrize("off", [500, 20000], ids=["near", "far"])
+@pytest.mark.parametrize("first", [False, True], ids=["after", "before"])
+def test_a_second_sender_of_a_drives_answers_quick_stops_the_arm(pa10, off, first):
+    """Nobody knows which of the two is true: the stop needs neither, and a reset waits for one."""
+    from telerobot.drivers.bus import CanMessage, InProcessBus
+
+    script = Script.model_validate(
+        {
+            "duration_s": 3.0,
+            "step": [MOVING, {"at_s": 2.0, "operator/mode": {"action": "reset"}}],
+        }
+    )
+    simulation = Simulation(pa10, script)
+    tpdo = can301.tpdo1_id(pa10.config.mechanism.drives[3].node)
+    newest = {}
+
+    def on_bus(message):
+        if message.arbitration_id == tpdo:
+            newest[tpdo] = cia402_pdo.unpack_feedback(bytes(message.data))
+        if message.arbitration_id == (0x80 if first else tpdo) and len(newest) and on:
+            told = newest[tpdo]
+            data = cia402_pdo.pack_feedback(told.statusword, told.position + off, told.torque)
+            spoofer.send(CanMessage(arbitration_id=tpdo, data=data, is_extended_id=False))
+
+    on = []
+    spoofer = InProcessBus(simulation.buses.hubs[0], on_bus)
+    simulation.on_tick = lambda s: on.append(1) if s.cycle.tick == 120 else None
+    result = simulation.run()
+    spoofer.shutdown()
+    errors = [e for e in simulation.events if e.severity == "error"]
+    assert [e.values["cause"] for e in errors[:1]] == ["foreign_pdo"]
+    assert errors[0].tick in (120, 121)
+    assert result.summary["mode"] == "fault"
+    assert result.summary["limit_violations"] == 0
+    assert any("still_wrong" in r for r in result.summary["refused"])
+    assert np.abs([t.dq for t in result.truths[-100:]]).max() < 1e-3
+
+
 def test_enabling_does_not_move_a_joint_that_sagged(play, pa10):
     """A brake opens before its drive holds: joints sag, and are held where they have sagged."""
     rig = pa10.config.rig

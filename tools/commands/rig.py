@@ -13,13 +13,16 @@ from typing import TextIO
 
 from ...config.errors import printable
 from ...config.load import Cell, ConfigError
+from ...config.schema.bus.on_bus import CanOpenNodeSection
 from ...drivers.bus import CanBus, open_bus
 from ...drivers.device import DeviceError
+from ...drivers.fieldbuses import POLL_S
 from ...drivers.network.identity import identity_of
 from ...drivers.rig.realtime import run_realtime
-from ...drivers.rig.rig import Rig, RigError
+from ...drivers.rig.rig import Rig
 from ...drivers.rig.scanner_server import ScannerServer
 from ...drivers.rig.session import RigSession
+from ...protocols.canopen import can301
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
 from ..simulation.frame_sensors import FrameSensors
@@ -28,8 +31,12 @@ PRIORITY = 50
 """SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines."""
 
 
+LISTEN_PERIODS = 2
+"""Another rig is listened for so long before this one starts [heartbeat periods]."""
+
+
 class Refusals:
-    """Prints why faults were refused, once a second at most, and how many more there were."""
+    """Prints refused faults and odd frames, once a second at most, and how many more there were."""
 
     def __init__(self, clock: Callable[[], float], stream: TextIO) -> None:
         self._clock, self._stream = clock, stream
@@ -43,7 +50,7 @@ class Refusals:
             self._left_out += 1
             return
         more = f" (and {self._left_out} more before)" if self._left_out else ""
-        print(f"telerobot: fault refused: {printable(why)}{more}", file=self._stream)
+        print(f"telerobot: {printable(why)}{more}", file=self._stream)
         self._next_s, self._left_out = now_s + 1.0, 0
 
 
@@ -66,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
     buses: list[CanBus] = []
     try:
         buses.extend(open_bus(bus) for bus in cell.config.fieldbuses)
+        refuse_second(cell, buses)
         try:
             rig = Rig(cell, *buses)
         except ValueError as error:
@@ -86,14 +94,12 @@ def run(args: argparse.Namespace) -> int:
                 rig,
                 lambda: bool(asked) or time.monotonic() > end_s,
                 session,
-                on_refused=Refusals(time.monotonic, sys.stderr),
+                tell=Refusals(time.monotonic, sys.stderr),
             )
         finally:
             session.close()
             if scanner is not None:
                 scanner.close()
-    except RigError as error:
-        raise DeviceError(str(error)) from None
     finally:
         for bus in buses:
             bus.shutdown()
@@ -111,6 +117,28 @@ def _scanner_server(cell: Cell, rig: Rig) -> ScannerServer | None:
     server = ScannerServer(cell.config.scanner, rig.scanner)
     rig.scanner.on_step = server.poll
     return server
+
+
+def refuse_second(cell: Cell, buses: list[CanBus]) -> None:
+    """Raise `DeviceError` where a node of the cell speaks already: this rig would make it two.
+
+    Only before it starts: later, a frame in a node's name may be anybody's, and ends nothing.
+    """
+    places = [config.name for config in cell.config.fieldbuses]
+    speaks = {
+        (entry.bus, base(entry.section.node)): entry.section.node
+        for entry in cell.devices
+        if isinstance(entry.section, CanOpenNodeSection)
+        for base in (can301.heartbeat_id, can301.tpdo1_id)
+    }
+    end_s = time.monotonic() + LISTEN_PERIODS * cell.config.timing.heartbeat_period_s
+    while time.monotonic() < end_s:
+        for name, bus in zip(places, buses, strict=True):
+            while (message := bus.recv(0)) is not None:
+                node = speaks.get((name, message.arbitration_id))
+                if node is not None:
+                    raise DeviceError(f"node {node} speaks on {name}: another rig, or an arm?")
+        time.sleep(POLL_S)
 
 
 def _prefer() -> None:

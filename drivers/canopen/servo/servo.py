@@ -65,7 +65,8 @@ class ServoDrive(JointDrive):
         self._standstill = Standstill(self.node, drive, mode, lower, upper)
         self.node.nmt.add_heartbeat_callback(self._on_heartbeat)
         self.node.emcy.add_callback(self._on_emcy)
-        fieldbus.listen(can301.tpdo1_id(drive.node), self._on_feedback)
+        self._tpdo_id = can301.tpdo1_id(drive.node)
+        fieldbus.listen(self._tpdo_id, self._on_feedback)
         self._rpdo_id = can301.rpdo1_id(drive.node)
         self.ramp: StopRamp | None = None
         """Tells the drive the ramp of a quick stop, set before it is opened; None: its own."""
@@ -88,6 +89,7 @@ class ServoDrive(JointDrive):
     def open(self) -> None:
         """Reset the node's communication, configure it and start it. Blocks; `DeviceError`."""
         self._booted = self._opened = False
+        self._bus.expect_no_answers(self._tpdo_id)
         try:
             self.node.nmt.send_command(can301.NmtCommand.RESET_COMMUNICATION)
             if not self._bus.wait_until(lambda: self._booted, BOOT_TIMEOUT_S):
@@ -99,6 +101,7 @@ class ServoDrive(JointDrive):
             if self.ramp is not None:
                 self.ramp.map()
             self._standstill.configured()
+            self._bus.expect_answers(self._tpdo_id)
             self.node.nmt.send_command(can301.NmtCommand.START)
         except can.CanError as error:
             raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
@@ -219,6 +222,7 @@ class ServoDrive(JointDrive):
     def close(self) -> None:
         """Take the voltage off and leave the node in *Pre-operational*. Never raises."""
         word, self._opened = Controlword.DISABLE_VOLTAGE.to_bytes(2, "little"), False
+        self._bus.expect_no_answers(self._tpdo_id)
         with suppress(SdoError, can.CanError, OSError):
             self.node.sdo.download(Object.CONTROLWORD, 0, word)
         with suppress(can.CanError, OSError):

@@ -11,10 +11,6 @@ from .link import NodeLink
 from .node import Node
 
 
-class RigError(Exception):
-    """The bus is not the rig's alone: names what was heard."""
-
-
 class Wire:
     """Passes frames between a bus and the nodes on it."""
 
@@ -25,6 +21,8 @@ class Wire:
         self.sync_count = 0
         self.lost = 0
         """Frames that could not be sent: the interface was down, or its queue full [1]."""
+        self.stranger: int | None = None
+        """Node of which somebody else sends the heartbeat, as last heard."""
         self._bus = bus
         self._waiting: deque[can.Message] = deque()
         self._everyone: tuple[NodeLink, ...] = ()
@@ -73,13 +71,10 @@ class Wire:
         return self._waiting.popleft()
 
     def deliver(self, can_id: int, data: bytes) -> None:
-        """Hand a frame to every node that hears it.
-
-        Raises `RigError` for one that only a node of the same id sends.
-        """
+        """Hand a frame to every node that hears it; one that only nodes of theirs send, to none."""
         if can_id in self._own_beats:
-            node = can_id - can301.heartbeat_id(0)
-            raise RigError(f"another node {node} is on the bus: is a second rig running on it?")
+            self.stranger = can_id - can301.heartbeat_id(0)
+            return
         if can_id == can301.SYNC_ID:
             self.sync_count += 1
         links = self._routes.get(can_id)

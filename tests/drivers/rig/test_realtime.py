@@ -179,6 +179,20 @@ def test_a_sample_is_of_the_instant_of_its_sync(cell: Cell) -> None:
     master.close()
 
 
+def test_no_heartbeat_in_a_nodes_name_ends_the_rig(master: Master) -> None:
+    """Not one of its nodes', nor any other: what it says is counted, and told."""
+    clock, told = Clock(), list[str]()
+    for can_id in (*range(can301.heartbeat_id(0), can301.heartbeat_id(128)), 0x701, 0x703):
+        for data in (b"", b"\x00", b"\x05", bytes(8)):
+            master.bus.send(_frame(can_id, data))
+    pace = run_realtime(
+        master.rig, after(clock, 0.2), clock=clock.now, sleep=clock.sleep, tell=told.append
+    )
+    assert abs(master.rig.time_s - 0.2) < 2e-3
+    assert pace.foreign == len(told) == 4 * (len(master.drives) + 2)
+    assert told[-1] == "another node 3 is on bus: does a second rig run?"
+
+
 def test_a_judge_is_told_the_truth_every_ten_milliseconds_and_may_inject(master: Master) -> None:
     clock = Clock()
     judge = Listener(RigFault(kind="silence", target="e1"), RigFault(kind="drop", target="nobody"))

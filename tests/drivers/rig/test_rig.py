@@ -9,7 +9,7 @@ import pytest
 from telerobot.config.load import Cell
 from telerobot.config.schema.bus.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.rig.rig import Rig, RigError
+from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import EmcyCode
 from telerobot.protocols.canopen.cia402 import DriveState
@@ -126,17 +126,6 @@ def test_a_fault_that_makes_no_sense_is_refused_in_one_line(
     with pytest.raises(ValueError, match=f"fault {fault.kind}: ") as caught:
         master.rig.inject(fault)
     assert "\n" not in str(caught.value)
-
-
-def test_a_second_rig_on_the_bus_is_noticed(cell: Cell) -> None:
-    hub = Hub()
-    buses = InProcessBus(hub), InProcessBus(hub)
-    first = Rig(cell, buses[0])
-    Rig(cell, buses[1])
-    with pytest.raises(RigError, match="another node 1"):
-        first.poll()
-    for bus in buses:
-        bus.shutdown()
 
 
 def test_two_drives_of_one_node_id_are_an_error(cell: Cell) -> None:

@@ -33,12 +33,11 @@ def play(seed: int) -> Outcome:
     first_bus = cell.config.fieldbuses[0].name
     on_it = [entry.section for entry in cell.devices if entry.bus == first_bus]
     nodes = [section.node for section in on_it if isinstance(section, DriveSection)]
-    own = {can301.heartbeat_id(n) for n in nodes}  # heard by the rig: a second rig on the bus
     masters = {can301.NMT_ID, can301.SYNC_ID, can301.heartbeat_id(can301.MASTER_NODE)}
     masters |= {base(n) for n in nodes for base in (can301.rpdo1_id, can301.sdo_request_id)}
     odd = [
         *(base(n) for n in nodes for base in (can301.tpdo1_id, can301.sdo_reply_id)),
-        *(can301.emcy_id(n) for n in nodes),
+        *(base(n) for n in nodes for base in (can301.emcy_id, can301.heartbeat_id)),
         0x01, 0x02, 0x64, 0x7E4, 0x7E5,
     ]  # fmt: skip
     most = dice.choice((0, 1, PER_TICK))
@@ -47,7 +46,7 @@ def play(seed: int) -> Outcome:
     def on_tick(_now: Simulation) -> None:
         for i in range(PER_TICK):
             can_id = dice.choice(odd) if i < most else dice.randrange(0x800)
-            if can_id in own or can_id in masters:
+            if can_id in masters:
                 continue
             data = dice.randbytes(dice.choice((8, 8, dice.randrange(9))))
             extended = dice.random() < 0.05

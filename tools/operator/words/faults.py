@@ -11,4 +11,5 @@ FAULTS = {
     "emergency": "Read the drive's error code in the event, mend it, then reset.",
     "drive_fault": "Read the drive's error code in the event, mend it, then reset.",
     "second_master": "Switch the other master off, then reset.",
+    "foreign_pdo": "Find who else sends with that identifier, switch it off, then reset.",
 }
