@@ -80,6 +80,8 @@ class OperatorSettings:
         """Part of their gains that the sources of the force/torque sensor act with [1]."""
         self.contact_share = 1.0
         """Part of the task's sum that acts: less on what force control rang on [1]."""
+        self.untold: Array | None = None
+        """Wrench (6,) at the MRF, in World axes, that leads nobody's hand; None without one."""
         self.load_settles = False
         """The load was told anew while nothing was measured: they wait until that is in effect."""
         self._rated_payload = config.mechanism.rated_payload
@@ -104,6 +106,7 @@ class OperatorSettings:
             avoid=self._shared.avoid,
             at_once=WRENCH_SOURCES if self.load_settles else (),
             contact_share=self.contact_share,
+            untold=self.untold,
         )
 
     @property

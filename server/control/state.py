@@ -71,6 +71,8 @@ class Settings:
     """How often MRF or CRF were redefined."""
     contact_share: float = 1.0
     """Part of the task's sum that acts: less on what force control rang on [1]."""
+    untold: Array | None = None
+    """Wrench (6,) that the arm exerts at the MRF, in World axes, on nobody's hand; None: none."""
 
 
 @dataclass(frozen=True)

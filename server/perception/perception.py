@@ -18,6 +18,7 @@ from .contact.ringing import ContactStability
 from .contact.tool import PressedTool
 from .contact.walls import WallMonitor
 from .force_torque import ForceTorqueMonitor, reads_weight
+from .hand import UnchangingForce
 from .moving_frames import FrameTracker
 from .sight_lines import SightLines
 from .unexplained_load import LoadMonitor
@@ -52,6 +53,7 @@ class Perception:
             period_s,
             events,
         )
+        self.hand = UnchangingForce(config.sources.following, commands.settings, period_s, events)
         commands.frames.lens = lambda: self.vision.lens
 
     def update(
@@ -78,7 +80,11 @@ class Perception:
             if output is None or output.held is None:
                 carried = self.collisions.carried
                 self.load.update(output, mode, now_s, carried)
-                commands.settings.contact_share = self.ringing.update(output, mode)
+                told = commands.settings
+                told.contact_share = self.ringing.update(output, mode)
+                told.untold = self.hand.update(output, mode, self.load.trust)
+            else:
+                commands.settings.untold = None
         doubted = self.load.tool
         by_joint = doubted is None and commands.by_joint(now_s)
         self.pressed.follow(output, by_joint, mode)

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from telerobot.config.load import HERE, Cell, load_cell
+from telerobot.config.load import HERE, Cell, altered, load_cell
 from telerobot.server.control.spatial import rotation_log, rotation_rpy
 from telerobot.server.stability.following import delays
 from telerobot.tools.campaign.torques import play
@@ -300,3 +300,78 @@ def test_in_cst_a_stop_while_a_hand_pushes_is_the_verified_one(hand, way):
 def test_in_cst_pushes_stops_reversals_and_payloads_are_never_refused(seed):
     """A sample of the campaign's part `torques`."""
     assert play(seed).reasons == []
+
+
+# --- nobody's force ------------------------------------------------------------------------------
+
+LIGHT = {"kind": "hand", "target": "force_torque", "vector": [0.0, 1.0, 0.0]}
+
+
+def untold(cell, kg):
+    """Return a cell with a load at the tool that nobody told of."""
+    return altered(cell, {"rig.payload_mass": kg, "rig.payload_com": (0.0, 0.0, 0.1)})
+
+
+def places(run, from_s, to_s):
+    """Return the tool's true places between two times of the script (k, 3) [m]."""
+    start = run.simulation.player.start_s
+    kept = [t for t in run.truths if from_s <= t.time_s - start <= to_s]
+    return np.array([t.pose_mrf[:3] for t in kept])
+
+
+def moved(run, from_s, to_s):
+    """Return how far the tool has gone between two times of the script (3,) [m]."""
+    found = places(run, from_s, to_s)
+    return found[-1] - found[0]
+
+
+@pytest.mark.parametrize("mode", ["csp", "cst"])
+def test_a_load_that_nobody_told_of_leads_the_tool_nowhere_and_is_named(hand, mode):
+    run = played(untold(hand(mode), 0.2), seconds=3.0)
+    (said,) = run.events("force_unchanging")
+    assert said.values["force_n"] == pytest.approx(0.2 * 9.81, abs=0.15)
+    assert "+0.2 kg" in said.detail
+    assert np.linalg.norm(moved(run, 0.0, 3.0)) < 3e-3
+
+
+def test_a_light_hand_leads_a_tool_with_an_untold_load_at_once_and_the_load_does_not_after(hand):
+    """1 N beside the 2 N of the load; both are followed while the hand is there."""
+    push, away = (
+        {"at_s": 0.5, "rig/fault": LIGHT},
+        {"at_s": 1.5, "rig/fault": {**LIGHT, "on": False}},
+    )
+    run = played(untold(hand("csp"), 0.2), push, away, seconds=2.6)
+    assert moved(run, 0.8, 1.5)[:2] == pytest.approx([0.0, 0.7 / 20.0], abs=1e-3)
+    assert np.linalg.norm(moved(run, 1.9, 2.6)) < 1e-3
+
+
+def test_a_load_that_is_lifted_off_leaves_nothing_that_leads_the_tool(hand):
+    """The sensor reads nothing then, though it is another wrench than before."""
+    lift = {"kind": "hand", "target": "force_torque", "vector": [0.0, 0.0, 0.2 * 9.81]}
+    run = played(untold(hand("csp"), 0.2), {"at_s": 0.5, "rig/fault": lift}, seconds=2.0)
+    assert np.linalg.norm(moved(run, 0.5, 2.0)) < 5e-3
+
+
+def test_a_hand_that_stays_the_same_leads_for_three_seconds_and_at_once_when_it_changes(hand):
+    """Longer than any hand does; half a newton more is felt as a hand again."""
+    light = {"at_s": 0.2, "rig/fault": LIGHT}
+    more = {"at_s": 4.2, "rig/fault": {**LIGHT, "vector": [0.0, 1.6, 0.0]}}
+    run = played(hand("csp"), light, more, seconds=5.0)
+    assert moved(run, 1.0, 3.0)[1] == pytest.approx(2.0 / 20.0, rel=0.02)
+    assert np.linalg.norm(moved(run, 3.6, 4.1)) < 1e-3
+    assert moved(run, 4.5, 5.0)[1] == pytest.approx(0.5 * 1.6 / 20.0, rel=0.05)
+    (said,) = run.events("force_unchanging")
+    assert "kg" not in said.detail
+
+
+def test_what_is_picked_up_and_not_told_leads_the_tool_for_a_second(hand):
+    """Vertical, and the same all the while, as no hand's is for so long."""
+    weight = {"kind": "hand", "target": "force_torque", "vector": [0.0, 0.0, -2.0]}
+    run = played(hand("csp"), {"at_s": 0.2, "rig/fault": weight}, seconds=2.5)
+    assert np.linalg.norm(moved(run, 0.2, 2.5)) < 0.13
+    assert np.linalg.norm(moved(run, 1.6, 2.5)) < 2e-3
+
+
+def test_a_told_load_and_no_hand_are_no_unchanging_force(hand):
+    run = played(hand("csp"), seconds=2.0)
+    assert run.events("force_unchanging") == []

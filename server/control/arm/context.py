@@ -71,6 +71,7 @@ def context_of(
         load=told.load,
         precedence=0.0 if near is None else near.alpha,
         off_path=off_path,
+        untold=settings.untold,
     )
 
 

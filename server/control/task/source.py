@@ -69,6 +69,8 @@ class Context(NamedTuple):
     """Part that avoidance takes of following, 0 to 1 [1]."""
     off_path: Array | None
     """Where the virtual link has the tool off its path (3,) [m]."""
+    untold: Array | None = None
+    """Part of `hand` that is nobody's, if that reads no more: in World axes (6,); None: none."""
     folding: Array | None = None
     """Twist (6,) of the MRF of an arm that folds as a whole; None for one that does not."""
 

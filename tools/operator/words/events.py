@@ -47,6 +47,10 @@ _WORDS: dict[str, tuple[str, str]] = {
         "The tool rings on what it touches: {detail}.",
         "Press more gently, or set lower gains of force control.",
     ),
+    "force_unchanging": (
+        "Nobody leads the tool: {detail}.",
+        "Tell the payload, or tare; a hand that comes is followed.",
+    ),
     "touch_found": ("Contact is felt again.", ""),
     "giving_way": ("The arm gives way {detail}.", ""),
     "gave_way": ("The arm gave way: {detail}.", f"Look at what it met, then {RESUME}."),

@@ -96,11 +96,12 @@ class Following(Source[FollowingState]):
             wrench_on_arm, felt = _calmed(
                 wrench_on_arm, T_world_mrf.R, state.felt, *self._shares(context.load)
             )
+        untold = NO_TWIST if context.untold is None else _turned(-context.untold, T_world_mrf.R.T)
         i, T = self._impedance, state.T_world_reference or T_world_mrf
         # What is switched off lets go of its reference as its gain fades.
         twist, step, asked = _led(
-            state.twist, NO_TWIST if wrench_on_arm is None else wrench_on_arm, gain, T_world_mrf.R,
-            pose_error(T, T_world_mrf), i.mass, i.damping, *i.deadband, *i.most,
+            state.twist, NO_TWIST if wrench_on_arm is None else wrench_on_arm, untold, gain,
+            T_world_mrf.R, pose_error(T, T_world_mrf), i.mass, i.damping, *i.deadband, *i.most,
             1.0 - context.precedence, strength * i.stiffness, self._period_s,
         )  # fmt: skip
         return asked, FollowingState(twist, T, step, asked, felt)
@@ -191,18 +192,24 @@ def _blended(wrench: Array, R: Array, before: Array, force: float, moment: float
     return new
 
 
-@compiled(VECTOR, NUMBER, NUMBER, NUMBER, NUMBER)
+@compiled(VECTOR, VECTOR, NUMBER, NUMBER, NUMBER, NUMBER)
 def _felt(
-    wrench: Array, dead_force: float, dead_moment: float, most_force: float, most_moment: float
-) -> Array:
-    """Return the wrench (6,) without what is noise, and bounded; its direction stays."""
+    wrench: Array, untold: Array,
+    dead_force: float, dead_moment: float, most_force: float, most_moment: float,
+) -> Array:  # fmt: skip
+    """Return the wrench (6,) without what is noise, and bounded; its direction stays.
+
+    What differs from the `untold` one (6,) by noise is noise, too.
+    """
     out = np.empty(6)
     for first, dead, most in ((0, dead_force, most_force), (3, dead_moment, most_moment)):
-        size2 = 0.0
+        size2, off2 = 0.0, 0.0
         for i in range(first, first + 3):
             size2 += wrench[i] ** 2
+            off2 += (wrench[i] - untold[i]) ** 2
         size = max(math.sqrt(size2), 1e-12)
-        beyond = 1.0 if dead <= 0.0 else min(1.0, max(0.0, size / dead - 1.0))
+        off = min(size, math.sqrt(off2))
+        beyond = 1.0 if dead <= 0.0 else min(1.0, max(0.0, off / dead - 1.0))
         smooth = beyond * beyond * (3.0 - 2.0 * beyond)
         for i in range(first, first + 3):
             out[i] = wrench[i] * (smooth * min(1.0, most / size))
@@ -210,20 +217,22 @@ def _felt(
 
 
 @compiled(
-    VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR,
+    VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR,
     NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER,
 )  # fmt: skip
 def _led(
-    twist: Array, wrench: Array, gain: Array, R: Array, error: Array, mass: Array, damping: Array,
+    twist: Array, wrench: Array, untold: Array, gain: Array, R: Array, error: Array,
+    mass: Array, damping: Array,
     dead_force: float, dead_moment: float, most_force: float, most_moment: float,
     share: float, stiffness: float, period_s: float,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Return velocity and path of a damped mass after one period, and the rate to ask for; (6,).
 
-    The mass moves with `twist` (6,) in World, where R (3, 3) leads from the axes of `wrench` (6,)
-    and `gain` (6,). `error` (6,) is the way from the command to the reference.
+    The mass moves with `twist` (6,) in World, where R (3, 3) leads from the axes of `wrench` (6,),
+    of one that is nobody's, `untold` (6,), and `gain` (6,). `error` (6,) is the way from the
+    command to the reference.
     """
-    felt = _felt(wrench, dead_force, dead_moment, most_force, most_moment)
+    felt = _felt(wrench, untold, dead_force, dead_moment, most_force, most_moment)
     after, path, asked = np.empty(6), np.empty(6), np.empty(6)
     T = period_s
     for i in range(6):

@@ -132,3 +132,17 @@ def test_switching_on_and_off_ramps_with_the_gain() -> None:
         last = twist[1]
     assert last == 0.0
     assert tool.state.T_world_reference is None
+
+
+@pytest.mark.parametrize("more", [0.2 * FORCE, -0.4 * FORCE, 0.2 * FORCE[[1, 0, 2, 3, 4, 5]]])
+def test_a_force_that_is_nobodys_leads_nowhere_and_whole_with_a_hand_beside_it(more) -> None:
+    source, here = Following(FollowingSection(), SHAPING), Pose.identity()
+
+    def twist(wrench, untold):
+        context = felt(wrench, here, untold=untold)
+        return source.rate(context, FollowingState(), ONLY_FORCE)[0]
+
+    assert np.abs(twist(FORCE, -FORCE)).max() == 0.0
+    assert np.abs(twist(FORCE + 0.05 * more, -FORCE)).max() == 0.0
+    assert np.abs(twist(OFF, -FORCE)).max() == 0.0
+    np.testing.assert_array_equal(twist(FORCE + more, -FORCE), twist(FORCE + more, None))
