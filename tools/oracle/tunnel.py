@@ -48,15 +48,6 @@ class Tunnel:
         self._tangents = np.array(tangents)
         self._squares = (self.points**2).sum(axis=1)
         self._near = INSIDE * backbone.half_width
-        steps = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
-        self._lengths = np.concatenate(([0.0], np.cumsum(steps)))
-
-    def along(self, point: Array) -> float:
-        """Return how far in along the centre line a point (3,) is [m]; what is before it, at 0."""
-        nearest = int((self._squares - 2.0 * self.points @ point).argmin())
-        onward = float((point - self.points[nearest]) @ self._tangents[nearest])
-        ends = nearest in (0, len(self.points) - 1)
-        return max(0.0, float(self._lengths[nearest]) + (onward if ends else 0.0))
 
     def off_centre(self, points: Array) -> float:
         """Return how far those of points (m, 3) that are in the tunnel are off its centre line [m].

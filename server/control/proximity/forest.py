@@ -73,6 +73,18 @@ class Branch:
             T = self._data.oMi[self._ids[own - 1]].inverse() * T
         return self._body(own), Pose(T.rotation.copy(), T.translation.copy())
 
+    def links(self, q: Array) -> dict[str, Pose]:
+        """Return the pose in Base of every link of the URDF at joints q (n,), wheels turned."""
+        data, way = self.model.createData(), np.zeros(self.model.nv)
+        way[[self.model.joints[j].idx_v for j in self._ids]] = q
+        whole = pin.integrate(self.model, pin.neutral(self.model), way)
+        pin.framesForwardKinematics(self.model, data, whole)
+        return {
+            frame.name: Pose(T.rotation, T.translation)
+            for frame, T in zip(self.model.frames, data.oMf, strict=True)
+            if frame.type == pin.FrameType.BODY
+        }
+
     def _body(self, own: int) -> int:
         """Return the number among all of a body that is counted from this mechanism's Base."""
         return self._first + own if own else -self._root

@@ -13,8 +13,8 @@ import numpy as np
 from ....config.load import Cell, ConfigError
 from ....protocols.messages.perception.contour import ScanPoints
 from ....protocols.messages.telemetry import Event, State
+from ....server.control.proximity.forest import Forest
 from ....server.control.spatial import Array, Pose
-from ...oracle.arm import OracleArm
 
 WORLD: Final = "World"
 LEVELS: Final = {"info": "INFO", "warning": "WARNING", "error": "ERROR"}
@@ -34,7 +34,7 @@ class Viewer:
         """Build it. Raises `ConfigError` where the schemas are missing."""
         require_schemas()
         self._cell = cell
-        self._arms = [(part, OracleArm.of(part)) for part in cell.parts]
+        self._branches = Forest(cell).branches
 
     def of_state(self, state: State, stamp_ns: int) -> Iterator[tuple[str, Any]]:
         """Yield topic and message of a state: joints and frames."""
@@ -99,30 +99,27 @@ class Viewer:
         from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
         found, first, base = [], 0, state.frames.get("base")
-        for part, arm in self._arms:
-            q = np.array(state.q[first : first + len(part.robot.joints)])
-            first += len(q)
+        for branch in self._branches:
+            q = np.array(state.q[first : first + branch.n])
+            first += branch.n
             # Only the Base of an only arm moves.
-            moved = np.eye(4) if base is None else _matrix(base) @ np.linalg.inv(arm.T_base)
-            frames = zip(arm.links, arm.frames(q), strict=True)
-            found += [(f"{part.prefix}{name}", moved @ T) for name, T in frames]
-        found.append(("MRF", _matrix(state.pose_mrf_measured)))
+            T_world_base = branch.T_world_base if base is None else _pose(base)
+            for name, T in branch.links(q).items():
+                found.append((f"{branch.prefix}{name}", T_world_base @ T))
+        found.append(("MRF", _pose(state.pose_mrf_measured)))
         message = FrameTransforms()
         for name, T in found:
             transform = FrameTransform(parent_frame_id=WORLD, child_frame_id=name)
             transform.timestamp.FromNanoseconds(stamp_ns)
             place, turn = transform.translation, transform.rotation
-            place.x, place.y, place.z = T[:3, 3].tolist()
-            turn.x, turn.y, turn.z, turn.w = _quaternion(T[:3, :3])
+            place.x, place.y, place.z = T.p.tolist()
+            turn.x, turn.y, turn.z, turn.w = _quaternion(T.R)
             message.transforms.append(transform)
         return message
 
 
-def _matrix(pose: tuple[float, ...]) -> Array:
-    T = Pose.from_xyz_rpy(pose[:3], pose[3:])
-    whole = np.eye(4)
-    whole[:3, :3], whole[:3, 3] = T.R, T.p
-    return whole
+def _pose(six: tuple[float, ...]) -> Pose:
+    return Pose.from_xyz_rpy(six[:3], six[3:])
 
 
 def _quaternion(R: Array) -> tuple[float, float, float, float]:

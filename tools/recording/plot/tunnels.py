@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from ....config.errors import ConfigError
 from ....config.schema.mechanism.backbone import BackboneSection
 from ....server.control.mechanism.backbone.insertion import Backbone
-from ...oracle.tunnel import Tunnel
+from ....server.control.mechanism.backbone.laying import centre_line
 from .reader import Array, RecordedRun
 
 PAPER = (1.00, 0.94, 0.83, 0.68, 0.54, 0.44)
@@ -20,6 +20,8 @@ NEAR = 0.01
 SIZE_IN, SPACE_IN = 2.3, 3.0
 """Size of one moment, planar and in space [inch]."""
 LINK_PT = 2.6
+STEP = 0.004
+"""The centre line is drawn by points at most so far apart [m]."""
 
 
 def slithering(run: RecordedRun) -> Figure:
@@ -32,7 +34,8 @@ def slithering(run: RecordedRun) -> Figure:
     if backbone is None or section is None:
         raise ConfigError(f"{run.cell.path}: mechanism.backbone: missing: there is no tunnel")
     moments = _moments(run, backbone)
-    planar, centre = section.axes == "planar", Tunnel(section).points
+    planar = section.axes == "planar"
+    centre = np.array([T.p for row in centre_line(section, STEP) for T in row])
     size = SIZE_IN if planar else SPACE_IN
     figure = Figure(figsize=(size * len(moments), 2.0 * size + 0.5), layout="constrained")
     figure.suptitle(f"{run.cell.config.name}: {run.path.name}", fontsize="medium")

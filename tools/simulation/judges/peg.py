@@ -6,7 +6,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....protocols.messages.rig import RigTruth
-from ...oracle.poses import matrix
+from .tool import placed
 
 
 class PegJudge:
@@ -16,7 +16,7 @@ class PegJudge:
         rig = cell.config.rig
         holes = () if rig is None else rig.holes
         self._holes = [
-            (np.linalg.inv(matrix(h.T_world_hole) @ matrix(h.misplaced)), h.radius) for h in holes
+            ((placed(h.T_world_hole) @ placed(h.misplaced)).inverse(), h.radius) for h in holes
         ]
         self._names = [
             part.config.mechanism.name
@@ -41,7 +41,7 @@ class PegJudge:
     def _depth(self, end: tuple[float, float, float]) -> float:
         found = []
         for T_hole_world, radius in self._holes:
-            x, y, z, _ = (T_hole_world @ np.array([*end, 1.0])).tolist()
+            x, y, z = (T_hole_world.R @ np.array(end) + T_hole_world.p).tolist()
             aside = math.hypot(x, y)
             found.append((aside, -z if z > 0.0 or aside < radius else 0.0))
         return min(found)[1]

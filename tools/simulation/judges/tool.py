@@ -1,9 +1,9 @@
 """Judge of the tool: its true distance from where the script sends it, at the end of a run.
 
 It knows the script's steps and the physics, and nothing of the controller: what a command means is
-worked out anew when it is played, from the true poses, with the oracle's own arithmetic. A target
-that the daemon refused or gave up by itself is a target all the same. Targets of joint tasks, and
-what a reflecting handle leads to, are not judged here.
+worked out anew when it is played, from the true poses. A target that the daemon refused or gave up
+by itself is a target all the same. Targets of joint tasks, and what a reflecting handle leads to,
+are not judged here.
 """
 
 from collections import deque
@@ -13,10 +13,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
+from ....config.schema.section import PoseSection
 from ....protocols import topics as t
 from ....protocols.messages.messages import Frame
 from ....protocols.messages.rig import RigTruth
-from ...oracle.poses import Array, difference, matrix, matrix_of, rotation
+from ....server.control.spatial import Array, Pose, moved, pose_error, rotation_rpy, sizes
 from ...scripts.step import Step
 
 JUDGED_S = 0.5
@@ -29,7 +30,7 @@ class _Mount(NamedTuple):
     """A frame's place on the ground that it moves with."""
 
     on: str
-    T: Array
+    T: Pose
 
 
 class ToolJudge:
@@ -41,15 +42,15 @@ class ToolJudge:
         self._period_s = cell.config.timing.period_s
         self._name = mechanism.name
         self._names = {mechanism.name, cell.task, *([None] if first else [])}
-        self._T_wrist_mrf = matrix(mechanism.T_wrist_mrf)
-        self._T_mrf_wrist = np.linalg.inv(self._T_wrist_mrf)
-        self._T_world_base = matrix(mechanism.T_world_base)
+        self._T_wrist_mrf = placed(mechanism.T_wrist_mrf)
+        self._T_mrf_wrist = self._T_wrist_mrf.inverse()
+        self._T_world_base = placed(mechanism.T_world_base)
         on_world = frames.crf_on == "world"
         self._crf = _Mount(
-            frames.crf_on, matrix(cell.config.T_world_crf if on_world else frames.T_ground_crf)
+            frames.crf_on, placed(cell.config.T_world_crf if on_world else frames.T_ground_crf)
         )
         sensor = mechanism.force_torque
-        self._T_wrist_sensor = None if sensor is None else matrix(sensor.T_wrist_sensor)
+        self._T_wrist_sensor = None if sensor is None else placed(sensor.T_wrist_sensor)
         self._target: _Mount | None = None
         self._T_wrist_goal = self._T_wrist_mrf
         """The point of the tool that is sent there: the MRF of then, in the Wrist."""
@@ -92,8 +93,7 @@ class ToolJudge:
             return
         T_world_target = self._ground(truth, self._target.on) @ self._target.T
         T_world_goal = self._wrist(truth) @ self._T_wrist_goal
-        off = difference(T_world_target, T_world_goal)
-        self._errors.append((float(np.linalg.norm(off[:3])), float(np.linalg.norm(off[3:]))))
+        self._errors.append(sizes(pose_error(T_world_target, T_world_goal)))
 
     @property
     def error(self) -> tuple[float, float] | None:
@@ -106,14 +106,13 @@ class ToolJudge:
     def _aim(self, truth: RigTruth, fields: Mapping[str, Any], xyz: Array, rpy: Array) -> None:
         relative = fields.get("relative_to", Frame.CRF)
         axes = fields.get("expressed_in") or relative
-        R, T_origin = self._pose(truth, axes)[:3, :3], self._pose(truth, relative)
-        T = np.eye(4)
-        T[:3, :3] = R @ matrix_of(np.zeros(3), np.array(rpy))[:3, :3] @ R.T @ T_origin[:3, :3]
-        T[:3, 3] = T_origin[:3, 3] + R @ np.array(xyz)
+        R, T_origin = self._pose(truth, axes).R, self._pose(truth, relative)
+        turn = R @ rotation_rpy(*rpy) @ R.T
+        T = Pose(turn @ T_origin.R, T_origin.p + R @ np.array(xyz))
         self._place(truth, T, self._ground_of(truth, relative))
 
-    def _place(self, truth: RigTruth, T_world_target: Array, ground: str) -> None:
-        T = np.linalg.inv(self._ground(truth, ground)) @ T_world_target
+    def _place(self, truth: RigTruth, T_world_target: Pose, ground: str) -> None:
+        T = self._ground(truth, ground).inverse() @ T_world_target
         self._target, self._T_wrist_goal = _Mount(ground, T), self._T_wrist_mrf
 
     def _lead(self, truth: RigTruth, twist: Array, axes: Frame) -> None:
@@ -122,27 +121,24 @@ class ToolJudge:
             self._place(truth, self._pose(truth, Frame.MRF), "world")
         if self._target is None:
             return
-        R, T = self._pose(truth, axes)[:3, :3], self._target.T.copy()
-        T[:3, 3] += R @ twist[:3] * self._clutch["translation"] * self._period_s
-        turn = rotation(R @ twist[3:] * self._clutch["rotation"] * self._period_s)
-        T[:3, :3] = turn @ T[:3, :3]
-        self._target = self._target._replace(T=T)
+        R, scales = self._pose(truth, axes).R, self._clutch
+        step = self._period_s * np.concatenate(
+            (scales["translation"] * R @ twist[:3], scales["rotation"] * R @ twist[3:])
+        )
+        self._target = self._target._replace(T=moved(self._target.T, step))
 
     def _redefine(self, truth: RigTruth, fields: Mapping[str, Any]) -> None:
         is_mrf = fields["frame"] == "mrf"
         there = fields.get("relative_to") or (Frame.WRIST if is_mrf else Frame.WORLD)
-        asked = matrix_of(
-            np.array(fields.get("xyz", np.zeros(3))), np.array(fields.get("rpy", np.zeros(3)))
-        )
+        asked = Pose.from_xyz_rpy(fields.get("xyz", (0.0,) * 3), fields.get("rpy", (0.0,) * 3))
         T = self._pose(truth, there) @ asked
         if fields.get("origin_only"):
-            now = self._pose(truth, Frame(fields["frame"]))
-            T[:3, :3] = now[:3, :3] @ asked[:3, :3]
+            T = T._replace(R=self._pose(truth, Frame(fields["frame"])).R @ asked.R)
         if is_mrf:
-            self._T_wrist_mrf = np.linalg.inv(self._wrist(truth)) @ T
+            self._T_wrist_mrf = self._wrist(truth).inverse() @ T
         else:
             on = fields.get("moves_with") or self._crf.on
-            self._crf = _Mount(on, np.linalg.inv(self._ground(truth, on)) @ T)
+            self._crf = _Mount(on, self._ground(truth, on).inverse() @ T)
 
     def _ground_of(self, truth: RigTruth, frame: Frame) -> str:
         """Return the ground that what is measured against a frame moves with."""
@@ -150,16 +146,16 @@ class ToolJudge:
         on = str(frame) if frame in grounds else self._crf.on
         return on if on in truth.frames else "world"
 
-    def _ground(self, truth: RigTruth, name: str) -> Array:
+    def _ground(self, truth: RigTruth, name: str) -> Pose:
         moved = truth.frames.get(name)
         if moved is not None:
             return _pose(moved)
-        return self._T_world_base if name == "base" else np.eye(4)
+        return self._T_world_base if name == "base" else Pose.identity()
 
-    def _wrist(self, truth: RigTruth) -> Array:
+    def _wrist(self, truth: RigTruth) -> Pose:
         return _pose(truth.arms[self._name].pose_mrf) @ self._T_mrf_wrist
 
-    def _pose(self, truth: RigTruth, frame: Frame) -> Array:
+    def _pose(self, truth: RigTruth, frame: Frame) -> Pose:
         match frame:
             case Frame.MRF:
                 return self._wrist(truth) @ self._T_wrist_mrf
@@ -173,5 +169,10 @@ class ToolJudge:
                 return self._ground(truth, str(frame))
 
 
-def _pose(six: tuple[float, ...]) -> Array:
-    return matrix_of(np.array(six[:3]), np.array(six[3:]))
+def placed(section: PoseSection) -> Pose:
+    """Return a pose of the cell file."""
+    return Pose.from_xyz_rpy(section.xyz, section.rpy)
+
+
+def _pose(six: tuple[float, ...]) -> Pose:
+    return Pose.from_xyz_rpy(six[:3], six[3:])

@@ -1,12 +1,14 @@
 """The curve of a cell: its exterior, and its tunnels one after the other, with the gaps between."""
 
+import math
+
 import numpy as np
 
 from .....config.drives.joint_bounds import joint_bounds
 from .....config.errors import ConfigError
 from .....config.load import Cell
 from .....config.schema.mechanism.backbone import BackboneSection
-from ...spatial import Array, Pose
+from ...spatial import Array, Pose, rotation_exp
 from .chain import Chain
 from .curve import Curve
 from .exterior import Bow, Chord
@@ -55,6 +57,32 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
     if section.exterior == "modal":
         return Curve(Modal(chord, np.array(section.modes)), arcs)
     return Curve(Bow(chord), arcs)
+
+
+def centre_line(section: BackboneSection, step_m: float) -> list[list[Pose]]:
+    """Return frames along what has walls, at most so far apart: a row for each without a gap.
+
+    Their x is the tangent, y is to the left; in World.
+    """
+    T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
+    rows = [[T]]
+    for piece in section.tunnel:
+        if piece.open:
+            break
+        if piece.to is not None:
+            T = Pose.from_xyz_rpy(piece.to.xyz, piece.to.rpy)
+            rows.append([T])
+            continue
+        count = math.ceil(piece.length / step_m)
+        turn = np.array([0.0, -piece.climb, piece.bend]) / count
+        angle = float(np.linalg.norm(turn))
+        shorter = math.sin(0.5 * angle) / (0.5 * angle) if angle else 1.0
+        half, whole = rotation_exp(0.5 * turn), rotation_exp(turn)
+        for _ in range(count):
+            # The chord of an arc points along the tangent in its middle.
+            T = Pose(T.R @ whole, T.p + piece.length / count * shorter * (T.R @ half)[:, 0])
+            rows[-1].append(T)
+    return rows
 
 
 def _range(cell: Cell) -> float:
