@@ -104,8 +104,8 @@ $(PEERS_STAMP): pyproject.toml constraints.txt constraints-peers.txt
 	  -c constraints.txt -c constraints-peers.txt -e . pin-pink mink daqp
 	@touch $@
 
-campaign: venv ## Behaviour at scale: random scripts, scenes and faults
-	@$(BIN)/telerobot campaign
+campaign: venv ## Behaviour at scale: random scripts, scenes and faults; ARGS="--only peg --seeds 0:20"
+	@$(BIN)/python -m laboratory.campaign --jobs $(JOBS) $(ARGS)
 
 docs: $(DOCS_STAMP) ## Build the site from the pages beside the code; a broken link is an error
 	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --quiet --config-file docs/mkdocs.yml

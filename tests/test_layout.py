@@ -15,8 +15,16 @@ def test_the_package_is_the_five_folders():
     }
 
 
+def test_the_laboratory_is_folders_of_the_tests():
+    links = {p.name: p.resolve() for p in (ROOT / ".namespace/laboratory").glob("[a-z]*")}
+    assert links == {name: ROOT / "tests" / name for name in links}
+    assert "campaign" in links
+
+
 def test_links_are_relative_so_that_the_tree_can_move():
-    assert not any(p.readlink().is_absolute() for p in (ROOT / ".namespace/telerobot").iterdir())
+    links = [p for p in (ROOT / ".namespace").glob("*/*") if p.is_symlink()]
+    assert links
+    assert not any(p.readlink().is_absolute() for p in links)
 
 
 def test_data_travels_with_the_package():

@@ -1,1 +1,1 @@
-"""Command line, operator's client, simulation, checks, benchmarks, campaign."""
+"""Command line, operator's client, simulation, checks, benchmarks."""

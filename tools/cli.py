@@ -74,8 +74,6 @@ COMMANDS: Final = (
             ("telerobot completion bash > ~/.local/share/bash-completion/completions/telerobot",)),
     HelpRow("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
             ("telerobot bench", "telerobot bench --quick --json bench.json")),
-    HelpRow("campaign", "campaign.cli", "behaviour at scale: random scripts, scenes and faults",
-            ("telerobot campaign", "telerobot campaign --only=hostile --cells pa10 --seeds 7:8")),
 )  # fmt: skip
 
 
@@ -88,14 +86,32 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    # Matrices of this size are slower on several threads; must stand before numpy is imported.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
     asked = next((a for a in arguments if not a.startswith("-")), None)
     command = next((c for c in COMMANDS if c.name == asked), None)
+    return _guarded(str(asked), lambda: _run(command, arguments))
+
+
+def run_alone(
+    prog: str,
+    add_arguments: Callable[[argparse.ArgumentParser], None],
+    run: Callable[[argparse.Namespace], int],
+    argv: Sequence[str] | None = None,
+) -> int:
+    """Run a command that is none of `telerobot`'s, by the same rules; return its exit code."""
+    parser = _Parser(prog=prog, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_arguments(parser)
+    args = parser.parse_args(argv)
+    return _guarded(prog, lambda: run(args))
+
+
+def _guarded(name: str, run: Callable[[], int]) -> int:
+    """Run a command; tell in one line what went wrong, and return its exit code."""
+    # Matrices of this size are slower on several threads; must stand before numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         with told():
-            return _run(command, arguments)
+            return run()
     except ConfigError as error:
         return _fail(2, str(error))
     except (DeviceError, OSError) as error:
@@ -105,7 +121,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 1
         return _fail(1, " ".join(str(error).split()))
     except ImportError as error:
-        return _fail(1, f"{asked}: cannot be loaded: {error}")
+        return _fail(1, f"{name}: cannot be loaded: {error}")
     except KeyboardInterrupt:
         return 130
 

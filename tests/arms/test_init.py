@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from laboratory.campaign.urdfs.collection import published
+from laboratory.campaign.urdfs.trial import try_arm
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.urdfs.collection import published
-from telerobot.tools.campaign.urdfs.trial import try_arm
 from telerobot.tools.cli import main
 from telerobot.tools.init.drives import range_of
 from telerobot.tools.init.make import make
@@ -34,7 +34,7 @@ def test_an_odd_arm_goes_from_its_urdf_to_motion(odd):
     assert trial.joints == 6
 
 
-@pytest.mark.parametrize("name", ["iiwa"])  # all of them: telerobot campaign --only urdf
+@pytest.mark.parametrize("name", ["iiwa"])  # all of them: make campaign ARGS="--only urdf"
 def test_a_published_arm_goes_from_its_urdf_to_motion(name):
     urdf = next((arm.urdf for arm in published() if arm.name == name), None)
     if urdf is None:

@@ -3,9 +3,9 @@
 import random
 
 import pytest
+from laboratory.campaign.requests import APART, REQUESTS, STARTS, AskingOperator, Pair
 from telerobot.protocols import topics as t
 from telerobot.server.mode import Mode
-from telerobot.tools.campaign.requests import APART, REQUESTS, STARTS, AskingOperator, Pair
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -19,7 +19,7 @@ def asking(pa10):
     asking.close()
 
 
-# The whole table of 6,804 pairs is played by `telerobot campaign --only requests`.
+# The whole table of 6,804 pairs is played by `make campaign ARGS="--only requests"`.
 SAMPLE = random.Random(1997).sample(
     [(start, a, b, k) for start in STARTS for a in REQUESTS for b in REQUESTS for k in APART], 12
 )

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from laboratory.campaign.torques import play
 from telerobot.config.load import HERE, Cell, altered, load_cell
 from telerobot.server.control.spatial import rotation_log, rotation_rpy
 from telerobot.server.stability.following import delays
-from telerobot.tools.campaign.torques import play
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from laboratory.campaign.contact import doubted, letting_go
 from telerobot.config.load import altered
-from telerobot.tools.campaign.contact import doubted, letting_go
 
 STIFF = {
     "forearm csp": (0, 2e5, "csp", True),

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import pytest
+from laboratory.campaign.contact import searched
 from telerobot.config.load import load_cell
 from telerobot.config.schema.section import PoseSection
-from telerobot.tools.campaign.contact import searched
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.judges.peg import PegJudge
 from telerobot.tools.simulation.simulation import Simulation

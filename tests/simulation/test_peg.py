@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
-from telerobot.protocols import topics as t
-from telerobot.tools.campaign.contact.insertion import (
+from laboratory.campaign.contact.insertion import (
     DIRECTIONS,
     GENTLE,
     OFFSET,
@@ -14,6 +12,8 @@ from telerobot.tools.campaign.contact.insertion import (
     attempt,
     misplaced,
 )
+from telerobot.config.load import load_cell
+from telerobot.protocols import topics as t
 from telerobot.tools.oracle.poses import matrix, rotation_vector
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import simulate

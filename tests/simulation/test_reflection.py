@@ -1,12 +1,12 @@
 """Force reflection over emulated networks, judged by the rig's and the device's own truth.
 
-A sample of `telerobot campaign --only reflection`, with a seed of its own.
+A sample of `make campaign ARGS="--only reflection"`, with a seed of its own.
 """
 
 import numpy as np
 import pytest
+from laboratory.campaign.contact.reflection_trial import trial
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.contact.reflection_trial import trial
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

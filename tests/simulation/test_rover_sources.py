@@ -5,8 +5,8 @@ Judged by the physics: contact force at the tool, place of tool and chassis, vie
 
 import numpy as np
 import pytest
+from laboratory.campaign.contact.reflection_trial import trial
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.contact.reflection_trial import trial
 
 ARM = """
 extends = "rover"

@@ -1,8 +1,8 @@
 """At torque level a hand pushes beside a command, and joints keep their greatest speed."""
 
 import numpy as np
+from laboratory.campaign import torques
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign import torques
 from telerobot.tools.simulation.simulation import Simulation
 
 

@@ -1,8 +1,8 @@
 """A push that the force/torque sensor does not see stops the arm; ordinary motion does not."""
 
 import pytest
-from telerobot.tools.campaign.contact import sliding, touch
-from telerobot.tools.campaign.contact.sliding import Slide
+from laboratory.campaign.contact import sliding, touch
+from laboratory.campaign.contact.sliding import Slide
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

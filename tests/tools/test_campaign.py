@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from laboratory.campaign.cli import main
+from laboratory.campaign.hostile.generator import generate
+from laboratory.campaign.hostile.report import Report
+from laboratory.campaign.hostile.verdict import verdict
+from laboratory.campaign.parts import PARTS
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign.hostile.generator import generate
-from telerobot.tools.campaign.hostile.report import Report
-from telerobot.tools.campaign.hostile.verdict import verdict
-from telerobot.tools.campaign.parts import PARTS
-from telerobot.tools.cli import main
 from telerobot.tools.oracle.arm import OracleArm
 from telerobot.tools.oracle.feasible import GoalJudge
 from telerobot.tools.oracle.poses import difference, rotation, rotation_vector
@@ -153,7 +153,7 @@ def test_a_campaign_without_a_reached_goal_breaks_its_promise():
 
 def test_an_unknown_part_is_bad_usage_and_the_parts_are_named(capsys):
     with pytest.raises(SystemExit) as ended:
-        main(["campaign", "--only", "hostil"])
+        main(["--only", "hostil"])
     assert ended.value.code == 2
     said = capsys.readouterr().err
     assert all(f"'{name}'" in said for name in ("hostil", *PARTS))
@@ -162,7 +162,7 @@ def test_an_unknown_part_is_bad_usage_and_the_parts_are_named(capsys):
 def test_a_part_is_played_and_its_figures_stand_under_its_name(tmp_path, capsys):
     out = tmp_path / "figures.json"
     arguments = ["--only", "hostile", "--cells", "ur5e", "--seeds", "0:1", "--jobs", "1"]
-    code = main(["campaign", *arguments, "--json", str(out)])
+    code = main([*arguments, "--json", str(out)])
     figures = json.loads(out.read_text())
     assert list(figures) == ["hostile"]
     assert figures["hostile"]["runs"] == 1
@@ -172,11 +172,11 @@ def test_a_part_is_played_and_its_figures_stand_under_its_name(tmp_path, capsys)
 
 def test_seeds_that_are_no_range_are_bad_usage(capsys):
     with pytest.raises(SystemExit) as ended:
-        main(["campaign", "--seeds", "5:5"])
+        main(["--seeds", "5:5"])
     assert ended.value.code == 2
     assert "5:5" in capsys.readouterr().err
 
 
 def test_hostile_parts_refuse_a_cell_of_several_arms(capsys):
-    assert main(["campaign", "--only", "hostile", "--cells", "pa10_two", "--seeds", "0:1"]) == 2
+    assert main(["--only", "hostile", "--cells", "pa10_two", "--seeds", "0:1"]) == 2
     assert "hostile parts lead one arm; the part 'arms' leads two" in capsys.readouterr().err

@@ -3,9 +3,9 @@
 import dataclasses
 
 import pytest
+from laboratory.campaign import arms
+from laboratory.campaign.part import Selection
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign import arms
-from telerobot.tools.campaign.part import Selection
 
 
 @pytest.mark.parametrize("seed", [0, 1, 5])

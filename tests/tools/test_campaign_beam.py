@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from laboratory.campaign import beam
+from laboratory.campaign.part import Selection
 from telerobot.config.load import load_cell
-from telerobot.tools.campaign import beam
-from telerobot.tools.campaign.part import Selection
 
 
 @pytest.mark.parametrize("seed", [1, 8])

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from laboratory.campaign.hostile.equipment import EMPTY, LOADED, with_gripper
+from laboratory.campaign.hostile.generator import generate
+from laboratory.campaign.hostile.sights import ComputedSights
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
-from telerobot.tools.campaign.hostile.equipment import EMPTY, LOADED, with_gripper
-from telerobot.tools.campaign.hostile.generator import generate
-from telerobot.tools.campaign.hostile.sights import ComputedSights
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from laboratory.campaign.hostile.generator import MOVING, generate
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
-from telerobot.tools.campaign.hostile.generator import MOVING, generate
 from telerobot.tools.simulation.simulation import Simulation
 
 SEEDS = range(40)

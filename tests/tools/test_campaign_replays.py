@@ -1,7 +1,7 @@
 """The campaign's recorded runs: a sample of those that `campaign --only replays` plays."""
 
 import pytest
-from telerobot.tools.campaign.hostile.replays import replayed
+from laboratory.campaign.hostile.replays import replayed
 
 
 @pytest.mark.parametrize(("cell", "seed"), [("ur5e", 3)])

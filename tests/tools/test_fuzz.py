@@ -1,14 +1,14 @@
 """A seeded sample of the campaign's part `fuzz`, and that its judges see what they are to see."""
 
 import pytest
+from laboratory.campaign.fuzz import bus, codec, files, network, wire
+from laboratory.campaign.fuzz.inputs.values import Values
+from laboratory.campaign.fuzz.outcome import Endurance, Outcome
+from laboratory.campaign.part import Selection
+from laboratory.campaign.parts import PARTS
 from telerobot.protocols import codec as protocol_codec
 from telerobot.protocols.topics import TOPICS
 from telerobot.server.control.barriers.collision import Guard
-from telerobot.tools.campaign.fuzz import bus, codec, files, network, wire
-from telerobot.tools.campaign.fuzz.inputs.values import Values
-from telerobot.tools.campaign.fuzz.outcome import Endurance, Outcome
-from telerobot.tools.campaign.part import Selection
-from telerobot.tools.campaign.parts import PARTS
 
 PLAYED = [
     *((codec, seed) for seed in range(2)),
@@ -63,7 +63,7 @@ def test_a_decoder_that_raises_is_found(monkeypatch):
     assert "raised KeyError: 'v'" in found.reasons[0]
     findings = Endurance([Outcome("codec", 1), found])
     assert not findings.kept
-    assert any("telerobot campaign --only fuzz --seeds 0" in line for line in findings.lines())
+    assert any("laboratory.campaign --only fuzz --seeds 0" in line for line in findings.lines())
 
 
 def test_a_tick_that_raises_is_found(monkeypatch):

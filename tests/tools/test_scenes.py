@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from laboratory.campaign.scenes import runs
+from laboratory.campaign.scenes.clutter import HOSTILE_S, KINDS, PROMISE, make_clutter
+from laboratory.campaign.scenes.movers import Chase
+from laboratory.campaign.scenes.runs import SceneSummary, play
 from telerobot.config.load import altered, load_cell
-from telerobot.tools.campaign.scenes import runs
-from telerobot.tools.campaign.scenes.clutter import HOSTILE_S, KINDS, PROMISE, make_clutter
-from telerobot.tools.campaign.scenes.movers import Chase
-from telerobot.tools.campaign.scenes.runs import SceneSummary, play
 from telerobot.tools.simulation.simulation import Simulation
 
 

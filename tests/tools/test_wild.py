@@ -1,10 +1,10 @@
 """Wild operators: careless but legal, the same for the same seed, and no reason for a fault."""
 
 import pytest
+from laboratory.campaign.hostile.wild import equipped, wild
+from laboratory.campaign.hostile.wild_runs import CELLS, play_in
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
-from telerobot.tools.campaign.hostile.wild import equipped, wild
-from telerobot.tools.campaign.hostile.wild_runs import CELLS, play_in
 
 
 def test_equal_seeds_are_equally_wild():
@@ -43,7 +43,7 @@ def test_nothing_that_they_do_is_forged_and_nothing_of_the_hardware_fails(name):
 
 @pytest.mark.parametrize(("name", "seed"), [("ur5e_scene", 4), ("pa10_all", 2)])
 def test_a_wild_run_ends_without_a_fault_that_nothing_touched_explains(name, seed):
-    """`telerobot campaign --only wild` tries more."""
+    """`make campaign ARGS="--only wild"` tries more."""
     run = play_in(name, seed)
     assert run.reasons == []
     assert run.enabled_s > 1.0

@@ -14,7 +14,7 @@ from ..findings import Finding, Severity
 PER_HAND = 0.75
 """Reflected stiffness that settles at every delay to 0.5 s, as a part of the hand's own [1].
 
-Measured on `pa10_reflect` (`tools/campaign/contact/reflection_trial.py`), with 20 % jitter and 5 %
+Measured on `pa10_reflect` (`tests/campaign/contact/reflection_trial.py`), with 20 % jitter and 5 %
 loss: hands of 100, 200 and 400 N/m settle at this part of theirs and below it (the campaign's part
 `reflection` shows the second); at the whole of it the second and third do not at every delay.
 """

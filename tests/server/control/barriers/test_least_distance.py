@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
+from laboratory.campaign.kernels.wedges import Wedge, wedge
 from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.server.control.barriers.least_distance import least_distance
 from telerobot.server.control.barriers.programme import BarrierError, nearest
-from telerobot.tools.campaign.kernels.wedges import Wedge, wedge
 
 from ..test_clearance import Kept
 
 L = 0.3
 WEDGES = 10_000
-"""`telerobot campaign --only wedges` tries more."""
+"""`make campaign ARGS="--only wedges"` tries more."""
 
 
 def answer(drawn: Wedge):

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from laboratory.campaign.kernels.crossings import Singular, arms
 from pydantic import ValidationError
 from telerobot.config.load import load_cell
 from telerobot.config.schema.cell import ResolveSection
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.resolution import resolve
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.campaign.kernels.crossings import Singular, arms
 
 from ..chains import CHAINS
 
@@ -26,7 +26,7 @@ def _chain(request):
 # Thirty joints in a plane are singular only where all are straight: no draw gets there.
 @pytest.mark.parametrize("name", [name for name in arms() if name != "snake"])
 def test_rates_do_not_jump_where_an_arm_crosses_a_singularity(name):
-    """`telerobot campaign --only crossings` tries more."""
+    """`make campaign ARGS="--only crossings"` tries more."""
     cell = load_cell(name)
     arm, rng = Singular(Mechanism.from_cell(cell), cell), np.random.default_rng(4)
     crossings = 0

@@ -1,0 +1,155 @@
+"""Equipment of an arm and its use: a gripper that picks things up, cameras."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from telerobot.config.load import Cell
+from telerobot.config.schema.mechanism.mechanism import GripperSection, PayloadSection
+from telerobot.config.schema.rig.rig import RigGripperSection
+from telerobot.protocols.messages.messages import Frame
+from telerobot.tools.scripts.step import Step
+
+from ..steps import Draw, step
+
+Segment = Callable[[Draw, Cell, float, float], list[Step]]
+Pair = tuple[dict[str, Any], dict[str, Any]]
+"""An act and its sequel a moment later; each may be empty."""
+
+GRIPPER_NODE = 120
+EMPTY, LOADED = "campaign_empty", "campaign_loaded"
+"""Names of the payloads that the gripper switches."""
+
+
+def with_gripper(draw: Draw, cell: Cell) -> Cell:
+    """Return the cell with a gripper and something to pick up; as it is without a sensor or rig."""
+    mechanism, rig = cell.config.mechanism, cell.config.rig
+    sensor = mechanism.force_torque
+    if rig is None or sensor is None or mechanism.gripper is not None:
+        return cell
+    mass, com = float(draw.uniform(0.2, 1.2)), draw.uniform(-0.03, 0.03, 3)
+    com[2] += 0.1
+    empty = sensor.payload
+    whole = empty.mass + mass
+    x, y, z = ((empty.mass * np.array(empty.com) + mass * com) / whole).tolist()
+    gripper = GripperSection(node=GRIPPER_NODE, open_payload=EMPTY, closed_payload=LOADED)
+    payloads = {
+        **mechanism.payloads,
+        EMPTY: empty,
+        LOADED: PayloadSection(mass=whole, com=(x, y, z)),
+    }
+    hx, hy, hz = com.tolist()
+    changed = {
+        "mechanism": mechanism.model_copy(update={"gripper": gripper, "payloads": payloads}),
+        "rig": rig.model_copy(update={"gripper": RigGripperSection(mass=mass, com=(hx, hy, hz))}),
+    }
+    return replace(cell, config=cell.config.model_copy(update=changed))
+
+
+def segments(cell: Cell) -> tuple[Segment, ...]:
+    """Return what operators do with the equipment for a while."""
+    return (_watch, _watch, _watch, _watch) if cell.config.cameras else ()
+
+
+def opening(cell: Cell) -> list[Step]:
+    """Return how a run begins: where there are cameras, with the tag in sight and the view kept."""
+    if not cell.config.cameras:
+        return []
+    return [
+        step(0.05, {"cmd/posture": {"posture": "ready"}}),
+        *_keep_view(cell.config.cameras[0].name, 2.4),
+    ]
+
+
+OPENING_S = 2.6
+"""The opening of a cell with cameras takes this long [s]."""
+
+
+def disturbances(draw: Draw, cell: Cell) -> tuple[Pair, ...]:
+    """Return what happens to the equipment besides."""
+    found: list[Pair] = []
+    if cell.config.mechanism.gripper is not None:
+        wrong = {"mass": float(draw.uniform(0.0, 2.0)), "com": [0.0, 0.0, 0.05]}
+        found += [
+            ({"operator/gripper": {"closed": True}}, {"operator/gripper": {"closed": False}}),
+            ({"operator/gripper": {"closed": True}}, {}),
+            ({"operator/payload": wrong}, {"operator/payload": {"name": EMPTY}}),
+            ({"operator/payload": {"name": LOADED}}, {"operator/gripper": {"closed": True}}),
+        ]
+    tags = _tags(cell)
+    if cell.config.cameras and tags:
+        tag = tags[int(draw.integers(len(tags)))]
+        gain = [g * float(draw.choice([0.0, 0.5, 1.5])) for g in cell.config.sources.vision.gain]
+        found += [
+            (
+                {"rig/fault": {"kind": "cover", "target": tag}},
+                {"rig/fault": {"kind": "cover", "target": tag, "on": False}},
+            ),
+            ({"rig/fault": {"kind": "cover", "target": tag}}, {}),
+            ({"operator/gain": {"source": "vision", "gain": gain}}, {}),
+            ({"operator/switch": {"source": "vision", "on": False}}, {}),
+        ]
+    return tuple(found)
+
+
+def order(cell: Cell) -> list[dict[str, Any]]:
+    """Return what brings order back, one step each."""
+    found: list[dict[str, Any]] = []
+    if cell.config.mechanism.gripper is not None:
+        found.append({"operator/gripper": {"closed": False}})
+        found.append({"operator/payload": {"name": EMPTY}})
+    if cell.config.cameras:
+        found.append({"operator/switch": {"source": "vision", "on": False}})
+        gain = cell.config.sources.vision.gain
+        found.append({"operator/gain": {"source": "vision", "gain": gain}})
+        found += [
+            {"rig/fault": {"kind": "cover", "target": tag, "on": False}} for tag in _tags(cell)
+        ]
+    return found
+
+
+def _watch(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Views stored and kept, of a tag that moves and is covered, while a stick pulls away."""
+    camera = cell.config.cameras[int(draw.integers(len(cell.config.cameras)))].name
+    steps = [
+        step(at_s, {"silence": ["cmd/joystick"]}),
+        step(at_s, {"cmd/cancel": {}}),
+        *_keep_view(camera, at_s + 0.02),
+    ]
+    homes = _standing(cell)
+    while at_s < end_s - 0.1:
+        at_s += float(draw.uniform(0.1, 0.3))
+        tag = str(draw.choice(_tags(cell)))
+        twist = [*draw.normal(0.0, 0.3, 3).tolist(), *draw.normal(0.0, 0.6, 3).tolist()]
+        things: list[dict[str, Any]] = [
+            {"cmd/joystick": {"twist": twist, "expressed_in": Frame.MRF}},
+            {"silence": ["cmd/joystick"]},
+            {"rig/fault": {"kind": "cover", "target": tag}},
+            {"rig/fault": {"kind": "cover", "target": tag, "on": False}},
+            {"operator/store_view": {"camera": camera}},
+            {"operator/switch": {"source": "vision", "on": bool(draw.random() < 0.7)}},
+        ]
+        for name, home in homes.items():
+            place = (np.array(home) + draw.uniform(-0.05, 0.05, 3)).tolist()
+            things.append({"rig/fault": {"kind": "move", "target": name, "vector": place}})
+        steps.append(step(at_s, things[int(draw.integers(len(things)))]))
+    return steps
+
+
+def _keep_view(camera: str, at_s: float) -> list[Step]:
+    return [
+        step(at_s, {"operator/store_view": {"camera": camera}}),
+        step(at_s + 0.05, {"operator/switch": {"source": "vision", "on": True}}),
+    ]
+
+
+def _tags(cell: Cell) -> list[str]:
+    rig = cell.config.rig
+    return [] if rig is None else [t.name for t in rig.tags]
+
+
+def _standing(cell: Cell) -> dict[str, tuple[float, float, float]]:
+    rig = cell.config.rig
+    tags = () if rig is None else rig.tags
+    return {t.name: t.T_world_tag.xyz for t in tags if t.T_world_tag is not None}

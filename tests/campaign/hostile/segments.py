@@ -1,0 +1,300 @@
+"""Hostile acts of operators: each returns the steps of one segment of a script.
+
+Directions are drawn so that sticks turn back on themselves within a second or so: asked rates are
+far beyond every bound, but the arm is not led far into itself or its surroundings.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from telerobot.config.load import Cell
+from telerobot.config.schema.null_space.redundancy import OBJECTIVES
+from telerobot.config.schema.sources.schedule import ScheduleSection
+from telerobot.protocols.messages.messages import Frame
+from telerobot.tools.scripts.step import Step
+
+from ..steps import Draw, step
+from . import equipment, grounds
+
+FRAMES = tuple(Frame)
+SPEEDS = (0.4, 2.5)
+"""Range of asked tool speeds [m/s]."""
+ANGULAR_SPEEDS = (1.0, 8.0)
+"""Range of asked tool rates [rad/s]."""
+
+
+def constant(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """One way, then back."""
+    twist, middle = _twist(draw), 0.5 * (at_s + end_s)
+    axes = _axes(draw)
+    return [_stick(at_s, twist, axes), _stick(middle, [-x for x in twist], axes)]
+
+
+def bang_bang(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Full speed to and fro."""
+    twist, axes, steps = _twist(draw), _axes(draw), []
+    while at_s < end_s:
+        steps.append(_stick(at_s, twist, axes))
+        twist = [-x for x in twist]
+        at_s += float(draw.uniform(0.1, 0.4))
+    return steps
+
+
+def noise(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """A new direction several times a second."""
+    steps = []
+    while at_s < end_s:
+        steps.append(_stick(at_s, _twist(draw), _axes(draw)))
+        at_s += float(draw.uniform(0.03, 0.15))
+    return steps
+
+
+def aimed(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Away from the base, towards full stretch, with a slow turn of the tool."""
+    twist = [0.0, 0.0, float(draw.uniform(0.5, 1.5)), *draw.uniform(-0.5, 0.5, 3).tolist()]
+    axes = {"expressed_in": Frame.MRF if draw.random() < 0.5 else Frame.BASE}
+    return [
+        _stick(at_s, twist, axes),
+        _stick(at_s + 0.7 * (end_s - at_s), [-x for x in twist], axes),
+    ]
+
+
+def jog_to_limit(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Some joints, the last among them, full speed towards a limit; half of the time slowed."""
+    drives = cell.config.mechanism.drives
+    n = len(drives)
+    rates = [0.0] * n
+    for joint in (n - 1, int(draw.choice([n - 1, n - 2, n - 3, 0]))):
+        rates[joint] = float(draw.choice([-1.0, 1.0])) * drives[joint].max_velocity
+    factor = float(draw.choice([0.3, 1.0]))
+    return [
+        step(at_s, {"operator/speed": {"factor": factor}}),
+        step(at_s, {"silence": ["cmd/joystick"]}),
+        step(at_s, {"cmd/jog": {"rates": rates}}),
+        step(end_s - 0.02, {"operator/speed": {"factor": 1.0}}),
+        step(end_s - 0.02, {"silence": ["cmd/jog"]}),
+    ]
+
+
+def goals(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Target poses, each replaced on the way, with a stick in between."""
+    steps = []
+    while at_s < end_s:
+        position = {
+            "xyz": draw.uniform(-0.6, 0.6, 3).tolist(),
+            "rpy": draw.uniform(-1.5, 1.5, 3).tolist(),
+            "relative_to": Frame.MRF,
+            "expressed_in": _frame(draw),
+        }
+        steps.append(step(at_s, {"cmd/position": position}))
+        steps.append(_stick(at_s + 0.15, _twist(draw), _axes(draw)))
+        at_s += float(draw.uniform(0.3, 0.7))
+    steps.append(step(end_s - 0.01, {"cmd/cancel": {}}))
+    return steps
+
+
+def postures(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Joint postures, each replaced on the way."""
+    known = cell.config.mechanism.postures
+    steps = []
+    while at_s < end_s:
+        q = np.array(known[str(draw.choice(sorted(known)))])
+        q = q + draw.uniform(-0.3, 0.3, len(q))
+        steps.append(step(at_s, {"silence": ["cmd/joystick"]}))
+        steps.append(step(at_s, {"cmd/posture": {"q": tuple(q.tolist())}}))
+        at_s += float(draw.uniform(0.3, 0.8))
+    return steps
+
+
+def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """Routes and timed twists, paused, resumed, aborted and replaced, with a stick in between."""
+    steps = [step(at_s, {"silence": ["cmd/joystick"]})]
+    while at_s < end_s:
+        count = int(draw.integers(1, 6))
+        if draw.random() < 0.5:
+            reach, turn = draw.uniform(-0.3, 0.3, (count, 3)), draw.uniform(-0.9, 0.9, (count, 3))
+            path: dict[str, Any] = {
+                "waypoints": np.hstack([reach, turn]).tolist(),
+                "blend": float(draw.choice([0.0, 0.02, 0.2])),
+                "relative_to": Frame.MRF,
+            }
+            if draw.random() < 0.5:
+                path["speeds"] = draw.uniform(0.02, 3.0, count).tolist()
+        else:
+            path = {
+                "twists": [[0.6 * x for x in _twist(draw)] for _ in range(count)],
+                "durations_s": draw.uniform(0.03, 0.4, count).tolist(),
+            }
+        steps.append(step(at_s, {"cmd/path": {**path, "expressed_in": _frame(draw)}}))
+        if draw.random() < 0.4:
+            steps.append(_stick(at_s + 0.1, _twist(draw), _axes(draw)))
+        action = str(draw.choice(["pause", "abort", "resume"]))
+        steps.append(step(at_s + 0.15, {"operator/path": {"action": action}}))
+        if action == "pause" and draw.random() < 0.7:
+            steps.append(step(at_s + 0.35, {"operator/path": {"action": "resume"}}))
+        at_s += float(draw.uniform(0.25, 0.7))
+    steps.append(step(end_s - 0.01, {"cmd/cancel": {}}))
+    return steps
+
+
+def master(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
+    """A master's pose, clutched, scaled, silent and resumed while it moves, beside a stick."""
+    steps = [
+        step(at_s, {"operator/clutch": {"engaged": True}}),
+        step(at_s, {"silence": ["cmd/joystick"]}),
+    ]
+    axes = _frame(draw)
+    while at_s < end_s:
+        twist = [float(draw.choice([0.5, 2.0])) * x for x in _twist(draw)]
+        steps.append(step(at_s, {"master": {"twist": twist, "expressed_in": axes}}))
+        changes: tuple[dict[str, Any], ...] = (
+            {"operator/clutch": {"engaged": False}},
+            {"operator/clutch": {"engaged": True}},
+            {"operator/clutch": {"translation": float(draw.uniform(0, 5)), "rotation": 0.5}},
+            {"operator/clutch": {"rotation": float(draw.uniform(0, 5))}},
+            {"silence": ["cmd/master_pose"]},
+            {"cmd/joystick": {"twist": _twist(draw), **_axes(draw)}},
+        )
+        steps.append(step(at_s + 0.1, changes[int(draw.integers(len(changes)))]))
+        steps.append(step(at_s + 0.2, {"operator/clutch": {"engaged": True}}))
+        at_s += float(draw.uniform(0.2, 0.5))
+    steps.append(step(end_s - 0.02, {"cmd/cancel": {}}))
+    steps.append(step(end_s - 0.02, {"silence": ["cmd/master_pose"]}))
+    steps.append(step(end_s - 0.01, {"operator/clutch": {"translation": 1.0, "rotation": 1.0}}))
+    return steps
+
+
+SEGMENTS: tuple[Callable[[Draw, Cell, float, float], list[Step]], ...] = (
+    constant, bang_bang, bang_bang, noise, noise, aimed, jog_to_limit, goals, postures,
+    paths, paths, master, master,
+)  # fmt: skip
+
+
+def disturbance(draw: Draw, cell: Cell, at_s: float) -> list[Step]:
+    """Return something that happens besides: settings, stops, a bad line, bad bytes."""
+    gains = {
+        "joystick": cell.config.sources.joystick.gain,
+        "position": cell.config.sources.position.gain,
+        "force": cell.config.sources.force.gain,
+    }
+    source = str(draw.choice(sorted(gains)))
+    later = at_s + float(draw.uniform(0.15, 0.4))
+    choices: tuple[tuple[dict[str, Any], dict[str, Any]], ...] = (
+        ({"operator/gain": {"source": source, "gain": _scaled(draw, gains[source])}}, {}),
+        ({"operator/gain": {"source": "force", "gain": (50.0,) * 6}}, {}),
+        (
+            {"operator/switch": {"source": source, "on": False}},
+            {"operator/switch": {"source": source, "on": True}},
+        ),
+        (
+            {"operator/speed": {"factor": float(draw.uniform(0.1, 1.0))}},
+            {"operator/speed": {"factor": 1.0}},
+        ),
+        ({"operator/mode": {"action": "hold"}}, {"operator/mode": {"action": "resume"}}),
+        ({"operator/protective_stop": {}}, {"operator/protective_clear": {}}),
+        ({"silence": ["cmd/joystick"]}, {}),
+        ({"link": {"delay_s": float(draw.uniform(0.02, 0.3))}}, {"link": {}}),
+        ({"link": {"cut": True}}, {"link": {}}),
+        ({"raw": {"topic": "cmd/joystick", "hex": draw.bytes(24).hex()}}, {}),
+        ({"cmd/jog": {"rates": [0.1]}}, {"silence": ["cmd/jog"]}),
+        (
+            {"cmd/force": {"wrench": draw.uniform(-10.0, 10.0, 6).tolist()}},
+            {"cmd/force": {"wrench": [0.0] * 6}},
+        ),
+        ({"operator/redundancy": _objective(draw, cell)}, {}),
+        (
+            {"operator/redundancy": _objective(draw, cell)},
+            {"operator/redundancy": _objective(draw, cell)},
+        ),
+        ({"operator/path": {"action": str(draw.choice(["pause", "resume", "abort"]))}}, {}),
+        ({"operator/clutch": {"engaged": False}}, {"operator/clutch": {"engaged": True}}),
+        ({"operator/frame": _redefined(draw, "crf")}, {}),
+        ({"operator/frame": _redefined(draw, "mrf")}, {}),
+        (
+            {"rig/fault": {"kind": "silence", "target": "force_torque"}},
+            {"rig/fault": {"kind": "silence", "target": "force_torque", "on": False}},
+        ),
+    )
+    choices += equipment.disturbances(draw, cell) + grounds.disturbances(draw, cell)
+    first, second = choices[int(draw.integers(len(choices)))]
+    steps = [step(at_s, first)]
+    if second:
+        steps.append(step(later, second))
+    if second.keys() & {"operator/mode", "operator/protective_clear", "link"}:
+        # A stop takes a moment to end in HOLD; asked again, it is refused or goes on.
+        steps += [
+            step(later + wait, {"operator/mode": {"action": "resume"}}) for wait in (0.3, 0.6)
+        ]
+    return steps
+
+
+def _twist(draw: Draw) -> list[float]:
+    linear, angular = draw.normal(size=3), draw.normal(size=3)
+    linear *= draw.uniform(*SPEEDS) / np.linalg.norm(linear)
+    angular *= draw.uniform(*ANGULAR_SPEEDS) / np.linalg.norm(angular)
+    # One part alone, half of the time.
+    kind = int(draw.integers(4))
+    if kind == 0:
+        linear *= 0.0
+    elif kind == 1:
+        angular *= 0.0
+    return [*linear.tolist(), *angular.tolist()]
+
+
+def _frame(draw: Draw) -> Frame:
+    return FRAMES[int(draw.integers(len(FRAMES)))]
+
+
+def _axes(draw: Draw) -> dict[str, Frame]:
+    return {"expressed_in": _frame(draw), "relative_to": _frame(draw)}
+
+
+def _stick(at_s: float, twist: list[float], axes: dict[str, Frame]) -> Step:
+    return step(at_s, {"cmd/joystick": {"twist": twist, **axes}})
+
+
+def _scaled(draw: Draw, gain: tuple[float, ...]) -> list[float]:
+    return [g * float(draw.choice([0.0, 0.3, 1.0])) for g in gain]
+
+
+def _redefined(draw: Draw, frame: str) -> dict[str, Any]:
+    """Return a frame anew: from the numbers alone, or from where the arm and its frames are now."""
+    reach = 0.05 if frame == "mrf" else 0.5
+    found: dict[str, Any] = {
+        "frame": frame,
+        "xyz": draw.uniform(-reach, reach, 3).tolist(),
+        "rpy": draw.uniform(-1.0, 1.0, 3).tolist(),
+    }
+    if draw.random() < 0.5:
+        found["relative_to"] = Frame.MRF
+        found["origin_only"] = bool(draw.random() < 0.3)
+    if frame == "crf":
+        found["moves_with"] = str(draw.choice(["world", "base"]))
+    return found
+
+
+def _objective(draw: Draw, cell: Cell) -> dict[str, Any]:
+    name = str(draw.choice(OBJECTIVES))
+    most = 1.0 if name == "least_energy" else 10.0
+    found: dict[str, Any] = {"objective": name, "gain": float(draw.choice([0.0, 0.2, 1.0])) * most}
+    if name == "posture":
+        found["posture"] = str(draw.choice(sorted(cell.config.mechanism.postures)))
+    return found
+
+
+def schedules(draw: Draw) -> tuple[ScheduleSection, ...]:
+    """Return gain schedules, some of them steep; those of the position source let it settle."""
+    found = []
+    for source in ("joystick", "position", "force"):
+        by = str(draw.choice(["distance", "time", "contact_force"][: 2 + (source != "position")]))
+        end = {"contact_force": 30.0, "distance": 0.2, "time": 6.0}[by]
+        at = np.sort(draw.uniform(0.0, end, 3)) + np.array([0.0, 1e-3, 2e-3])
+        factor = np.sort(draw.uniform(0.2, 1.0, 3))
+        if source == "position":
+            factor[-1] = 1.0
+        if by == "distance":
+            factor = factor[::-1]
+        table = {"at": tuple(at.tolist()), "factor": tuple(factor.tolist())}
+        found.append(ScheduleSection.model_validate({"source": source, "by": by, **table}))
+    return tuple(found)

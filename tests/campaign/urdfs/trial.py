@@ -1,0 +1,149 @@
+"""One arm from its URDF to motion: `init`, `check`, a wall push, a clearance, a pose, judged.
+
+Nobody edits anything: the cell is as `init` writes it. The second run's cell begins at
+`ready`, and has a sphere as an obstacle, which the stick drives at.
+"""
+
+import re
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from telerobot.config.errors import ConfigError
+from telerobot.config.load import load_cell
+from telerobot.tools.checks.findings import Severity
+from telerobot.tools.checks.judge import judge
+from telerobot.tools.init.make import TO_WALL, Made, make
+from telerobot.tools.init.robot import read_arm
+from telerobot.tools.init.tool import BALL
+from telerobot.tools.simulation.result import Result
+from telerobot.tools.simulation.simulation import simulate
+
+POSE_M: Final = 1e-3
+"""A pose move ends no farther from its target [m]."""
+FORCE: Final = 0.1
+"""A push settles within this part of what was planned, and `NOISE` [1]."""
+NOISE_N: Final = 0.3
+CLEARANCE: Final = 0.02
+"""Clearance that the cells of `init` promise [m]."""
+ROUNDING: Final = 1e-3
+"""Of what is measured in the physics, where the arm lags behind what it is told [m]."""
+SPHERE: Final = 0.05
+AHEAD: Final = 0.03
+"""The sphere stands so far in front of the tool's ball [m]."""
+
+
+@dataclass(frozen=True)
+class UrdfTrial:
+    """Result of one arm."""
+
+    name: str
+    joints: int = 0
+    pose_m: float = float("nan")
+    force_n: float = float("nan")
+    clearance_m: float = float("nan")
+    ratio: float = float("nan")
+    """Volume of capsules by that of hulls, mean over the links that have meshes [1]."""
+    reasons: list[str] = field(default_factory=list)
+    init_s: float = float("nan")
+    """Time from the URDF to a cell that has been checked and can move [s]."""
+
+
+def try_arm(
+    name: str, urdf: Path, tip: str | None = None, packages: Mapping[str, Path] | None = None
+) -> UrdfTrial:
+    """Make a cell of a URDF, run it, and judge the runs."""
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "arm.toml"
+        try:
+            arm = read_arm(urdf, tip, packages or {})
+            made = make(arm, out)
+            out.write_text(made.cell, encoding="utf-8")
+            out.with_name("arm_script.toml").write_text(made.script, encoding="utf-8")
+            reasons = [
+                f"check: {f.check}: {f.text}"
+                for f in judge(load_cell(out))
+                if f.status is Severity.ERROR
+            ]
+            init_s = time.monotonic() - began
+            pushed = simulate(out)
+            reasons += _against("push", pushed)
+            force = float(str(pushed.summary["contact_force_n"]))
+            if abs(force - made.draft.push) > FORCE * made.draft.push + NOISE_N:
+                reasons.append(f"the push is {force:.3g} N, planned {made.draft.push:.3g} N")
+            kept = _keep_clear(made, out)
+        except ConfigError as error:
+            return UrdfTrial(name, reasons=list(error.messages))
+    reasons += _against("clearance and pose", kept)
+    pose, clearance = kept.summary["tool_error_m"], kept.summary["min_clearance_m"]
+    if not isinstance(pose, float) or pose > POSE_M:
+        reasons.append(f"the pose move ends {pose} m from its target")
+    if not isinstance(clearance, float) or clearance < CLEARANCE - ROUNDING:
+        reasons.append(f"the sphere is passed at {clearance} m, promised {CLEARANCE:g}")
+    elif clearance > AHEAD - ROUNDING:
+        reasons.append(f"the arm never came near the sphere: {clearance:.3g} m")
+    ratios = [fit.ratio for fit in arm.fits if np.isfinite(fit.ratio)]
+    return UrdfTrial(
+        name, len(made.draft.drives), _number(pose), force, _number(clearance),
+        float(np.mean(ratios)) if ratios else float("nan"), reasons, init_s,
+    )  # fmt: skip
+
+
+def _keep_clear(made: Made, out: Path) -> Result:
+    """Drive the tool at a sphere, then go back and to a pose."""
+    plan = made.plan
+    wall = made.draft.wall
+    if wall is None:
+        raise ConfigError(f"{out}: rig.wall: missing")
+    ball = wall[0] - plan.forward * (TO_WALL + BALL)
+    centre = ball + plan.forward * (BALL + AHEAD + SPHERE)
+    sphere = (
+        '\n[[obstacles]]\nname = "sphere"\nshape = "sphere"\n'
+        f"xyz = {centre.round(5).tolist()}\nradius = {SPHERE}\n"
+    )
+    cell = out.with_name("clear.toml")
+    # The arm begins at `ready`: at `start` a link may be where the sphere is.
+    text = re.sub(
+        "^start = .*", f"start = {made.draft.postures['ready']}", made.cell, count=1, flags=re.M
+    )
+    cell.write_text(text + sphere, encoding="utf-8")
+    twist = [*(0.03 * plan.forward).round(6).tolist(), 0.0, 0.0, 0.0]
+    xyz, rpy = (values.round(6).tolist() for values in plan.target)
+    at = 0.2 + plan.ready_s
+    steps = [
+        '[[step]]\nat_s = 0.2\n"cmd/posture" = { posture = "ready" }',
+        f"[[step]]\nat_s = {at:.2f}\nfor_s = 2.5\n"
+        f'"cmd/joystick" = {{ twist = {twist}, expressed_in = "world" }}',
+        f'[[step]]\nat_s = {at + 3.0:.2f}\n"cmd/posture" = {{ posture = "ready" }}',
+        f"[[step]]\nat_s = {at + 5.0 + plan.ready_s:.2f}\n"
+        f'"cmd/position" = {{ xyz = {xyz}, rpy = {rpy}, relative_to = "world" }}',
+    ]
+    script = out.with_name("clear_script.toml")
+    ends = at + 7.0 + plan.ready_s + plan.target_s
+    script.write_text("\n".join([f"duration_s = {ends:.1f}", *steps]), encoding="utf-8")
+    return simulate(cell, str(script))
+
+
+def _against(what: str, result: Result) -> list[str]:
+    """Return what speaks against a run: it failed, broke a limit, or told an error."""
+    reasons = []
+    if result.summary["failure"]:
+        reasons.append(f"{what}: not played: {result.summary['failure']}")
+    if result.summary["limit_violations"]:
+        reasons.append(f"{what}: limits broken: {result.summary['violations']}")
+    events = result.summary["events"]
+    reasons += [
+        f"{what}: {event['name']} at {event['t_s']:.2f} s: {event['detail']}"
+        for event in (events if isinstance(events, list) else [])
+        if event["severity"] == "error"
+    ]
+    return reasons
+
+
+def _number(value: object) -> float:
+    return value if isinstance(value, float) else float("nan")
