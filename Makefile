@@ -89,12 +89,12 @@ format: venv ## Format the code and sort its imports
 	@$(BIN)/ruff check --quiet --fix-only .
 	@$(BIN)/ruff format .
 
-bench: venv ## Measure the speed of the control computation
-	@$(BIN)/telerobot bench
+bench: venv ## Measure speed; ARGS="--only tick arms --quick"
+	@$(BIN)/python -m laboratory.bench $(ARGS)
 
 bench-peers: $(PEERS_STAMP) ## The same random scenes for telerobot, Pink and mink; ARGS="--seeds 0:20"
 	@mkdir -p out
-	@$(PEERS)/bin/python -m telerobot.tools.bench.peers --jobs $(JOBS) \
+	@$(PEERS)/bin/python -m laboratory.bench.peers --jobs $(JOBS) \
 	  --json out/peers.json --markdown out/peers.md $(ARGS)
 
 $(PEERS_STAMP): pyproject.toml constraints.txt constraints-peers.txt

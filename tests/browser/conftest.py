@@ -17,8 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from laboratory.bench.page.browser import children
 from telerobot.config.load import load_cell
-from telerobot.tools.bench.page.browser import children
 from telerobot.tools.host.address import options
 from telerobot.tools.host.local_plant import free_port
 

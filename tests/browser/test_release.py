@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from telerobot.tools.bench.page.browser import FLAGS, chromium, renderers
+from laboratory.bench.page.browser import FLAGS, chromium, renderers
 
 pytestmark = pytest.mark.browser
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from laboratory.oracle.poses import Array
 from telerobot.config.load import load_cell
-from telerobot.tools.oracle.poses import Array
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

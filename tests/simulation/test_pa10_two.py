@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from laboratory.oracle.several import Arms
 from telerobot.config.load import load_cell
-from telerobot.tools.oracle.several import Arms
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -12,9 +12,9 @@ from laboratory.campaign.contact.insertion import (
     attempt,
     misplaced,
 )
+from laboratory.oracle.poses import matrix, rotation_vector
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
-from telerobot.tools.oracle.poses import matrix, rotation_vector
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import simulate
 

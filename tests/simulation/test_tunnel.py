@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from laboratory.oracle.arm import OracleArm
+from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import load_cell
-from telerobot.tools.oracle.arm import OracleArm
-from telerobot.tools.oracle.tunnel import Tunnel
 from telerobot.tools.simulation.simulation import simulate
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from laboratory.oracle.arm import OracleArm
+from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import altered, load_cell
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
-from telerobot.tools.oracle.arm import OracleArm
-from telerobot.tools.oracle.tunnel import Tunnel
 from telerobot.tools.simulation.simulation import simulate
 
 

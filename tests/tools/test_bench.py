@@ -5,14 +5,15 @@ import math
 
 import numpy as np
 import pytest
+from laboratory.bench import cli, growth, load, rover
+from laboratory.bench.growth_plot import drawn
+from laboratory.bench.page import page
 from telerobot.config.load import load_cell
-from telerobot.tools.bench import cli, growth, load, tick
+from telerobot.tools.bench import tick
 from telerobot.tools.bench.bare import periods
+from telerobot.tools.bench.cli import table
 from telerobot.tools.bench.figures import machine, percentiles
-from telerobot.tools.bench.growth_plot import drawn
-from telerobot.tools.bench.page import page
 from telerobot.tools.bench.plant import with_own_scanner, without_self_motion
-from telerobot.tools.bench.rover import rover
 from telerobot.tools.cli import main
 
 
@@ -95,7 +96,7 @@ def test_growth_writes_a_row_for_each_count(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(growth, "JOINTS", (6,))
     monkeypatch.setattr(growth, "QUICK_TICKS", 60)
     file = tmp_path / "growth.json"
-    assert main(["bench", "--growth", str(file), "--quick"]) == 0
+    assert cli.main(["--growth", str(file), "--quick"]) == 0
     written = json.loads(file.read_text())
     assert written["obstacles"].keys() == {"1", "3"}
     assert written["joints"]["6"]["arithmetic_us"] > 0.0
@@ -153,7 +154,7 @@ def test_every_benchmark_names_shipped_cells():
 
 
 def test_a_table_has_a_line_for_each_figure():
-    lines = list(cli.table("tick pa10", {"times": {"p50": 1.0, "p99": 2.0}, "met": True}))
+    lines = list(table("tick pa10", {"times": {"p50": 1.0, "p99": 2.0}, "met": True}))
     assert lines == [
         "tick pa10      times              p50 1.0  p99 2.0",
         "               met                yes",

@@ -10,10 +10,10 @@ from laboratory.campaign.hostile.generator import generate
 from laboratory.campaign.hostile.report import Report
 from laboratory.campaign.hostile.verdict import verdict
 from laboratory.campaign.parts import PARTS
+from laboratory.oracle.arm import OracleArm
+from laboratory.oracle.feasible import GoalJudge
+from laboratory.oracle.poses import difference, rotation, rotation_vector
 from telerobot.config.load import load_cell
-from telerobot.tools.oracle.arm import OracleArm
-from telerobot.tools.oracle.feasible import GoalJudge
-from telerobot.tools.oracle.poses import difference, rotation, rotation_vector
 
 SAMPLE = [("pa10", 0), ("ur5e", 0), ("pa10", 1), ("ur5e", 1), ("pa10_vision", 1), ("ur5e", 2)]
 

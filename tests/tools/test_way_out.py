@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from laboratory.campaign.scenes.clutter import PROMISE, make_clutter
+from laboratory.oracle.way_out import closed_in, projected, way_out
 from telerobot.config.load import Cell, load_cell
 from telerobot.drivers.rig.physics.world import World
-from telerobot.tools.oracle.way_out import closed_in, projected, way_out
 
 CORNERED = np.array([0.83559, 0.42116, 0.15615, 2.38108, -0.93395, -1.61191, 1.01884])
 """The arm of scene 543, which its stick and three movers led into a corner (7,) [rad] …"""

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from laboratory.oracle.poses import rotation
 from telerobot.config.load import Cell, ConfigError, load_cell
 from telerobot.config.schema.section import PoseSection
-from telerobot.tools.oracle.poses import rotation
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.judges.peg import PegJudge
 from telerobot.tools.simulation.simulation import Simulation

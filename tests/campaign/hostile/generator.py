@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from laboratory.oracle.feasible import GoalJudge
+from laboratory.oracle.poses import Array, difference, rotation
 from telerobot.config.load import Cell
-from telerobot.tools.oracle.feasible import GoalJudge
-from telerobot.tools.oracle.poses import Array, difference, rotation
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from laboratory.oracle.arm import OracleArm
+from laboratory.oracle.poses import Array, difference, matrix
 from telerobot.config.load import load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.protocols.messages.rig import RigTruth
-from telerobot.tools.oracle.arm import OracleArm
-from telerobot.tools.oracle.poses import Array, difference, matrix
 from telerobot.tools.simulation.judges.tool import JUDGED_S
 from telerobot.tools.simulation.simulation import Simulation
 

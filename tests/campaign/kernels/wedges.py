@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from laboratory.oracle.poses import Array
 from telerobot.server.control.barriers.programme import nearest
-from telerobot.tools.oracle.poses import Array
 
 from ..part import Part
 from ..steps import Draw

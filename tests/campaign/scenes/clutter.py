@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from laboratory.oracle.arm import OracleArm
 from numpy.typing import NDArray
 from telerobot.config.drives.joint_bounds import joint_bounds
 from telerobot.config.load import Cell
@@ -26,7 +27,6 @@ from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.proximity.pairs import PairSearch
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
-from telerobot.tools.oracle.arm import OracleArm
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
 

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from laboratory.oracle.way_out import AWAY, WIDER, closed_in
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.physics.clearance.distances import TrueNearest
 from telerobot.protocols import topics as t
-from telerobot.tools.oracle.way_out import AWAY, WIDER, closed_in
 from telerobot.tools.simulation.simulation import Simulation
 
 from ..part import Part, Selection

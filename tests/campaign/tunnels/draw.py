@@ -4,13 +4,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from laboratory.oracle.passable import passable
+from laboratory.oracle.poses import rotation
+from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import Cell
 from telerobot.config.schema.mechanism.backbone import BackboneSection, SegmentSection
 from telerobot.config.schema.section import PoseSection
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
-from telerobot.tools.oracle.passable import passable
-from telerobot.tools.oracle.poses import rotation
-from telerobot.tools.oracle.tunnel import Tunnel
 from telerobot.tools.scripts.script import Script
 
 from ..steps import Act, Draw

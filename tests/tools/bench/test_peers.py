@@ -5,16 +5,16 @@ import sys
 
 import numpy as np
 import pytest
+from laboratory.bench.peers import cli
+from laboratory.bench.peers.controllers.with_telerobot import Telerobot
+from laboratory.bench.peers.generator import COPIES, generate
+from laboratory.bench.peers.geometry import PeerGeometry
+from laboratory.bench.peers.labels import labelled
+from laboratory.bench.peers.reference import Reference
+from laboratory.bench.peers.run import run
+from laboratory.bench.peers.scenes import PeerScene, Target, Thing, read, write
 from telerobot.config.load import load_cell
 from telerobot.server.control.spatial import Pose, pose_error
-from telerobot.tools.bench.peers import cli
-from telerobot.tools.bench.peers.controllers.with_telerobot import Telerobot
-from telerobot.tools.bench.peers.generator import COPIES, generate
-from telerobot.tools.bench.peers.geometry import PeerGeometry
-from telerobot.tools.bench.peers.labels import labelled
-from telerobot.tools.bench.peers.reference import Reference
-from telerobot.tools.bench.peers.run import run
-from telerobot.tools.bench.peers.scenes import PeerScene, Target, Thing, read, write
 
 UPRIGHT_TOP = 0.315 + 0.450 + 0.500 + 0.080 + 0.110
 """Height of the hand's upper end when the PA-10 stands upright [m]."""

@@ -1,12 +1,12 @@
 import re
 
+from laboratory.equipment.operator_page import PAGE, page
 from telerobot import Operator
-from telerobot.tools.commands.operator_page import PAGE, page
 
 
 def test_the_page_of_the_operator_is_up_to_date():
     assert PAGE.read_text(encoding="utf-8") == page(), (
-        "run python -m telerobot.tools.commands.operator_page"
+        "run python -m laboratory.equipment.operator_page"
     )
 
 

@@ -1,12 +1,12 @@
 import pytest
+from laboratory.equipment.reference import BEGIN, END, PAGE, reference, updated
 from telerobot.config.schema.cell import CellConfig
 from telerobot.config.schema.mechanism.mechanism import DriveSection
-from telerobot.tools.commands.reference import BEGIN, END, PAGE, reference, updated
 
 
 def test_the_page_shows_the_schema_as_it_is():
     text = PAGE.read_text(encoding="utf-8")
-    assert updated(text) == text, "run: python -m telerobot.tools.commands.reference"
+    assert updated(text) == text, "run: python -m laboratory.equipment.reference"
 
 
 def test_every_section_and_key_is_there():

@@ -4,12 +4,12 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from laboratory.oracle.arm import OracleArm
+from laboratory.oracle.poses import difference
 from telerobot.config.load import Cell, load_cell
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.oracle.arm import OracleArm
-from telerobot.tools.oracle.poses import difference
 
 CELLS = sorted(
     path.name.removesuffix(".toml")

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from laboratory.oracle.gap import crossing, sharpest_of
+from laboratory.oracle.passable import passable
+from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import load_cell
 from telerobot.config.schema.mechanism.backbone import SegmentSection
 from telerobot.config.schema.section import PoseSection
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
-from telerobot.tools.oracle.gap import crossing, sharpest_of
-from telerobot.tools.oracle.passable import passable
-from telerobot.tools.oracle.tunnel import Tunnel
 
 
 def judged(section):

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from laboratory.oracle.arm import OracleArm
+from laboratory.oracle.several import Arms
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.physics.world import World
-from telerobot.tools.oracle.arm import OracleArm
-from telerobot.tools.oracle.several import Arms
 
 
 @pytest.fixture

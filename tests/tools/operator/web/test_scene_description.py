@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import trimesh
+from laboratory.oracle.poses import Array
+from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import load_cell, shipped
 from telerobot.tools.operator.web.scene import describe, scene_of
 from telerobot.tools.operator.web.scene.meshes import TRIANGLES
-from telerobot.tools.oracle.poses import Array
-from telerobot.tools.oracle.tunnel import Tunnel
 
 
 @pytest.mark.parametrize("name", shipped("cells"))

@@ -5,11 +5,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from laboratory.oracle.poses import matrix
 from pydantic import ValidationError
 from telerobot.config.load import load_cell
 from telerobot.config.schema.rig.peg import RigHoleSection, RigPegSection
 from telerobot.drivers.rig.physics.world import World
-from telerobot.tools.oracle.poses import matrix
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from laboratory.bench.load import chain
 from telerobot.config.load import load_cell
 from telerobot.config.schema.obstacles import ObstacleSection
 from telerobot.config.urdf.robot import read_robot
@@ -19,7 +20,6 @@ from telerobot.server.control.proximity.control_points import ALIKE, ControlPoin
 from telerobot.server.control.spatial import Pose
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
-from telerobot.tools.bench.load import chain
 
 CELL = load_cell("pa10_hand_pole")
 LAW = CELL.config.priority

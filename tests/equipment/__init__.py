@@ -1,0 +1,1 @@
+"""Equipment of the documentation: what makes its tables, pages and pictures."""

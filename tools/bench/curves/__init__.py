@@ -1,1 +1,0 @@
-"""Benchmarks of arms that follow curves."""

@@ -1,1 +1,0 @@
-"""Benchmark of a rover that looks ahead."""
