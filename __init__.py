@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .config.load import load_cell
-    from .tools.operator.client.connection import OperatorError
-    from .tools.operator.client.operator import Operator
+    from .tools.client.connection import OperatorError
+    from .tools.client.operator import Operator
     from .tools.simulation.operator import SimulatedOperator
     from .tools.simulation.simulation import simulate
 
 __all__ = ["Operator", "OperatorError", "SimulatedOperator", "load_cell", "simulate"]
 
 _HOMES = {
-    "Operator": ".tools.operator.client.operator",
-    "OperatorError": ".tools.operator.client.connection",
+    "Operator": ".tools.client.operator",
+    "OperatorError": ".tools.client.connection",
     "SimulatedOperator": ".tools.simulation.operator",
     "load_cell": ".config.load",
     "simulate": ".tools.simulation.simulation",

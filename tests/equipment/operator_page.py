@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from telerobot.tools.operator.client.motions import Motions
-from telerobot.tools.operator.client.operator import Operator
-from telerobot.tools.operator.client.task import TaskClient
+from telerobot.tools.client.motions import Motions
+from telerobot.tools.client.operator import Operator
+from telerobot.tools.client.task import TaskClient
 
 PAGE: Final = Path(inspect.getfile(Operator)).with_name("README.md")
 
@@ -36,7 +36,7 @@ Units are SI: m, rad, s, N, N·m; a twist is `[vx, vy, vz, wx, wy, wz]`, a pose 
 (fixed axes, Rz·Ry·Rx). Every refusal is an `OperatorError` with `reason` and `detail`. `request`,
 `command` and `stream` send anything that `protocols/topics.py` has a row for: gains, switches,
 desired wrench, payload, tare, obstacles, avoidance. `SimulatedOperator("pa10")` is an `Operator`
-whose cell runs in its own process, in virtual time. [Example pages](../../examples/policy.py).
+whose cell runs in its own process, in virtual time. [Example pages](../examples/policy.py).
 """
 
 SESSION: Final = (

@@ -25,7 +25,7 @@ from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.messages.perception.moving import FrameNews
 from telerobot.protocols.messages.rig import RigTruth
 from telerobot.protocols.messages.telemetry import State
-from telerobot.tools.operator.client.session import Session
+from telerobot.drivers.network.session import Session
 
 session = Session("pa10_platform", sys.argv[1])
 truths, states = session.subscribe(t.RIG_TRUTH, 1), session.subscribe(t.STATE, 1)

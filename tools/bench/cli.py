@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from ...config.load import Cell, load_cell
+from ..client.connection import OperatorError
 from ..host.local_plant import ChildDied
-from ..operator.client.connection import OperatorError
 from . import latency, simulate, sync, tick
 from .figures import Figures, machine
 

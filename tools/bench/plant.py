@@ -9,9 +9,9 @@ from pathlib import Path
 
 from ...config.load import Cell, ConfigError, load_cell
 from ...drivers.bus import CanMessage, open_bus
+from ..client.connection import OperatorError
+from ..client.operator import Operator
 from ..host.local_plant import LocalPlant, free_port
-from ..operator.client.connection import OperatorError
-from ..operator.client.operator import Operator
 
 START_S = 30.0
 """Rig and daemon are up within [s]."""

@@ -12,12 +12,12 @@ from ...config.load import ConfigError, load_cell
 from ...drivers.network.identity import identity_of
 from ...protocols.messages.telemetry import Event
 from ...protocols.topics import Role
+from ..client.connection import OperatorError
+from ..client.operator import Operator
 from ..host.address import duration, moved
 from ..host.claim import Claims, own_endpoint
 from ..host.local_plant import ChildDied, LocalPlant
 from ..host.recording import recording
-from ..operator.client.connection import OperatorError
-from ..operator.client.operator import Operator
 from ..operator.terminal.console import is_terminal
 from ..operator.web.of_demo import start_page
 from ..scripts.live_run import LiveRun

@@ -9,9 +9,9 @@ from functools import partial
 
 from ...config.errors import printable
 from ...protocols.messages.telemetry import Event
+from ..client.connection import OperatorError, ignore
+from ..client.operator import Operator
 from ..host.address import add_cell_arguments, cell_from
-from ..operator.client.connection import OperatorError, ignore
-from ..operator.client.operator import Operator
 from ..operator.terminal.console import Console, is_terminal
 from ..operator.terminal.keyboard import Decoder
 from ..operator.terminal.teleop import KeyboardTeleop

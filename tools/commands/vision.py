@@ -13,6 +13,8 @@ from typing import Protocol
 from ...config.load import Cell, ConfigError
 from ...config.schema.sensors.cameras import CameraSection
 from ...drivers.network.identity import identity_of
+from ...drivers.network.sensor_session import Over, dial, newest
+from ...drivers.network.session import Session
 from ...drivers.vision.detector import Detection, Detector, Picture
 from ...drivers.vision.device import VideoCamera
 from ...drivers.vision.opencv import save, small_jpeg
@@ -25,8 +27,6 @@ from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
 from ..host.ending import until_told
-from ..operator.client.sensor_session import Over, dial, newest
-from ..operator.client.session import Session
 from ..simulation.pictures import told
 
 SAVE_EVERY_S = 1.0

@@ -6,9 +6,9 @@ import sys
 
 from ...config.errors import printable
 from ...config.load import Cell
+from ..client.connection import OperatorError
+from ..client.operator import Operator
 from ..host.address import add_cell_arguments, cell_from
-from ..operator.client.connection import OperatorError
-from ..operator.client.operator import Operator
 from .attitudes import AttitudeStop, attitudes
 from .estimate import NotIdentified
 from .guide import AttitudeMean

@@ -14,7 +14,7 @@ from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.spatial import Array
-from ..operator.client.protocol_client import NoLease, ProtocolClient
+from ..client.protocol_client import NoLease, ProtocolClient
 from .attitudes import AttitudeStop
 from .subject import Subject
 

@@ -7,7 +7,7 @@ import numpy as np
 from ...config.load import Cell
 from ...server.control.mechanism.kinematics import Mechanism
 from ...server.control.spatial import Pose
-from ..operator.client.operator import Operator
+from ..client.operator import Operator
 from ..scripts.player import Phase
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation

@@ -14,7 +14,7 @@ from ...protocols.messages import messages as m
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.telemetry import State
 from ...server.reflection.passivity import Port, damping
-from ..operator.client.round_trip import RoundTrip
+from ..client.round_trip import RoundTrip
 from .device import STEP_S, SimulatedHandle
 from .small_gain import HeldStick
 

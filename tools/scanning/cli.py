@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 from ...config.errors import printable
 from ...drivers.network.identity import identity_of
+from ...drivers.network.sensor_session import Over, dial
+from ...drivers.network.session import Session
 from ...drivers.scanner.client import ScannerClient
 from ...drivers.scanner.clock import Clocks
 from ...protocols import topics as t
@@ -23,8 +25,6 @@ from ...protocols.sick.scan_data import Scan
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
 from ..host.ending import until_told
-from ..operator.client.sensor_session import Over, dial
-from ..operator.client.session import Session
 from .geometry import instant_of
 from .scanning import SCAN, Looked, Scanning
 

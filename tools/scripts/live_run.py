@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...drivers.network.session import NotCertified
 from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...protocols.messages.telemetry import Event, State
 from ...server.control.spatial import Pose, rotation_log
-from ..operator.client.connection import POLL_S, ignore
-from ..operator.client.operator import Operator
-from ..operator.client.session import NotCertified
+from ..client.connection import POLL_S, ignore
+from ..client.operator import Operator
 from ..operator.words.events import event_line
 from .player import Phase, Player
 from .script import Script

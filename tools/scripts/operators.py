@@ -7,7 +7,7 @@ from ...config.schema.reflection import ReflectionSection
 from ...protocols import topics as t
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.telemetry import State
-from ..operator.client.protocol_client import Ask, ProtocolClient, Put
+from ..client.protocol_client import Ask, ProtocolClient, Put
 from ..reflect.client import ReflectingClient
 from .generators.delay_line import Conditions, DelayLine
 from .generators.handles import Handles

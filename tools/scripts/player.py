@@ -14,7 +14,7 @@ from ...protocols.messages.perception.obstacles import ObstacleNews
 from ...protocols.messages.reflection import Reflection
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State
-from ..operator.client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
+from ..client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
 from .generators.insertion import InsertionMotion
 from .generators.obstacles import ObstacleMotions
 from .generators.tables import SCRIPT, MovingObstacle, Raw

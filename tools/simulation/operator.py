@@ -15,7 +15,7 @@ from ...config.load import Cell, load_cell
 from ...protocols import topics as t
 from ...protocols.messages.perception.moving import RigMotion
 from ...protocols.messages.rig import RigFault
-from ..operator.client.operator import Operator
+from ..client.operator import Operator
 from ..scripts.script import Script
 from .memory_link import MemoryLink
 from .seeded_keys import seeded_keys

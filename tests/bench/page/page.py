@@ -20,6 +20,8 @@ from typing import Any, Final
 
 import numpy as np
 from telerobot.config.load import Cell
+from telerobot.drivers.network.sensor_session import newest
+from telerobot.drivers.network.session import Session
 from telerobot.protocols import topics as t
 from telerobot.protocols.canopen.can301 import SYNC_ID
 from telerobot.protocols.messages.rig import RigTruth
@@ -29,8 +31,6 @@ from telerobot.tools.bench.figures import Figures, percentiles
 from telerobot.tools.bench.latency import Targets
 from telerobot.tools.bench.plant import FrameListener, without_self_motion
 from telerobot.tools.host.local_plant import LocalPlant, free_port, listens
-from telerobot.tools.operator.client.sensor_session import newest
-from telerobot.tools.operator.client.session import Session
 
 from .browser import FLAGS as BROWSER_FLAGS
 from .browser import OpenPage, chromium, cpu_s, missing, renderers

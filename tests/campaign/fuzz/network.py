@@ -14,7 +14,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.messages.messages import Message
 from telerobot.protocols.topics import Flow
 from telerobot.server.mode import Mode
-from telerobot.tools.operator.client.protocol_client import ANYBODY, NoLease
+from telerobot.tools.client.protocol_client import ANYBODY, NoLease
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -8,11 +8,11 @@ import time
 from pathlib import Path
 
 from telerobot.config.load import load_cell
+from telerobot.drivers.network.session import Session
 from telerobot.protocols.topics import Flow
+from telerobot.tools.client.connection import OperatorError
+from telerobot.tools.client.operator import Operator
 from telerobot.tools.host.local_plant import ChildDied, LocalPlant
-from telerobot.tools.operator.client.connection import OperatorError
-from telerobot.tools.operator.client.operator import Operator
-from telerobot.tools.operator.client.session import Session
 
 from .inputs.stranger import Stranger
 from .outcome import Outcome

@@ -7,9 +7,9 @@ from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.telemetry import State
 from telerobot.tools.cli import main
+from telerobot.tools.client.protocol_client import ProtocolClient
 from telerobot.tools.identify.attitudes import AttitudeStop
 from telerobot.tools.identify.guide import Guide
-from telerobot.tools.operator.client.protocol_client import ProtocolClient
 
 
 class Arm:

@@ -11,8 +11,8 @@ from typing import Any
 from ....protocols import topics as t
 from ....protocols.messages import requests
 from ....protocols.messages.telemetry import TaskDescription
-from ..client.operator import Operator
-from ..client.protocol_client import NoLease, OnReply
+from ...client.operator import Operator
+from ...client.protocol_client import NoLease, OnReply
 from .hands import led
 from .keyboard import HeldKeys
 from .status import LinkStatus, arm_lines, link_words

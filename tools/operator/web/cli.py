@@ -19,8 +19,8 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....drivers.network.identity import Identity, identity_of
 from ....protocols.topics import Role
+from ...client.connection import Connection
 from ...host.address import add_cell_arguments, cell_from
-from ..client.connection import Connection
 from .access import Access, Listen, tls_context
 from .pages.hub import PageHub
 from .server import SceneServer, Server

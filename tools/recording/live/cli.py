@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Final
 
 from ....drivers.network.identity import identity_of
+from ....drivers.network.sensor_session import dial
 from ....protocols.topics import Role
 from ...host.address import add_cell_arguments, cell_from, duration
 from ...host.ending import until_told
-from ...operator.client.sensor_session import dial
 from .files import Files
 from .listener import CellRecorder
 from .viewer import require_schemas

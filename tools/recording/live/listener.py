@@ -9,12 +9,12 @@ from typing import Final, NamedTuple
 from ....config.load import Cell
 from ....drivers.bus import BusErrors, CanBus, open_bus
 from ....drivers.device import DeviceError
+from ....drivers.network.session import Session, TopicBuffer
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode
 from ....protocols.messages.messages import Message
 from ....protocols.messages.perception.contour import ScanPoints
 from ....protocols.messages.telemetry import Event, RecordedTick, State
-from ...operator.client.session import Session, TopicBuffer
 from .files import Files
 from .viewer import Viewer
 

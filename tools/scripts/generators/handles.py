@@ -5,7 +5,7 @@ import numpy as np
 from ....config.schema.reflection import ReflectionSection
 from ....protocols import topics as t
 from ....protocols.messages.telemetry import State
-from ...operator.client.protocol_client import ProtocolClient
+from ...client.protocol_client import ProtocolClient
 from ...reflect.client import ReflectingClient
 from .tables import HandleMotion
 

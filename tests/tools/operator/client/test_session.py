@@ -4,9 +4,9 @@ import socket
 
 import pytest
 import zenoh
+from telerobot.drivers.network.session import Session
 from telerobot.drivers.network.sessions import client_config, router_config
 from telerobot.protocols import topics as t
-from telerobot.tools.operator.client.session import Session
 
 TRIES = 100_000
 

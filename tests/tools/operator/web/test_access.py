@@ -15,8 +15,8 @@ from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.roles import Grant
 from telerobot.protocols.topics import Role
 from telerobot.tools.certify.authority import Authority
+from telerobot.tools.client.connection import OperatorError
 from telerobot.tools.host.address import moved
-from telerobot.tools.operator.client.connection import OperatorError
 from telerobot.tools.operator.web import cli
 from telerobot.tools.operator.web.access import (
     DEADLINE_S,

@@ -15,7 +15,7 @@ from .....protocols.codec import encode
 from .....protocols.messages import requests
 from .....protocols.messages.telemetry import Description, Event, State
 from .....protocols.topics import Role
-from ...client.connection import Connection, OperatorError
+from ....client.connection import Connection, OperatorError
 from ...words.events import event_words
 from ...words.limits import limit_words
 from ...words.why import is_cause, why

@@ -13,13 +13,13 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from .....drivers.network.session import NotCertified
 from .....protocols import topics as t
 from .....protocols.messages import requests
 from .....protocols.messages.telemetry import State
 from .....protocols.topics import Role
-from ...client.protocol_client import Ask, NoLease, ProtocolClient, Put
-from ...client.round_trip import RoundTrip
-from ...client.session import NotCertified
+from ....client.protocol_client import Ask, NoLease, ProtocolClient, Put
+from ....client.round_trip import RoundTrip
 from ...words.refusals import refusal_words
 from .neutral import STREAMS, neutral, stream_name
 

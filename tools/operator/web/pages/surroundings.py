@@ -12,7 +12,7 @@ from .....protocols.messages.perception.camera_picture import CameraPicture
 from .....protocols.messages.perception.contour import NOTHING, ContourNews, ScanPoints
 from .....protocols.messages.perception.obstacles import ObstacleNews
 from .....protocols.messages.rig import RigTruth
-from ...client.line import Buffer, MessageCarrier
+from ....client.line import Buffer, MessageCarrier
 from ...words.passage import passage_words
 
 TRUTH_S: Final = 1 / 20

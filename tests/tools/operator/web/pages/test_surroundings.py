@@ -8,13 +8,13 @@ import time
 
 import pytest
 import zenoh
+from telerobot.drivers.network.session import Session
 from telerobot.drivers.network.sessions import router_config
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.perception.camera_picture import CameraPicture
 from telerobot.protocols.messages.perception.contour import ContourNews, ScanPoints
 from telerobot.protocols.messages.perception.obstacles import ObstacleNews
-from telerobot.tools.operator.client.session import Session
 from telerobot.tools.operator.web.pages.surroundings import WorldNews
 
 PATIENCE_S = 20.0

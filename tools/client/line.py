@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
-from ....protocols import topics as t
+from ...protocols import topics as t
 
 
 class Buffer(Protocol):

@@ -7,12 +7,12 @@ from typing import Any
 
 import zenoh
 
-from ....drivers.network.identity import Identity
-from ....drivers.network.sessions import client_config
-from ....protocols import topics as t
-from ....protocols.codec import encode
-from ....protocols.messages import requests
-from ....protocols.roles import sender_name
+from ...protocols import topics as t
+from ...protocols.codec import encode
+from ...protocols.messages import requests
+from ...protocols.roles import sender_name
+from .identity import Identity
+from .sessions import client_config
 
 REPLY_TIMEOUT_S = 5.0
 """A request that is not answered by then will not be [s]."""

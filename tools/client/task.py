@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from ....protocols import topics as t
-from ....protocols.messages import requests
-from ....protocols.messages.messages import MechanismCommand, TaskCommand
-from ....protocols.messages.telemetry import State, TaskDescription, TaskState
+from ...protocols import topics as t
+from ...protocols.messages import requests
+from ...protocols.messages.messages import MechanismCommand, TaskCommand
+from ...protocols.messages.telemetry import State, TaskDescription, TaskState
 from .motions import Motions
 
 

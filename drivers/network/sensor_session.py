@@ -4,10 +4,10 @@ import sys
 import time
 from collections.abc import Callable
 
-from ....config.errors import printable
-from ....config.load import Cell
-from ....drivers.network.identity import Identity
-from ....protocols.codec import CodecError, MessageT, decode_as
+from ...config.errors import printable
+from ...config.load import Cell
+from ...protocols.codec import CodecError, MessageT, decode_as
+from .identity import Identity
 from .session import Session, TopicBuffer
 
 Over = Callable[[], bool]

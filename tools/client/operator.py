@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, Self
 
-from ....protocols import topics as t
-from ....protocols.messages import requests
-from ....protocols.messages.telemetry import State, TaskState
+from ...drivers.network.session import REPLY_TIMEOUT_S
+from ...protocols import topics as t
+from ...protocols.messages import requests
+from ...protocols.messages.telemetry import State, TaskState
 from .connection import Connection, OperatorError
 from .motions import Motions
 from .protocol_client import NoLease, OnReply
-from .session import REPLY_TIMEOUT_S
 from .task import TaskClient
 
 DESCRIBED_S = 2.0

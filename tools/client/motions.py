@@ -4,10 +4,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ....protocols import topics as t
-from ....protocols.messages import messages as m
-from ....protocols.messages import requests
-from ....protocols.messages.telemetry import State, TaskState
+from ...protocols import topics as t
+from ...protocols.messages import messages as m
+from ...protocols.messages import requests
+from ...protocols.messages.telemetry import State, TaskState
 
 
 class Motions(ABC):
