@@ -20,7 +20,7 @@ JOBS ?= 2
 QUICK := not slow and not hil and not browser
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help venv page demo test test-all durations vcan check bench bench-peers campaign docs format clean
+.PHONY: help venv page demo test test-all durations mutants vcan check bench bench-peers campaign docs format clean
 
 help: ## Show these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -74,6 +74,9 @@ test-all: venv ## All tests: in parallel, then those that start processes, then 
 
 durations: venv ## Measure what each test costs, and write down which are slow
 	@$(BIN)/pytest -q --measure -m "not hil and not browser" -n $(JOBS)
+
+mutants: venv ## Changes of the code that safety rests on: do its room's tests notice? ARGS="gate"
+	@$(BIN)/python tests/mutants/run.py --jobs $(JOBS) $(ARGS)
 
 vcan: venv ## Tests on a kernel's CAN bus, with an arm: here, or in user-mode Linux
 	@$(BIN)/python tests/vcan/run.py $(BIN)/python -m pytest -q -p no:cacheprovider \

@@ -42,20 +42,20 @@ class PendingAction(StrEnum):
 class ModeInputs:
     """Inputs of a mode change, at one tick."""
 
-    action: PendingAction = PendingAction.NONE
-    hold: bool = False
+    action: PendingAction
+    hold: bool
     """An operator asks for HOLD now."""
-    resume: bool = False
+    resume: bool
     """An operator asks to go on now."""
-    open: bool = True
+    open: bool
     """All devices are configured and heard."""
-    healthy: bool = True
+    healthy: bool
     """No cause for a quick stop is present."""
-    drives_enabled: bool = False
-    drives_off: bool = True
-    may_move: bool = False
+    drives_enabled: bool
+    drives_off: bool
+    may_move: bool
     """The lease is alive, no protective stop, essential sensors fresh, the loop in time."""
-    at_rest: bool = True
+    at_rest: bool
 
 
 def next_mode(mode: Mode, s: ModeInputs) -> Mode:

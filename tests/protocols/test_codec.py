@@ -9,10 +9,18 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from telerobot.protocols import topics
-from telerobot.protocols.codec import CodecError, Reason, decode, decode_as, encode
+from telerobot.protocols.codec import (
+    CodecError,
+    Reason,
+    decode,
+    decode_as,
+    encode,
+    message_of,
+    text_field,
+)
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
-from telerobot.protocols.messages.telemetry import Event
+from telerobot.protocols.messages.telemetry import Description, Event, TaskDescription
 from telerobot.protocols.topics import Topic
 
 ENVELOPE = {"v": 2, "seen_tick": 5}
@@ -180,6 +188,7 @@ GOOD = msgpack.packb(TWIST)
         b"\x81\xa1v" + b"\x91" * 200,
         b"\x81\xa1v\xd4\x05\x00",
         b"\x81\xa1v\xd6\xff\x00\x00\x00\x00",
+        b"\x81\xa1v\xc7\x00\x05",
         b"\x81\xa1v\xdb" + struct.pack(">I", 2**31),
         b"\x81\xa1v\xdd" + struct.pack(">I", 2**31),
         b"\x81\xa1v\xa1\xff",
@@ -190,8 +199,8 @@ GOOD = msgpack.packb(TWIST)
         b"\xde\x00\x19" + b"".join(b"\xa1" + bytes([c, 0]) for c in range(65, 90)),
     ],
     ids=["empty", "cut", "extra", "reserved", "twice", "deep", "extension", "timestamp",
-         "huge string", "huge array", "not utf-8", "array as key", "nested maps", "maps within",
-         "array beyond any field", "map beyond all fields"],
+         "empty extension", "huge string", "huge array", "not utf-8", "array as key", "nested maps",
+         "maps within", "array beyond any field", "map beyond all fields"],
 )  # fmt: skip
 def test_what_is_not_one_messagepack_map_is_refused(payload: bytes) -> None:
     with pytest.raises(CodecError) as refused:
@@ -240,3 +249,141 @@ def test_a_bias_that_no_sensor_has_is_refused(bias: tuple[float, ...]) -> None:
         decode(topics.PAYLOAD, sent)
     assert caught.value.reason is Reason.OUT_OF_RANGE
     assert caught.value.detail.startswith("bias[")
+
+
+def refused(topic: Topic, content: dict[str, Any]) -> CodecError:
+    with pytest.raises(CodecError) as caught:
+        decode_as(topic.message, msgpack.packb(content), 2**20)
+    assert str(caught.value) == f"{caught.value.reason}: {caught.value.detail}"
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("topic", "content", "detail"),
+    [
+        (topics.JOYSTICK, {**TWIST, "speed": 1}, "speed is not a field of this message"),
+        (topics.JOYSTICK, {**TWIST, "twist": [0] * 5}, "twist[5]: the array is too short"),
+        (topics.JOYSTICK, {**TWIST, "relative_to": "tool"},
+         f"relative_to: 'tool' is not one of {', '.join(m.Frame)}"),
+    ],
+    ids=["unknown field", "short array", "enum"],
+)  # fmt: skip
+def test_a_refusal_says_in_words_what_is_wrong(
+    topic: Topic, content: dict[str, Any], detail: str
+) -> None:
+    assert refused(topic, content).detail == detail
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(b"hold", "a bytes"), ([], "a tuple"), (None, "None"), (7, "7"), ("fly", "'fly'")],
+)
+def test_a_refused_value_is_shown_if_it_is_short_and_flat(value: Any, shown: str) -> None:
+    detail = refused(topics.MODE, {**ENVELOPE, "action": value}).detail
+    assert detail.endswith(f", not {shown}")
+
+
+def test_what_is_wrong_with_a_message_as_a_whole_names_no_field() -> None:
+    detail = refused(topics.POSTURE, ENVELOPE).detail
+    assert not detail.startswith(":")
+    assert "not {" not in detail
+    assert "a dict" not in detail
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("x" * 40, "x" * 40),
+        ("x" * 41, "x" * 40 + "…"),
+        ("x" * 100, "x" * 40 + "…"),
+        ("\n" * 20, "\\n" * 20),
+        ("\n" * 21, "\\n" * 20 + "…"),
+    ],
+)
+def test_foreign_text_is_shown_in_forty_characters_that_can_be_printed(
+    name: str, shown: str
+) -> None:
+    detail = refused(topics.JOYSTICK, {**TWIST, name: 1}).detail
+    assert detail == f"{shown} is not a field of this message"
+
+
+EVENT = {"v": 2, "id": 1, "tick": 1, "time_s": 0.0, "name": "n", "severity": "info"}
+
+
+def test_of_all_complaints_about_a_value_that_is_not_finite_says_most() -> None:
+    """A value may be a number, a text or a flag: none of these is why it is refused."""
+    error = refused(topics.EVENT, {**EVENT, "values": {"force": math.nan}})
+    assert error.reason is Reason.NON_FINITE
+    assert error.detail.startswith("values.force")
+
+
+@pytest.mark.parametrize(
+    ("make", "most"),
+    [
+        (lambda n: {**EVENT, "name": "x" * n}, 4096),
+        (lambda n: {**EVENT, "name": b"x" * n}, 64),
+        (lambda n: {**EVENT, "name": [0] * n}, 1024),
+        (lambda n: {**EVENT, "name": {str(i): 0 for i in range(n)}}, 256),
+    ],
+    ids=["text", "bytes", "array", "map"],
+)
+def test_where_a_cells_own_names_are_in_a_message_its_parts_have_room_and_no_more(
+    make: Any, most: int
+) -> None:
+    assert refused(topics.EVENT, make(most)).reason is not Reason.NOT_MESSAGEPACK
+    assert refused(topics.EVENT, make(most + 1)).reason is Reason.NOT_MESSAGEPACK
+
+
+@pytest.mark.parametrize(
+    ("make", "most"),
+    [
+        (lambda n: {**TWIST, "task": "x" * n}, 2 * 128 + 8),
+        (lambda n: {**TWIST, "task": b"x" * n}, 8),
+        (lambda n: {**TWIST, "twist": [0] * n}, 2 * 6 + 8),
+        (lambda n: {str(i): 0 for i in range(n)}, 2 * 7 + 8),
+    ],
+    ids=["text", "bytes", "array", "map"],
+)
+def test_what_is_twice_as_large_as_any_field_is_refused_unread(make: Any, most: int) -> None:
+    assert refused(topics.JOYSTICK, make(most)).reason is not Reason.NOT_MESSAGEPACK
+    assert refused(topics.JOYSTICK, make(most + 1)).reason is Reason.NOT_MESSAGEPACK
+
+
+def test_a_reply_has_four_kilobytes_and_no_more() -> None:
+    for length, reason in ((4096, Reason.NOT_MESSAGEPACK), (4097, Reason.TOO_LARGE)):
+        with pytest.raises(CodecError) as caught:
+            decode_as(requests.Reply, b"\xc1" * length)
+        assert caught.value.reason is reason
+
+
+def test_a_message_within_a_message_travels_as_a_map() -> None:
+    task = {"task": "a", "mechanism": "b"}
+    inner = TaskDescription.model_construct(**task)
+    sent = encode(Description.model_construct(cell="c", tasks=(inner,)))
+    (read,) = msgpack.unpackb(sent)["tasks"]
+    assert {key: read[key] for key in task} == task
+    assert "v" not in read
+
+
+def test_a_value_that_messagepack_has_no_type_for_is_an_error() -> None:
+    with pytest.raises(TypeError, match="can not serialize 'object' object"):
+        encode(Event.model_construct(id=1, values={"a": object()}))
+
+
+def test_a_text_can_be_read_out_of_what_is_no_message() -> None:
+    for name, text in (("task", "left"), ("v", ""), ("twist", ""), ("there is none", "")):
+        assert (
+            text_field(topics.JOYSTICK, msgpack.packb({"task": "left", **ENVELOPE}), name) == text
+        )
+    assert text_field(topics.JOYSTICK, b"\xc1", "task") == ""
+
+
+def test_plain_fields_make_the_message_that_its_bytes_make() -> None:
+    fields = {"seen_tick": 5, "twist": [0.1, 0, 0, 0, 0, -0.5]}
+    assert message_of(topics.JOYSTICK, fields) == decode(topics.JOYSTICK, GOOD)
+    for wrong, reason in (({"seen_tick": object()}, Reason.WRONG_TYPE),
+                          ({"seen_tick": 2**64}, Reason.WRONG_TYPE),
+                          ({"seen_tick": -1}, Reason.OUT_OF_RANGE)):  # fmt: skip
+        with pytest.raises(CodecError) as caught:
+            message_of(topics.JOYSTICK, {**fields, **wrong})
+        assert caught.value.reason is reason

@@ -4,7 +4,10 @@ from itertools import product
 import pytest
 from telerobot.server.mode import Mode, ModeInputs, PendingAction, next_mode
 
-CALM = ModeInputs()
+CALM = ModeInputs(
+    action=PendingAction.NONE, hold=False, resume=False, open=True, healthy=True,
+    drives_enabled=False, drives_off=True, may_move=False, at_rest=True,
+)  # fmt: skip
 """Nobody asks for anything, all is well, and nobody may move."""
 DRIVEN = replace(CALM, drives_enabled=True, drives_off=False, may_move=True, at_rest=False)
 """An operator drives."""

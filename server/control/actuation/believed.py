@@ -17,8 +17,6 @@ import numpy as np
 from ..compiled import NUMBER, VECTOR, compiled
 from ..spatial import GRAVITY, Array
 
-STANDS = 1e-3
-"""Joints that move at most so fast are held by their brakes [rad/s]."""
 FORCE, MOMENT, ANGLE = 5.0, 0.5, math.radians(6.0)
 """A sensor may be off by so much, and its mounting [N, N·m, rad]."""
 LEVER, NEAREST = 0.5, 0.01

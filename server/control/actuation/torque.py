@@ -29,7 +29,6 @@ from ..spatial import Array, Pose, pose_error
 from ..stop.motion import Motion
 from .believed import (
     NOTHING_LEFT_OUT,
-    STANDS,
     Believed,
     believed,
     may_be_weight,
@@ -40,6 +39,9 @@ from .load_doubt import LASTS_HZ, held_back, share_at_once
 from .momentum import MomentumState, begin, foreseen
 
 _NONE = np.zeros(6)
+
+STANDS = 1e-3
+"""Joints that move at most so fast are held by their brakes [rad/s]."""
 
 
 class TorqueState(NamedTuple):

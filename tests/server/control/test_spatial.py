@@ -1,11 +1,13 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from telerobot.server.control import spatial
 from telerobot.server.control.rigid_body import rotate_twist, skew, twist_at, wrench_to
 from telerobot.server.control.spatial import (
     Pose,
     cross,
     from_target,
+    moved,
     moved_near,
     pose_error,
     right_jacobian,
@@ -51,6 +53,26 @@ def test_logarithm_of_a_half_turn_is_the_axis_either_way(rng):
 def test_right_jacobian_agrees_with_pinocchio(angle, rng):
     for r in vectors(rng, angle):
         np.testing.assert_allclose(right_jacobian(r), pin.Jexp3(r), atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [1e-5, 9e-5, 1.1e-4])
+def test_small_vectors_have_a_right_jacobian_to_its_second_order(angle, rng):
+    """Jr = 1 − r̂/2 + r̂²/6 − …: what is left out is of third order."""
+    for r in vectors(rng, angle):
+        hat = skew(r)
+        np.testing.assert_allclose(
+            right_jacobian(r), np.eye(3) - hat / 2 + hat @ hat / 6, atol=0.05 * angle**3 + 2e-12
+        )
+
+
+@pytest.mark.parametrize("angle", [1e-3, 9.9e-3, 1.1e-2])
+def test_the_rates_of_small_vectors_are_right_to_the_fourth_order(angle, rng):
+    """Jr⁻¹ = 1 + r̂/2 + r̂²/12 − r̂⁴/720 + …, by Bernoulli's numbers."""
+    for r in vectors(rng, angle):
+        hat = skew(r)
+        square = hat @ hat
+        series = np.eye(3) + hat / 2 + square / 12 - square @ square / 720
+        np.testing.assert_allclose(vector_rate(r, np.ones(3)), series @ np.ones(3), atol=2e-12)
 
 
 def test_right_jacobian_turns_rates_of_the_vector_into_body_rates(rng):
@@ -99,6 +121,40 @@ def test_a_pose_survives_gimbal_lock(pitch, rng):
         T = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (roll, pitch, yaw))
         back = Pose.from_xyz_rpy(T.p, T.to_xyz_rpy()[3:])
         np.testing.assert_allclose(back.R, T.R, atol=1e-7)
+
+
+def half_way_up(sign, angle):
+    """An attitude whose pitch is a right angle, without a rounding: what remains is one angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[0.0, -s, sign * c], [0.0, c, sign * s], [-sign, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("angle", [-2.5, -0.4, 0.0, 1.0, 3.0])
+def test_where_roll_and_yaw_are_one_angle_it_is_the_yaw(sign, angle):
+    R = half_way_up(sign, angle)
+    numbers = Pose(R, np.zeros(3)).to_xyz_rpy()
+    assert numbers[3:] == pytest.approx((0.0, sign * np.pi / 2, angle))
+    np.testing.assert_allclose(Pose.from_xyz_rpy(numbers[:3], numbers[3:]).R, R, atol=1e-15)
+
+
+def test_a_frame_in_itself_changes_no_pose(random_pose):
+    T = random_pose()
+    for same in (Pose.identity() @ T, T @ Pose.identity()):
+        np.testing.assert_array_equal(same.R, T.R)
+        np.testing.assert_array_equal(same.p, T.p)
+
+
+def test_gravity_is_that_of_pinocchios_world():
+    np.testing.assert_array_equal(spatial.GRAVITY, pin.Model().gravity.linear)
+
+
+def test_a_step_moves_a_pose_in_the_axes_of_the_world(random_pose, rng):
+    for _ in range(20):
+        T, step = random_pose(), rng.normal(size=6)
+        found = moved(T, step)
+        np.testing.assert_allclose(found.R, pin.exp3(step[3:]) @ T.R, atol=1e-14)
+        np.testing.assert_allclose(found.p, T.p + step[:3], atol=1e-15)
 
 
 def test_poses_compose_and_invert_as_pinocchios_do(random_pose):

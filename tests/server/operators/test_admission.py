@@ -1,9 +1,11 @@
 import pytest
 from telerobot.protocols import topics as t
+from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import messages as m
-from telerobot.protocols.proof import prove
-from telerobot.server.operators.admission import Admission, Instant
+from telerobot.protocols.messages import requests
+from telerobot.protocols.proof import Proof, prove
+from telerobot.server.operators.admission import Admission, Grants, Instant
 from telerobot.server.refusals import Refused, Why
 
 ANNS, BOBS = b"a" * 32, b"b" * 32
@@ -151,10 +153,82 @@ def test_no_forged_number_locks_the_holder_out_nor_one_of_its_own(admission):
 
 
 def test_a_lease_may_begin_with_any_number_but_an_absurd_one(admission):
-    assert refusal(admission, command(seq=2**63 - 1)) == Why.OUT_OF_ORDER
+    for absurd in (2**63 - 1, 2**48 + 1):
+        assert refusal(admission, command(seq=absurd)) == Why.OUT_OF_ORDER
     admit(admission, command(seq=2**48))
     # keys have an order of their own, but one measure of a leap
     admit(admission, command(t.KEEPALIVE, seq=2**48 + 1), topic=t.KEEPALIVE)
+
+
+def test_a_lease_that_begins_with_zero_leaps_as_far_as_any_other(admission):
+    admit(admission, command(seq=0))
+    assert refusal(admission, command(seq=1 + 2**20)) == Why.OUT_OF_ORDER
+    admit(admission, command(seq=2**20))
+
+
+def test_where_commands_are_to_be_newer_than_a_period_one_period_is_allowed():
+    admission = Admission("cell", 0.01, 0.001, 0.5)
+    admission.grant("ann", ANNS, NOW)
+    admit(admission, command(seq=0, seen_tick=999))
+    assert refusal(admission, command(seq=1, seen_tick=998)) == Why.OLD_PICTURE
+
+
+def test_while_nobody_holds_the_lease_nothing_is_proven():
+    """Not even by who knows that nobody's secret is empty."""
+    admission = Admission("cell", 0.01, 0.5, 0.5)
+    payload, proof = command(secret=b"", epoch=0)
+    with pytest.raises(Refused) as caught:
+        admission.prove(t.JOYSTICK, payload, proof, NOW)
+    assert caught.value.reason == Why.NO_LEASE
+    admission.grant("ann", ANNS, NOW)
+    payload, proof = command()
+    with pytest.raises(Refused) as caught:
+        admission.prove(t.JOYSTICK, payload, proof, Instant(100.5, 1050, 900))
+    assert caught.value.reason == Why.NO_LEASE
+
+
+def test_what_was_proven_before_the_lease_changed_hands_within_the_tick_is_of_no_use(admission):
+    payload, attached = command(t.KEEPALIVE)
+    proof = admission.prove(t.KEEPALIVE, payload, attached, NOW)
+    assert admission.holds(proof, NOW)
+    admission.end()
+    assert not admission.holds(proof, NOW)
+    with pytest.raises(Refused) as caught:
+        admission.admit(t.KEEPALIVE, payload, proof, NOW)
+    assert caught.value.reason == Why.NO_LEASE
+    admission.grant("bob", BOBS, NOW)
+    assert not admission.holds(proof, NOW)
+    with pytest.raises(Refused) as caught:
+        admission.admit(t.KEEPALIVE, payload, proof, NOW)
+    assert caught.value.reason == Why.OLD_EPOCH
+
+
+def test_only_a_proof_of_a_lease_that_is_alive_is_the_holders(admission):
+    proof = Proof(1, 5, bytes(16))
+    assert admission.holds(proof, NOW)
+    assert not admission.holds(None, NOW)
+    assert not admission.holds(Proof(2, 5, bytes(16)), NOW)
+    assert not admission.holds(proof, Instant(100.5, 1050, 900))
+
+
+@pytest.mark.parametrize("proof", [None, Proof(1, 5, bytes(16))])
+def test_what_is_no_command_is_read_with_or_without_a_proof_and_renews_nothing(admission, proof):
+    payload = encode(requests.LeaseRequest(operator="bob", key=KeyPair(BOBS).public))
+    late = Instant(100.4, 1040, 900)
+    message = admission.admit(t.LEASE, payload, proof, late)
+    assert isinstance(message, requests.LeaseRequest)
+    assert admission.lease.expires_s == pytest.approx(100.5)
+    assert admission.last_seq == {}
+    assert admission.age_ticks is None
+
+
+def test_with_its_lease_the_order_of_what_somebody_sent_is_forgotten(admission):
+    admit(admission, command(seq=70))
+    admission.end()
+    assert admission.last_seq == {}
+    admission.grant("ann", ANNS, NOW)
+    assert admission.age_ticks is None
+    admit(admission, command(seq=3, epoch=2))
 
 
 @pytest.mark.parametrize("topic", [t.KEEPALIVE, t.JOYSTICK, t.SPEED], ids=lambda x: x.key)
@@ -176,7 +250,7 @@ def test_while_a_lease_lives_nobody_else_gets_one(admission):
     with pytest.raises(Refused) as caught:
         admission.grant("bob", BOBS, NOW)
     assert caught.value.reason == Why.LEASE_TAKEN
-    assert "ann" in caught.value.detail
+    assert caught.value.detail == "ann holds the lease for 0.50 s more"
     admission.renew(Instant(100.4, 1040, 900))
     with pytest.raises(Refused):
         admission.grant("bob", BOBS, Instant(100.8, 1080, 900))
@@ -193,3 +267,42 @@ def test_after_it_ran_out_or_was_given_back_the_next_one_gets_a_new_epoch(admiss
     admit(admission, command(seq=0, seen_tick=1049, epoch=2, secret=BOBS), late)
     admission.end()
     assert admission.grant("ann", ANNS, late).epoch == 3
+
+
+# --- the secret that is agreed --------------------------------------------------------------------
+
+ANNS_PAIR, DAEMONS = KeyPair(b"k" * 32), b"d" * 32
+
+
+@pytest.fixture
+def free():
+    """A desk whose lease was held once."""
+    admission = Admission("cell", 0.01, 0.5, 0.5)
+    admission.grant("bob", BOBS, NOW)
+    admission.end()
+    return admission
+
+
+def test_who_asks_for_the_lease_can_prove_it_by_what_the_reply_says(free):
+    grants = Grants("cell", free, lambda: DAEMONS)
+    assert free.require_free(NOW) == 2
+    reply = grants.grant(requests.LeaseRequest(operator="ann", key=ANNS_PAIR.public), NOW)
+    assert (reply.ok, reply.tick, reply.epoch) == (True, NOW.tick, 2)
+    assert reply.key == KeyPair(DAEMONS).public
+    assert (free.lease.holder, free.lease.epoch) == ("ann", 2)
+    secret = ANNS_PAIR.agree_with_daemon(reply.key, t.LEASE.full_key("cell"), reply.epoch)
+    assert secret.hex() not in repr(reply)
+    admit(free, command(secret=secret, epoch=reply.epoch))
+
+
+def test_an_unusable_key_gets_no_lease_and_a_lease_that_lives_no_second_one(free):
+    grants = Grants("cell", free, lambda: DAEMONS)
+    with pytest.raises(Refused) as caught:
+        grants.grant(requests.LeaseRequest(operator="ann", key=bytes(32)), NOW)
+    assert caught.value.reason == Why.WRONG_KEY
+    assert not free.lease.alive(NOW.time_s)
+    asked = requests.LeaseRequest(operator="ann", key=ANNS_PAIR.public)
+    grants.grant(asked, NOW)
+    with pytest.raises(Refused) as caught:
+        grants.grant(asked, NOW)
+    assert caught.value.reason == Why.LEASE_TAKEN

@@ -11,6 +11,7 @@ def proven(lease, secret, epoch=1, seq=1, payload=b"x", key=KEY):
 
 def test_nobody_holds_the_first_lease():
     assert not Lease().alive(0.0)
+    assert Lease().expires_s == 0.0
     assert not proven(Lease(), b"", epoch=0)
 
 

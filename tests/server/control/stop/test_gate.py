@@ -33,12 +33,43 @@ def motion(name, value):
 def test_a_step_just_beyond_a_bound_is_refused_by_name_and_one_just_inside_is_not(
     name, bound, sign
 ):
-    newest, *sent = motion(name, 0.999 * sign * bound)
+    newest, *sent = motion(name, 1.0009 * sign * bound)
     assert gate(**{name: bound}).refusal(newest, tuple(sent)) is None
-    newest, *sent = motion(name, 1.002 * sign * bound)
+    newest, *sent = motion(name, 1.0011 * sign * bound)
     refusal = gate(**{name: bound}).refusal(newest, tuple(sent))
     assert refusal is not None
     assert refusal.startswith(f"wrist: {name}")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("speed", "speed -2 beyond 1.001 rad/s"),
+        ("acceleration", "acceleration -100 beyond 50.05 rad/s²"),
+        ("jerk", "jerk -4e+04 beyond 2.002e+04 rad/s³"),
+    ],
+)
+def test_a_refusal_tells_value_and_bound_in_units_of_the_bound(name, words):
+    newest, *sent = motion(name, -2.0 * BOUNDS[name])
+    assert gate(**{name: BOUNDS[name]}).refusal(newest, tuple(sent)) == f"wrist: {words}"
+
+
+@pytest.mark.parametrize(("name", "roundings"), [("speed", 2), ("acceleration", 4), ("jerk", 8)])
+def test_rounding_of_the_postures_is_allowed_for_and_no_more(name, roundings):
+    """Each posture may be off by 1e-11: a difference of order k by 2^k times that."""
+    rest = posture(0.0)
+    still = gate(**{name: 0.0})
+    assert still.refusal(posture(0.99e-11 * roundings), (rest, rest, rest)) is None
+    refusal = still.refusal(posture(1.01e-11 * roundings), (rest, rest, rest))
+    assert refusal is not None
+    assert refusal.startswith(f"wrist: {name}")
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_bound_may_be_passed_by_rounding_and_no_more(side):
+    at = posture(2.0 * side)
+    assert gate().refusal(posture(side * (2.0 + 0.99e-11)), (at, at, at)) is None
+    assert gate().refusal(posture(side * (2.0 + 1.01e-11)), (at, at, at)) is not None
 
 
 def test_what_one_bound_refuses_the_others_do_not_mind():
@@ -75,6 +106,8 @@ def test_the_joint_that_is_furthest_out_is_the_one_named():
     rest = posture(0.0)
     both = Gate(("a", "b"), -rest - 2, rest + 2, *([np.array([1.0, 1.0])] * 3), T)
     assert both.refusal(posture(0.02, -0.03), (rest, rest, rest)).startswith("b: speed -3 ")
+    assert both.refusal(posture(0.03, -0.03), (rest, rest, rest)).startswith("a: speed 3 ")
+    assert both.refusal(posture(2.5, -2.5), (rest, rest, rest)).startswith("a: position 2.5")
 
 
 def test_from_below_a_bound_the_way_back_is_open_and_the_way_out_is_not():
