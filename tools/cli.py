@@ -38,7 +38,7 @@ COMMANDS: Final = (
             ("telerobot rig pa10",)),
     HelpRow("vision", "commands.vision", "looks through the cell's cameras, and tells the daemon",
             ("telerobot vision pa10_vision", "telerobot vision pa10_vision --pictures=out")),
-    HelpRow("scan", "scanning.cli", "looks through the laser scanner, and tells of obstacles",
+    HelpRow("scan", "commands.scan", "looks through the laser scanner, and tells of obstacles",
             ("telerobot scan rover", "telerobot scan rover --seconds=60")),
     HelpRow("simulate", "commands.simulate", "daemon and rig in one process, in virtual time",
             ("telerobot simulate pa10", "telerobot simulate pa10 wall_push --json")),

@@ -22,12 +22,12 @@ from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.telemetry import State
 from telerobot.protocols.sick.cola import TelegramCutter, TelegramError
 from telerobot.protocols.sick.scan_data import decode_scan, is_scan
+from telerobot.server.perception.scanning.geometry import instant_of
+from telerobot.server.perception.scanning.scanning import Scanning
 from telerobot.tools.bench import latency, sync
 from telerobot.tools.bench.figures import Figures, percentiles
 from telerobot.tools.bench.plant import EnabledPlant, driven, with_own_scanner
 from telerobot.tools.host.machine import realtime
-from telerobot.tools.scanning.geometry import instant_of
-from telerobot.tools.scanning.scanning import Scanning
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -17,9 +17,9 @@ from ...protocols.messages.telemetry import State
 from ...protocols.sick.cola import TelegramCutter, TelegramError
 from ...protocols.sick.scan_data import decode_scan, is_scan
 from ...protocols.topics import CONTOUR, OBSTACLE, Topic
+from ...server.perception.scanning.geometry import instant_of
+from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..recording.recorder import Recorder
-from ..scanning.geometry import instant_of
-from ..scanning.scanning import SCAN, Looked, Scanning
 
 Put = Callable[[Topic, bytes], None]
 

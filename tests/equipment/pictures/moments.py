@@ -10,6 +10,7 @@ from telerobot.drivers.device import DeviceError
 from telerobot.protocols.messages.perception.camera_picture import CameraPicture
 from telerobot.protocols.messages.perception.contour import ContourNews, ScanPoints
 from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.server.perception.scanning.scanning import Looked
 from telerobot.tools.operator.web.pages.surroundings import (
     told_contour,
     told_obstacle,
@@ -17,7 +18,6 @@ from telerobot.tools.operator.web.pages.surroundings import (
     told_scan,
     told_truth,
 )
-from telerobot.tools.scanning.scanning import Looked
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import Simulation
 

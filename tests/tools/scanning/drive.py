@@ -13,8 +13,8 @@ from telerobot.config.schema.rig.bridge import RigBridgeSection
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.drivers.rig.physics.sensors.rangefinder import Rangefinder
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.scanning.geometry import MeasuredInstant
-from telerobot.tools.scanning.scanning import Looked, Scanning
+from telerobot.server.perception.scanning.geometry import MeasuredInstant
+from telerobot.server.perception.scanning.scanning import Looked, Scanning
 
 Array = NDArray[np.float64]
 PERIOD_S = 0.01

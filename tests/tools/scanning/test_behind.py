@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.scanning.behind import BANDS, CELL, LOOKS_BACK, LOWEST, SEEN_S, GroundBehind
+from telerobot.server.perception.scanning.behind import (
+    BANDS,
+    CELL,
+    LOOKS_BACK,
+    LOWEST,
+    SEEN_S,
+    GroundBehind,
+)
 
 REAR = 0.35
 STANDS_OFF = 0.15

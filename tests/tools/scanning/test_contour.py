@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from telerobot.tools.scanning.boxes import boxes_of
-from telerobot.tools.scanning.contour import Contour, contour_of
-from telerobot.tools.scanning.interference import (
+from telerobot.server.perception.scanning.boxes import boxes_of
+from telerobot.server.perception.scanning.contour import Contour, contour_of
+from telerobot.server.perception.scanning.interference import (
     Obstacles,
     clearance,
     crossed,
     forbidden,
     interference,
 )
-from telerobot.tools.scanning.memory import PointMemory
+from telerobot.server.perception.scanning.memory import PointMemory
 
 from .lwa3 import PLANE, START, search
 

@@ -8,9 +8,9 @@ from ....config.load import Cell
 from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
 from ....server.control.proximity.capsules import Capsules
 from ....server.control.spatial import Array
-from ...scanning.contour import INSIDE
-from ...scanning.postures import CriticalPoints, arm_joints
-from ...scanning.scanning import reach_of
+from ....server.perception.scanning.contour import INSIDE
+from ....server.perception.scanning.postures import CriticalPoints, arm_joints
+from ....server.perception.scanning.scanning import reach_of
 from ..findings import Finding, Severity
 
 LEAST, WISHED = 2.0, 3.0

@@ -9,10 +9,10 @@ from ....config.load import Cell
 from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
 from ....server.control.scene import Flags
 from ....server.control.spatial import Array, Pose
-from ...scanning.contour import INSIDE, LEAST_HITS
-from ...scanning.geometry import MeasuredInstant, ScannerGeometry
-from ...scanning.placing import Knots
-from ...scanning.reflex import STAND_OFF, UNDECIDED_FRONT
+from ....server.perception.scanning.contour import INSIDE, LEAST_HITS
+from ....server.perception.scanning.geometry import MeasuredInstant, ScannerGeometry
+from ....server.perception.scanning.placing import Knots
+from ....server.perception.scanning.reflex import STAND_OFF, UNDECIDED_FRONT
 from ..findings import Finding, Severity, graded
 
 DEPTH: Final = 0.05

@@ -7,8 +7,8 @@ from ....config.load import Cell
 from ....config.schema.mechanism.sweep import SweepSection
 from ....config.schema.sensors.scanner import ScannerSection
 from ....server.control.proximity.forest import Forest
+from ....server.perception.scanning.scanning import CONTOUR_EVERY
 from ....server.units.sweep import MOST
-from ...scanning.scanning import CONTOUR_EVERY
 from ..findings import Finding, Severity, graded
 
 

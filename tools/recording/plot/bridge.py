@@ -17,9 +17,9 @@ from ....config.errors import ConfigError
 from ....config.schema.sensors.scanner import ContourReflexSection
 from ....protocols.messages.perception.contour import NOTHING
 from ....server.control.spatial import Pose
-from ...scanning.contour import CellPlane
-from ...scanning.interference import crossed
-from ...scanning.postures import CriticalPoints
+from ....server.perception.scanning.contour import CellPlane
+from ....server.perception.scanning.interference import crossed
+from ....server.perception.scanning.postures import CriticalPoints
 from .reader import Array, RecordedRun
 
 SIZE_IN: Final = (11.0, 7.4)

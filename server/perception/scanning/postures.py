@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...config.load import Cell, ConfigError
-from ...config.schema.section import Vector3
-from ...server.control.proximity.forest import Forest
-from ...server.control.spatial import Array, Pose
+from ....config.load import Cell, ConfigError
+from ....config.schema.section import Vector3
+from ...control.proximity.forest import Forest
+from ...control.spatial import Array, Pose
 
 STEPS: Final = np.radians([20.0, 10.0, 20.0, 12.0])
 """The grid of postures: steps of the joints up to the elbow's [rad]."""

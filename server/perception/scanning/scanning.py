@@ -11,14 +11,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...config.load import Cell, ConfigError
-from ...config.schema.sensors.scanner import ContourReflexSection, ScannerSection
-from ...protocols.messages.perception.contour import NOTHING, ContourNews
-from ...protocols.messages.perception.obstacles import ObstacleNews
-from ...protocols.sick.cola import TelegramError
-from ...protocols.sick.scan_data import Scan
-from ...server.control.scene import Flags
-from ...server.control.spatial import Array, Pose
+from ....config.load import Cell, ConfigError
+from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
+from ....protocols.messages.perception.contour import NOTHING, ContourNews
+from ....protocols.messages.perception.obstacles import ObstacleNews
+from ....protocols.sick.cola import TelegramError
+from ....protocols.sick.scan_data import Scan
+from ...control.scene import Flags
+from ...control.spatial import Array, Pose
 from .behind import FARTHEST, GroundBehind
 from .boxes import MOST, CellBox, boxes_of
 from .contour import CellPlane, Contour, contour_of

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...server.control.compiled import (
+from ...control.compiled import (
     ARRAY3,
     COUNT,
     FLAGS,
@@ -22,8 +22,8 @@ from ...server.control.compiled import (
     VECTOR,
     compiled,
 )
-from ...server.control.scene import Flags
-from ...server.control.spatial import Array
+from ...control.scene import Flags
+from ...control.spatial import Array
 
 
 class Knots(NamedTuple):

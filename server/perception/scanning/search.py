@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...server.control.scene import Flags
-from ...server.control.spatial import Array
+from ...control.scene import Flags
+from ...control.spatial import Array
 from .contour import CellPlane
 from .interference import NODES_PER_CELL, Obstacles, clearances, distance_field, free_links
 from .postures import FROM_COLUMN, LOWEST, CriticalPoints

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...server.control.spatial import Array
+from ...control.spatial import Array
 from .interference import NOTHING, Obstacles, clearance, clearances
 from .search import FoldingPosture, Search
 

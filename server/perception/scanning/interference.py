@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...server.control.compiled import COUNT, MATRIX, NUMBER, TABLE, VECTOR, compiled
-from ...server.control.scene import Flags
-from ...server.control.spatial import Array
+from ...control.compiled import COUNT, MATRIX, NUMBER, TABLE, VECTOR, compiled
+from ...control.scene import Flags
+from ...control.spatial import Array
 from .contour import CellPlane, Contour
 
 

@@ -4,8 +4,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...server.control.scene import Flags
-from ...server.control.spatial import Array
+from ...control.scene import Flags
+from ...control.spatial import Array
 from .contour import CellPlane, Contour
 
 MOST: Final = 16

@@ -5,10 +5,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...config.load import Cell, ConfigError
-from ...protocols.messages.telemetry import State
-from ...server.control.proximity.capsules import Capsules
-from ...server.control.spatial import Array, Pose
+from ....config.load import Cell, ConfigError
+from ....protocols.messages.telemetry import State
+from ...control.proximity.capsules import Capsules
+from ...control.spatial import Array, Pose
 from .placing import Knots
 
 KEPT: Final = 200

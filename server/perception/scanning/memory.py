@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from ...server.control.compiled import COUNT, MATRIX, NUMBER, ROW, VECTOR, compiled
-from ...server.control.scene import Flags
-from ...server.control.spatial import Array
+from ...control.compiled import COUNT, MATRIX, NUMBER, ROW, VECTOR, compiled
+from ...control.scene import Flags
+from ...control.spatial import Array
 
 VOXEL: Final = 0.0125
 """Side of a voxel [m]: a quarter of a cell."""

@@ -23,10 +23,10 @@ from ...protocols.messages.telemetry import State
 from ...protocols.sick.cola import TelegramError
 from ...protocols.sick.scan_data import Scan
 from ...protocols.topics import Role
+from ...server.perception.scanning.geometry import instant_of
+from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..host.address import add_cell_arguments, cell_from, duration
 from ..host.ending import until_told
-from .geometry import instant_of
-from .scanning import SCAN, Looked, Scanning
 
 STATES = 64
 """Unread telemetry that is kept [1]: a search takes some tenths of a second."""

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ...server.control.compiled import (
+from ...control.compiled import (
     FLAGS,
     MATRIX,
     NUMBER,
@@ -18,8 +18,8 @@ from ...server.control.compiled import (
     VECTOR,
     compiled,
 )
-from ...server.control.scene import Flags
-from ...server.control.spatial import Array, Pose
+from ...control.scene import Flags
+from ...control.spatial import Array, Pose
 
 CELL: Final = 0.1
 """Side of a column, and height of one of its bands [m]."""

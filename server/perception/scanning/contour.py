@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...server.control.compiled import MATRIX, NUMBER, TABLE, VECTOR, compiled
-from ...server.control.spatial import Array
+from ...control.compiled import MATRIX, NUMBER, TABLE, VECTOR, compiled
+from ...control.spatial import Array
 
 INSIDE: Final = 0.012
 """A hit so far inside of its cell is an inner one [m]: the scanner's noise."""
