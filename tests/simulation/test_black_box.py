@@ -4,8 +4,8 @@ import pytest
 from telerobot.config.bundle import to_text
 from telerobot.server.control.tick import Control
 from telerobot.server.flight.black_box import MOST, BlackBox
+from telerobot.tools.recording.replay.replay import Replay
 from telerobot.tools.recording.run_file import read_about, read_cell
-from telerobot.tools.replay.replay import Replay
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

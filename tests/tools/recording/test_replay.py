@@ -12,8 +12,8 @@ from telerobot.config.load import load_cell
 from telerobot.server.flight.container import MEMORY, TICK, Stamped, joined
 from telerobot.server.flight.values import pack, unpack
 from telerobot.tools.cli import main
+from telerobot.tools.recording.replay.replay import Replay
 from telerobot.tools.recording.run_file import read_about, read_cell, read_run
-from telerobot.tools.replay.replay import Replay
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

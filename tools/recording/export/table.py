@@ -12,12 +12,12 @@ from typing import Final
 
 import numpy as np
 
-from ...config.load import Cell
-from ...server.control.spatial import Array
-from ..host.progress import counted
-from ..recording.live.viewer import picture_in
-from ..recording.run_file import RecordError, read_run
+from ....config.load import Cell
+from ....server.control.spatial import Array
+from ...host.progress import counted
+from ..live.viewer import picture_in
 from ..replay.replay import Replay, Replayed
+from ..run_file import RecordError, read_run
 
 PICTURES: Final = "pictures/"
 

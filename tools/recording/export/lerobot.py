@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from ...config.load import ConfigError
-from ...server.control.spatial import Array
+from ....config.load import ConfigError
+from ....server.control.spatial import Array
 from .parquet import arrow, column
 from .table import TickTable
 

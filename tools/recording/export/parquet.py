@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...config.load import ConfigError
+from ....config.load import ConfigError
 from .table import TickTable
 
 

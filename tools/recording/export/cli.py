@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from ..recording.run_file import read_cell
+from ..run_file import read_cell
 from .lerobot import write_lerobot
 from .numpy_file import write_numpy
 from .parquet import write_parquet
