@@ -1,1 +1,1 @@
-"""Recorded runs, and pictures of them."""
+"""Recorded runs: recording, replay, export, playback, and pictures of them."""

@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterator
 import can
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.drivers.canopen.profile.rule import Rule, RuleOutcome
-from telerobot.drivers.canopen.profile.trial import rules, try_drive
-from telerobot.drivers.canopen.profile.tried_drive import TriedDrive
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.rig.nodes.canopen.can_node import CanNode
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object
+from telerobot.tools.checks.hardware.rule import Rule, RuleOutcome
+from telerobot.tools.checks.hardware.trial import rules, try_drive
+from telerobot.tools.checks.hardware.tried_drive import TriedDrive
 
 from ..rig.on_a_bus import OnABus
 

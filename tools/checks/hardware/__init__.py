@@ -1,1 +1,1 @@
-"""Checks of what is on the buses: read over SDO, compared with the cell, nothing moved."""
+"""Checks of the buses over SDO: what is there, and whether it keeps CiA 301 and 402-2."""

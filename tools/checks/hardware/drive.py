@@ -5,13 +5,13 @@ from typing import Final
 
 from ....config.load import Cell
 from ....config.schema.mechanism.mechanism import DriveSection
-from ....drivers.canopen.scan import FoundNode
 from ....protocols.canopen import cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import FrameError, emcy_name
 from ....protocols.canopen.cia402 import DriveState, Object, OperationMode
 from ....protocols.canopen.counter import SPAN
 from ..findings import Finding, Severity
+from .scan import FoundNode
 
 LIMIT: Final = 1e-3
 """607Dh and the cell's limits are the same within this [rad]."""

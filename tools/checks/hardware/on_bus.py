@@ -6,18 +6,18 @@ from typing import Final
 from ....config.load import Cell
 from ....config.schema.bus.on_bus import CanOpenNodeSection, Entry
 from ....config.schema.mechanism.mechanism import DriveSection
-from ....drivers.canopen.scan import (
-    FoundNode,
-    listen_for_masters,
-    nodes_on,
-    read_node,
-)
-from ....drivers.canopen.sdo_client import SdoSilenceError
 from ....drivers.fieldbus import Fieldbus
 from ....drivers.fieldbuses import Fieldbuses, open_buses
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ..findings import Finding, Severity
 from .drive import compare
+from .scan import (
+    FoundNode,
+    listen_for_masters,
+    nodes_on,
+    read_node,
+)
+from .sdo_client import SdoSilenceError
 
 _IO: Final = (401, "input/output module")
 FIELDS: Final = ("vendor", "product", "revision", "serial")

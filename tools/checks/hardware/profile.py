@@ -7,10 +7,10 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.bus.on_bus import Entry
 from ....config.schema.mechanism.mechanism import DriveSection
-from ....drivers.canopen.profile.rule import RuleOutcome
-from ....drivers.canopen.profile.trial import try_drive
 from ....drivers.fieldbuses import open_buses
 from ..findings import Finding, Severity
+from .rule import RuleOutcome
+from .trial import try_drive
 
 STATUS: Final = {
     RuleOutcome.KEPT: Severity.OK,

@@ -7,7 +7,6 @@ import can
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.config.schema.bus.on_bus import NodeIdentitySection
-from telerobot.drivers.canopen.scan import listen_for_masters
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbuses import Fieldbuses
 from telerobot.protocols.canopen import can301
@@ -15,6 +14,7 @@ from telerobot.protocols.canopen.cia402 import Controlword, Object
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.checks.findings import Severity, failed, to_json
 from telerobot.tools.checks.hardware.on_bus import compared
+from telerobot.tools.checks.hardware.scan import listen_for_masters
 from telerobot.tools.cli import main
 
 from tests.drivers.rig.on_a_bus import OnABus

@@ -14,9 +14,9 @@ from ....protocols.canopen.cia402 import (
     OperationMode,
     QuickStopOption,
 )
-from ..sdo_client import SdoAbortError
 from .power_off import modes, show
 from .rule import Rule
+from .sdo_client import SdoAbortError
 from .tried_drive import I8, I16, I32, AbsentError, BrokenError, TriedDrive
 
 PERIOD_S: Final = 0.01

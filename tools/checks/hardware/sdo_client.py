@@ -9,10 +9,10 @@ from binascii import crc_hqx
 from collections import deque
 from typing import Final
 
-from ...protocols.canopen import can301
-from ...protocols.canopen.sdo import Abort
-from ..device import DeviceError
-from ..fieldbus import Fieldbus
+from ....drivers.device import DeviceError
+from ....drivers.fieldbus import Fieldbus
+from ....protocols.canopen import can301
+from ....protocols.canopen.sdo import Abort
 
 REPLY_S: Final = 0.5
 """Time after which a request counts as unanswered [s]."""

@@ -4,13 +4,13 @@ import struct
 from collections.abc import Callable
 from typing import Final
 
+from ....drivers.device import DeviceError
+from ....drivers.fieldbus import Fieldbus
 from ....protocols.canopen import can301, cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import NmtCommand, NmtState
 from ....protocols.canopen.cia402 import DriveState, Object
-from ...device import DeviceError
-from ...fieldbus import Fieldbus
-from ..sdo_client import SdoAbortError, SdoClient, named
+from .sdo_client import SdoAbortError, SdoClient, named
 
 BOOT_S: Final = 5.0
 """A drive has restarted its communication within so long [s]."""

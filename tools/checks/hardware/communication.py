@@ -8,8 +8,8 @@ from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import NmtCommand, NmtState
 from ....protocols.canopen.cia402 import Controlword, DriveState, Object
 from ....protocols.canopen.sdo import LENGTHS, OUT_OF_RANGE, Abort
-from ..sdo_client import SdoAbortError, SdoSilenceError, named
 from .rule import Rule
+from .sdo_client import SdoAbortError, SdoSilenceError, named
 from .tried_drive import U8, U16, U32, AbsentError, BrokenError, TriedDrive
 
 _STATUSWORD: Final = can301.mapping_entry(Object.STATUSWORD, 0, 16)

@@ -7,10 +7,10 @@ when the caller says so. After each rule the drive gets everything back that was
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from ....drivers.device import DeviceError
+from ....drivers.fieldbus import Fieldbus
 from ....protocols.canopen.can301 import FrameError
 from ....protocols.canopen.cia402 import DriveState
-from ...device import DeviceError
-from ...fieldbus import Fieldbus
 from .communication import COMMUNICATION
 from .power_off import POWER_OFF
 from .power_on import POWER_ON

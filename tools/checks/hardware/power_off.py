@@ -7,8 +7,8 @@ from ....protocols.canopen import can301, cia402
 from ....protocols.canopen.can301 import NmtCommand
 from ....protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode, Status
 from ....protocols.canopen.sdo import OUT_OF_RANGE
-from ..sdo_client import named
 from .rule import Rule
+from .sdo_client import named
 from .tried_drive import I8, I16, I32, U16, U32, AbsentError, BrokenError, TriedDrive
 
 NO_MODE: Final = 99

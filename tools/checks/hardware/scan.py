@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Final
 
-from ...protocols.canopen import can301
-from ...protocols.canopen.can301 import CommunicationObject as Com
-from ...protocols.canopen.cia402 import Object
-from ..device import DeviceError
-from ..fieldbus import Fieldbus
+from ....drivers.device import DeviceError
+from ....drivers.fieldbus import Fieldbus
+from ....protocols.canopen import can301
+from ....protocols.canopen.can301 import CommunicationObject as Com
+from ....protocols.canopen.cia402 import Object
 from .sdo_client import SdoAbortError, SdoClient, SdoSilenceError
 
 QUIET_S: Final = 0.5
