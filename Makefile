@@ -111,7 +111,7 @@ campaign: venv ## Behaviour at scale: random scripts, scenes and faults; ARGS="-
 	@$(BIN)/python -m laboratory.campaign --jobs $(JOBS) $(ARGS)
 
 docs: $(DOCS_STAMP) ## Build the site from the pages beside the code; a broken link is an error
-	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --quiet --config-file docs/mkdocs.yml
+	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --config-file docs/mkdocs.yml
 	@echo "out/site: $(DOCS)/bin/python -m http.server --bind 127.0.0.1 --directory out/site 8000"
 
 $(DOCS_STAMP): pyproject.toml constraints.txt
