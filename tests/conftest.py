@@ -243,10 +243,21 @@ def two_arms(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def rendering() -> None:
-    """Skip, with the reason, where no pictures can be rendered."""
+    """Skip, with the reason, where no pictures can be made."""
     try:
         from telerobot.drivers.rig.physics.sensors.camera import RigCameras
 
         RigCameras(load_cell("pa10_vision")).close()
     except DeviceError as error:
         pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def opengl(rendering: None) -> None:
+    """Skip, with the reason, where pictures are drawn, and not rendered by MuJoCo."""
+    from telerobot.drivers.rig.physics.sensors.camera import RigCameras
+
+    cameras = RigCameras(load_cell("pa10_vision"))
+    cameras.close()
+    if cameras.drawn:
+        pytest.skip(f"no OpenGL: {cameras.drawn}")

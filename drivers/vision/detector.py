@@ -30,6 +30,9 @@ PERIMETER_PX = 32.0
 FARTHEST_M = 50.0
 """A tag that is farther away is an error [m]."""
 
+_NUDGE_PX = 1e-6
+"""Moves a corner of a perfect parallelogram [px]."""
+
 SAME_RAD = 0.02
 """Two poses this close together are one [rad]."""
 
@@ -99,6 +102,9 @@ class Detector:
         IPPE's two, each refined by least squares: seen head-on, where IPPE splits the noise into
         two tilts, both run into the one optimum between them.
         """
+        if not np.any(corners[0] - corners[1] + corners[2] - corners[3]):
+            # A parallelogram to the last bit, as in a drawn picture: IPPE divides by zero.
+            corners = corners + np.array([[_NUDGE_PX, 0.0], [0.0] * 2, [0.0] * 2, [0.0] * 2])
         count, turns, places, _ = cv2.solvePnPGeneric(
             self._square, corners, self._K, self._distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
         )

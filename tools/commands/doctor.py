@@ -71,11 +71,11 @@ def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
         {"openblas_num_threads": threads},
     )
     yield _packages()
-    refusal = machine.picture_refusal()
+    made, how = machine.pictures()
     yield Finding(
         "pictures",
-        Severity.WARN if refusal else Severity.OK,
-        f"{refusal}; everything else works without" if refusal else "can be rendered and looked at",
+        Severity.OK if made else Severity.WARN,
+        how if made else f"{how}; everything else works without",
     )
 
 

@@ -133,12 +133,15 @@ def loopback_refusal(bus: BusSection = _PROBE, timeout_s: float = 0.5) -> str:
     return "" if _PROBE_DATA in got else f"no frame came back within {timeout_s:g} s"
 
 
-def picture_refusal() -> str:
-    """Return why pictures can't be rendered and looked at here, "" if they can."""
+def pictures() -> tuple[bool, str]:
+    """Return whether pictures can be made and looked at here, and how, or why not."""
     try:
         from ...drivers.rig.physics.sensors.camera import RigCameras
 
-        RigCameras(load_cell("pa10_vision")).close()
+        cameras = RigCameras(load_cell("pa10_vision"))
     except DeviceError as error:
-        return str(error)
-    return ""
+        return False, str(error)
+    cameras.close()
+    if cameras.drawn:
+        return True, f"drawn without OpenGL ({cameras.drawn}); libosmesa6 renders them with light"
+    return True, "can be rendered and looked at"

@@ -1,4 +1,4 @@
-"""The detector against rendered pictures, whose truth is known from the cell's geometry."""
+"""The detector against pictures of known truth, rendered and drawn."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,12 @@ T_WORLD_LENS = Pose(
 """A Lens that looks along +x of the World, upright, with the tag straight ahead."""
 
 
-@pytest.fixture(scope="module")
-def bench(rendering):
+@pytest.fixture(scope="module", params=["opengl", "drawn"])
+def bench(request):
     """A camera that stands before the tag of the shipped cell, and the way from pose to picture."""
+    request.getfixturevalue("opengl" if request.param == "opengl" else "rendering")
     from telerobot.config.schema.section import PoseSection
-    from telerobot.drivers.rig.physics.sensors.camera import RigCameras
+    from telerobot.drivers.rig.physics.sensors import camera
     from telerobot.drivers.vision.detector import Detector
 
     cell = load_cell("pa10_vision")
@@ -39,7 +40,11 @@ def bench(rendering):
             moved = tag.model_copy(update={"T_world_tag": pose})
             rig = config.rig.model_copy(update={"tags": (moved,), "boxes": ()})
             made = config.model_copy(update={"rig": rig})
-            cameras = RigCameras(type(cell)(cell.path, made, cell.robot))
+            with pytest.MonkeyPatch.context() as patch:
+                if request.param == "drawn":
+                    patch.setattr(camera, "_unusable", ["this test draws"])
+                cameras = camera.RigCameras(type(cell)(cell.path, made, cell.robot))
+                assert (cameras.drawn == "") == (request.param == "opengl")
             try:
                 return cameras.picture("wrist", park, covered)
             finally:

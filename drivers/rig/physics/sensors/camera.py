@@ -1,12 +1,15 @@
 """Rendered cameras: pictures of the virtual world, from a copy of its model.
 
 The copy is given joint angles and knows nothing of the physics, so that pictures can be made in
-another process than the physics. Shadows are off: without a graphics card they cost ten times
+another process than the physics. MuJoCo renders them where there is an OpenGL (EGL or OSMesa), and
+else they are drawn (`drawing.py`). Shadows are off: without a graphics card they cost ten times
 what the picture does.
 """
 
+import os
 import weakref
 from collections.abc import Collection, Mapping, Sequence
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -20,6 +23,7 @@ from ....vision.opencv import cells, marker
 from ..geoms import quaternion
 from ..robot.chassis import FREE
 from ..scene import build_spec
+from .drawing import EMISSION, Drawing, Tag
 
 Picture = NDArray[np.uint8]
 
@@ -32,18 +36,50 @@ _LENS_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
 _COVERED = 5
 """Geoms of this group are not drawn."""
 
+_OFF = ("disable", "disabled", "off", "false", "0")
+"""Values of the environment's MUJOCO_GL with which MuJoCo renders nothing."""
+
 _unusable: list[str] = []
-"""Why nothing can be rendered in this process, once that is known.
+"""Why MuJoCo can render nothing in this process, once that is known.
 
 A graphics library that failed to start is left half initialised: asked a second time, it aborts the
 process.
 """
 
 
-class RigCameras:
-    """Makes the pictures of all rendered cameras of a cell. Raises `DeviceError`.
+class Eye(Protocol):
+    """Maker of one camera's pictures."""
 
-    Needs what MuJoCo renders with: libOSMesa, or whatever the environment's MUJOCO_GL names.
+    def picture(self, data: "mujoco.MjData") -> Picture:
+        """Return an RGB picture (h, w, 3) of the bodies where they are in `data`."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what it holds."""
+        ...
+
+
+class _OpenGL:
+    """A camera whose pictures MuJoCo renders. Raises what the graphics library raises."""
+
+    def __init__(self, model: "mujoco.MjModel", camera: CameraSection) -> None:
+        width, height = camera.size
+        self._name, self._renderer = camera.name, mujoco.Renderer(model, height, width)
+
+    def picture(self, data: "mujoco.MjData") -> Picture:
+        self._renderer.update_scene(data, camera=self._name)
+        return np.asarray(self._renderer.render(), dtype=np.uint8)
+
+    def close(self) -> None:
+        self._renderer.close()
+
+
+class RigCameras:
+    """Makes the pictures of all virtual cameras of a cell.
+
+    MuJoCo renders them where OpenGL can be had: libEGL, libOSMesa, or what the environment's
+    MUJOCO_GL names. Else, and with MUJOCO_GL=disable, they are drawn. Raises `DeviceError` for a
+    cell without a rig, and without OpenCV.
     """
 
     def __init__(self, cell: Cell) -> None:
@@ -71,11 +107,24 @@ class RigCameras:
         self._joints = [int(self._model.joint(name).qposadr[0]) for name in cell.joints]
         rolls = cell.config.mechanism.base is not None
         self._chassis = int(self._model.joint(FREE).qposadr[0]) if rolls else None
-        self._tags = {t.name: int(self._model.geom(f"tag_{t.name}").id) for t in rig.tags}
+        self._tags = {
+            t.name: Tag(
+                int(self._model.body(f"tag_{t.name}").id),
+                int(self._model.geom(f"tag_{t.name}").id),
+                _half(t),
+                marker(t.family, t.tag, _CELL_PX),
+            )
+            for t in rig.tags
+        }
         self._bodies = {t.name: f"tag_{t.name}" for t in rig.tags if t.T_world_tag is not None}
-        self._renderers = {name: self._renderer(c) for name, c in self._cameras.items()}
+        self._eyes = {name: self._eye(c) for name, c in self._cameras.items()}
         # Left to the interpreter's last moments, a renderer finds its library gone.
-        self._end = weakref.finalize(self, _close, tuple(self._renderers.values()))
+        self._end = weakref.finalize(self, _close, tuple(self._eyes.values()))
+
+    @property
+    def drawn(self) -> str:
+        """Why pictures are drawn, and not rendered by MuJoCo; "" if they are rendered."""
+        return _unusable[0] if _unusable else ""
 
     def picture(
         self,
@@ -100,32 +149,29 @@ class RigCameras:
             )
         elif base is not None:
             _put(self._model, self._root, base)
-        for name, geom in self._tags.items():
-            self._model.geom_group[geom] = _COVERED if name in covered else 0
+        for name, tag in self._tags.items():
+            self._model.geom_group[tag.geom] = _COVERED if name in covered else 0
         for name, pose in (tags or {}).items():
             if name in self._bodies:
                 _put(self._model, self._bodies[name], pose)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-        renderer = self._renderers[camera]
-        renderer.update_scene(self._data, camera=camera)
-        return np.asarray(renderer.render(), dtype=np.uint8)
+        return self._eyes[camera].picture(self._data)
 
     def close(self) -> None:
-        """Let go of the renderers."""
+        """Let go of the graphics library."""
         self._end()
 
-    def _renderer(self, camera: CameraSection) -> "mujoco.Renderer":
-        width, height = camera.size
+    def _eye(self, camera: CameraSection) -> Eye:
+        if not _unusable and os.environ.get("MUJOCO_GL", "").lower() in _OFF:
+            _unusable.append("MUJOCO_GL switches OpenGL off")
         if not _unusable:
             try:
-                return mujoco.Renderer(self._model, height, width)
+                return _OpenGL(self._model, camera)
             except Exception as error:  # noqa: BLE001  graphics libraries raise whatever they like
                 words = " ".join(str(error).split())[:120]
                 _unusable.append(f"{type(error).__name__}: {words}")
-        raise DeviceError(
-            f"pictures cannot be rendered here: apt-get install libosmesa6 ({_unusable[0]})"
-        )
+        return Drawing(self._model, camera, self._tags)
 
 
 def _root(body: mujoco.MjsBody) -> mujoco.MjsBody:
@@ -142,9 +188,14 @@ def _put(model: "mujoco.MjModel", name: str, pose: Sequence[float]) -> None:
     body.quat[:] = quaternion(PoseSection(rpy=(pose[3], pose[4], pose[5])))
 
 
-def _close(renderers: "tuple[mujoco.Renderer, ...]") -> None:
-    for renderer in renderers:
-        renderer.close()
+def _close(eyes: tuple[Eye, ...]) -> None:
+    for eye in eyes:
+        eye.close()
+
+
+def _half(tag: RigTagSection) -> float:
+    """Return half of the side of a tag with its white margin [m]."""
+    return 0.5 * tag.size * (cells(tag.family) + 2) / cells(tag.family)
 
 
 def _add_camera(body: mujoco.MjsBody, camera: CameraSection) -> None:
@@ -165,9 +216,9 @@ def _add_tag(spec: mujoco.MjSpec, parent: mujoco.MjsBody, tag: RigTagSection) ->
         name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=n, height=n, nchannel=3
     )
     texture.data = np.repeat(grey[:, :, None], 3, axis=2).tobytes()
-    material = spec.add_material(name=name, specular=0.0, shininess=0.0, emission=0.35)
+    material = spec.add_material(name=name, specular=0.0, shininess=0.0, emission=EMISSION)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
-    half = 0.5 * tag.size * (cells(tag.family) + 2) / cells(tag.family)
+    half = _half(tag)
     body = parent.add_body(name=name, pos=place.xyz, quat=quaternion(place))
     _paint(spec, body, name, half)
     panel = body.add_geom(
