@@ -10,6 +10,15 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("config", "drivers", "protocols", "server", "tools")
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for paths in (
+        ROOT.glob("*.md"),
+        *((ROOT / f).rglob("*.md") for f in (*FOLDERS, "docs", "tests")),
+    )
+    for path in paths
+    if "node_modules" not in path.parts
+)
 FENCE = re.compile(
     r'^```(\w*)(?: title="((?:[^"\\]|\\.)*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL
 )

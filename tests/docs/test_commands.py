@@ -8,14 +8,8 @@ import pytest
 from telerobot.config.load import shipped
 from telerobot.tools.cli import COMMANDS, build_parser
 
-from .pages import FOLDERS, ROOT, Desk, commands
+from .pages import PAGES, ROOT, Desk, commands
 
-PAGES = sorted(
-    path.relative_to(ROOT).as_posix()
-    for paths in (ROOT.glob("*.md"), *((ROOT / f).rglob("*.md") for f in (*FOLDERS, "docs")))
-    for path in paths
-    if "node_modules" not in path.parts
-)
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 SIMULATED = sorted(set(re.findall(r"`(telerobot simulate [^`]*)`", README)))
 
