@@ -68,6 +68,8 @@ COMMANDS: Final = (
             ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
     HelpRow("certify", "certify.cli", "certificates: who may command, tell and listen on a network",
             ("telerobot certify my/cell.toml", "telerobot certify my/cell.toml --operator=ann")),
+    HelpRow("service", "commands.service", "a systemd unit that runs the cell's daemon here",
+            ("telerobot service pa10", "telerobot service my/cell.toml --user robot --cpus 3")),
     HelpRow("doctor", "commands.doctor", "is this machine fit: rights, timer, CAN, packages",
             ("telerobot doctor", "telerobot doctor --json")),
     HelpRow("completion", "commands.completion", "a shell's script that completes all of these",

@@ -14,13 +14,15 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 SIMULATED = sorted(set(re.findall(r"`(telerobot simulate [^`]*)`", README)))
 
 
+@pytest.fixture(scope="module")
+def parser():
+    return build_parser(COMMANDS)
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
-def test_every_command_of_a_page_is_one_of_ours(page):
+def test_every_command_of_a_page_is_one_of_ours(parser, page):
     for line in commands(page):
-        words = shlex.split(re.sub(r"[<>|&].*", "", line))[1:]
-        command = next((c for c in COMMANDS if c.name == words[0]), None)
-        assert command is not None, line
-        args = build_parser((command,)).parse_args(words)
+        args = parser.parse_args(shlex.split(re.sub(r"[<>|&].*", "", line))[1:])
         for kind in ("cell", "script"):
             name = getattr(args, kind, None)
             if isinstance(name, str) and re.fullmatch(r"[a-z0-9_]+", name):

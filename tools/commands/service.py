@@ -1,0 +1,146 @@
+"""`telerobot service CELL`: a systemd unit that runs the cell's daemon on this machine."""
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from ...config.errors import ConfigError, printable
+from ...config.load import Cell, load_cell, shipped
+from ...server.runtime.operating_system import PRIORITY
+
+ISOLATED: Final = Path("/sys/devices/system/cpu/isolated")
+_USER: Final = re.compile(r"[a-z_][a-z0-9_-]{0,31}")
+_CPUS: Final = re.compile(r"\d{1,4}(-\d{1,4})?(,\d{1,4}(-\d{1,4})?)*")
+_HOMES: Final = ("/home/", "/root/", "/run/user/")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments."""
+    parser.add_argument(
+        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
+    )
+    parser.add_argument(
+        "--user", default="telerobot", help="who runs the daemon (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--cpus",
+        metavar="LIST",
+        help="processors for the daemon alone, such as 3 or 2-3 (default: those that the kernel "
+        "was started with as isolated, if any)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the unit. Raises `ConfigError`."""
+    if not _USER.fullmatch(args.user):
+        raise ConfigError(f"--user {printable(args.user)}: no name of a user")
+    if args.cpus is not None and not _CPUS.fullmatch(args.cpus):
+        raise ConfigError(f"--cpus {printable(args.cpus)}: a list such as 3 or 2-3 is wanted")
+    print(unit(load_cell(args.cell), args.cell, args.user, args.cpus or _isolated()))
+    return 0
+
+
+def unit(cell: Cell, asked: str, user: str, cpus: str) -> str:
+    """Return the unit of a cell, which was `asked` for by name or path; "" are all processors."""
+    name = cell.config.name
+    place = asked if asked in shipped("cells") else str(cell.path.resolve())
+    command = [*_program(), "serve", place]
+    at_home = any(word.startswith(_HOMES) for word in command)
+    lines = [
+        f"# /etc/systemd/system/telerobot-{name}.service: systemctl enable --now telerobot-{name}",
+        f"# Once before: useradd --system {user}; what the cell names has to be readable for it.",
+        "[Unit]",
+        f"Description=telerobot {name}: {_escaped(cell.config.description) or 'control server'}",
+        "Wants=network-online.target",
+        "After=network-online.target",
+        *_buses(cell),
+        "",
+        "[Service]",
+        "Type=notify",
+        f"ExecStart={' '.join(_quoted(word) for word in command)}",
+        f"User={user}",
+        "# Black boxes are written to the one, compiled kernels kept in the other.",
+        f"StateDirectory=telerobot/{name}",
+        "CacheDirectory=telerobot",
+        "Environment=NUMBA_CACHE_DIR=%C/telerobot OPENBLAS_NUM_THREADS=1",
+        "# It waits for drives, and compiles at first; it stops by bringing arms to rest.",
+        "TimeoutStartSec=infinity",
+        "TimeoutStopSec=10",
+        "# No arm is switched on by a restart. 2: the cell is wrong, and would be again.",
+        "Restart=on-failure",
+        "RestartSec=2",
+        "RestartPreventExitStatus=2",
+        "",
+        "# The control thread asks for SCHED_FIFO itself; threads of the network stay ordinary.",
+        f"LimitRTPRIO={PRIORITY}",
+        "LimitMEMLOCK=infinity",
+        "CPUSchedulingResetOnFork=yes",
+        *([f"CPUAffinity={cpus}"] if cpus else []),
+        "",
+        "# Kernels are compiled in memory: MemoryDenyWriteExecute cannot be had.",
+        "NoNewPrivileges=yes",
+        "CapabilityBoundingSet=",
+        "ProtectSystem=strict",
+        f"ProtectHome={'read-only' if at_home else 'yes'}",
+        "PrivateTmp=yes",
+        *(["PrivateDevices=yes"] if _no_devices(cell) else []),
+        "ProtectKernelTunables=yes",
+        "ProtectKernelModules=yes",
+        "ProtectKernelLogs=yes",
+        "ProtectControlGroups=yes",
+        "ProtectClock=yes",
+        "ProtectHostname=yes",
+        "RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK AF_CAN",
+        "RestrictNamespaces=yes",
+        "RestrictSUIDSGID=yes",
+        "LockPersonality=yes",
+        "SystemCallArchitectures=native",
+        "SystemCallFilter=@system-service",
+        "UMask=0077",
+        "",
+        "[Install]",
+        "WantedBy=multi-user.target",
+    ]
+    return "\n".join(lines)
+
+
+def _program() -> list[str]:
+    """Return what starts the command: the script beside this interpreter, or the interpreter."""
+    script = Path(sys.executable).with_name("telerobot")
+    return [str(script)] if script.is_file() else [sys.executable, "-m", "telerobot"]
+
+
+def _buses(cell: Cell) -> Iterator[str]:
+    """Yield what waits for the network interfaces of the cell's CAN buses."""
+    for bus in cell.config.fieldbuses:
+        if bus.interface == "socketcan" and re.fullmatch(r"[A-Za-z0-9_]+", bus.channel):
+            device = f"sys-subsystem-net-devices-{bus.channel}.device"
+            yield f"Wants={device}"
+            yield f"After={device}"
+
+
+def _no_devices(cell: Cell) -> bool:
+    """Return whether the buses need no device file."""
+    return all(bus.interface in ("socketcan", "loopback") for bus in cell.config.fieldbuses)
+
+
+def _isolated() -> str:
+    try:
+        return ISOLATED.read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
+
+
+def _escaped(text: str) -> str:
+    return printable(text).replace("%", "%%")
+
+
+def _quoted(word: str) -> str:
+    """Return a word of a command line as systemd reads it. Raises `ConfigError`."""
+    if printable(word) != word or any(c in word for c in "\"'\\"):
+        raise ConfigError(f"{printable(word)}: a unit cannot name this path: move it")
+    escaped = word.replace("%", "%%").replace("$", "$$")
+    return f'"{escaped}"' if " " in escaped or ";" in escaped else escaped
