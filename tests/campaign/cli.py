@@ -3,20 +3,24 @@
 import argparse
 import gc
 import json
-import multiprocessing
-import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
+from pydantic import TypeAdapter
 from telerobot.tools.cli import run_alone
+from telerobot.tools.host import jobs
+from telerobot.tools.host.jobs import seeds
 
-from .part import JobResult, Selection, Summary
+from .part import JobResult, Selection
 from .parts import PARTS
 
 Job = tuple[str, Any]
 """A part's name, and one of its jobs."""
+Played = tuple[str, JobResult]
+"""A part's name, and the result of one of its jobs."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,15 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seeds",
-        type=_seeds,
+        type=seeds,
         default=range(100),
         metavar="A:B",
         help="seeds to run in every cell, B excluded (default 0:100)",
     )
-    parser.add_argument(
-        "--jobs", type=int, default=2, metavar="N", help="processes (default %(default)s)"
-    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
+    jobs.add_arguments(parser, 2, Path("out/campaign.jsonl"))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,66 +55,53 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the campaign; return 0 only if every promise was kept."""
+    """Run the campaign; return 0 only if every promise was kept, 130 if it was interrupted."""
     selection = Selection(tuple(name for name in args.cells.split(",") if name), args.seeds)
     chosen = [name for name in PARTS if not args.only or name in args.only]
-    jobs = [(name, job) for name in chosen for job in PARTS[name].jobs(selection)]
-    results: dict[str, list[JobResult]] = {name: [] for name in chosen}
-    for done, ((name, _), played) in enumerate(
-        zip(jobs, _played(jobs, max(1, args.jobs)), strict=True), start=1
-    ):
-        results[name].append(played)
-        _progress(done, len(jobs), played)
-    findings = {name: PARTS[name].report(found) for name, found in results.items()}
+    every = [(name, job) for name in chosen for job in PARTS[name].jobs(selection)]
+    finished = jobs.run_all(
+        _play, every, jobs.place_of(args), "campaign", _told, _packed, _unpacked
+    )
+    findings = {
+        name: PARTS[name].report([played for part, played in finished.results if part == name])
+        for name in chosen
+    }
     if args.json:
         figures = {name: found.figures() for name, found in findings.items()}
         args.json.write_text(json.dumps(figures, indent=1))
     for name, found in findings.items():
-        _show(name, found)
+        print("\n".join((f"--- {name}", *found.lines())))
+    if finished.interrupted:
+        return 130
     return 0 if all(found.kept for found in findings.values()) else 1
 
 
-def _seeds(text: str) -> range:
-    first, _, last = text.partition(":")
-    try:
-        seeds = range(int(first), int(last) if last else int(first) + 1)
-    except ValueError:
-        seeds = range(0)
-    if not seeds or seeds.start < 0:
-        raise argparse.ArgumentTypeError(f"{text}: must be A:B with 0 <= A < B")
-    return seeds
-
-
-def _played(jobs: list[Job], processes: int) -> Iterator[JobResult]:
-    if processes == 1:
-        yield from map(_play, jobs)
-        return
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # inherited by the workers
-    # Spawned, not forked: a run must depend on its job alone.
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(_play, jobs)
-
-
-def _play(job: Job) -> JobResult:
+def _play(job: Job) -> Played:
     name, what = job
     # What a run keeps is not garbage: looking for some among it took a sixth of the time.
     gc.collect()
     gc.disable()
     try:
-        return PARTS[name].play(what)
+        return name, PARTS[name].play(what)
     finally:
         gc.enable()
 
 
-def _show(name: str, found: Summary) -> None:
-    print(f"--- {name}")
-    print("\n".join(found.lines()))
+def _told(played: Played) -> str:
+    _, result = played
+    words = "; ".join(result.reasons)
+    return f"{result.name}: {words or 'well'}"[:160] if words or not sys.stderr.isatty() else ""
 
 
-def _progress(done: int, of: int, played: JobResult) -> None:
-    lasting = bool(played.reasons) or not sys.stderr.isatty() or done == of
-    if played.reasons or not lasting or done % 10 == 0 or done == of:
-        words = "; ".join(played.reasons) or "well"
-        line = f"{done}/{of} {played.name}: {words}"[:160]
-        clear = "\x1b[K" if sys.stderr.isatty() else ""
-        print(f"{line}{clear}", file=sys.stderr, end="\n" if lasting else "\r", flush=True)
+def _packed(_job: Job, played: Played) -> object:
+    return _adapter(played[0]).dump_python(played[1], mode="python", warnings=False)
+
+
+def _unpacked(job: Job, kept: object) -> Played:
+    return job[0], _adapter(job[0]).validate_python(kept)
+
+
+@cache
+def _adapter(part: str) -> TypeAdapter[Any]:
+    """Return what makes a part's results plain values, and results again."""
+    return TypeAdapter(get_type_hints(PARTS[part].play)["return"])

@@ -187,7 +187,7 @@ def test_a_cell_can_be_kept_from_self_motion(name, tmp_path):
 
 def test_the_fit_is_measured_beside_a_dense_solve(tmp_path):
     file = tmp_path / "bench.json"
-    assert main(["bench", "--only", "fit", "--quick", "--json", str(file)]) == 0
+    assert cli.main(["--only", "fit", "--quick", "--json", str(file)]) == 0
     figures = json.loads(file.read_text())["fit"]["snake"]
     assert {"10 joints", "1000 joints", "growth_100_to_1000", "paper_figures_ms"} <= figures.keys()
     assert {"fit_us", "with_curve_us", "dense_us"} == figures["100 joints"].keys()
