@@ -52,6 +52,16 @@ def test_a_peg_on_the_rim_of_its_hole_is_jammed_by_name(insert):
     assert run.states[-1].mode == "enabled"
 
 
+def test_a_tool_that_a_stick_presses_on_a_plain_wall_is_held_up_and_not_jammed(play):
+    stick = {"twist": [0.03, 0.0, 0.0, 0.0, 0.0, 0.0], "expressed_in": "base"}
+    ready = {"at_s": 0.0, "cmd/posture": {"posture": "ready"}}
+    run = play(ready, {"at_s": 2.6, "cmd/joystick": stick}, seconds=8.6)
+    (held_up,) = run.events("held_up")
+    assert held_up.severity == "info"
+    assert held_up.values["force_n"] == pytest.approx(40.0, rel=0.1)
+    assert run.events("jammed") == []
+
+
 def test_a_search_finds_the_hole_and_presses_no_harder(insert):
     run, depth = insert(SEARCH, 40.0)
     assert depth > 0.02

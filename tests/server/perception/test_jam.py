@@ -15,6 +15,8 @@ class Told(list):
     def warning(self, name, detail, **values):
         self.append((name, values))
 
+    info = warning
+
 
 @pytest.fixture
 def told():
@@ -26,13 +28,16 @@ def monitor(told):
     return JamMonitor(T, told)
 
 
-def play(monitor, seconds, asked=ALONG, force=12.0, goes=0.0, at=None):
-    """Ask for a velocity, go a part of it, press along x with a force; return where it came to."""
+def play(monitor, seconds, asked=ALONG, force=12.0, goes=0.0, at=None, aside=0.0, lever=0.005):
+    """Ask for a velocity, go a part of it, press along x with a force; return where it came to.
+
+    It is answered from `aside` by a part of that, at a `lever` from the MRF.
+    """
     at = np.zeros(3) if at is None else at
     for k in range(round(seconds / T)):
         u = asked(k * T) if callable(asked) else asked
         at = at + goes * T * u
-        wrench = None if force is None else np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0])
+        wrench = None if force is None else force * np.array([1.0, aside, 0.0, 0.0, 0.0, lever])
         twists = {"joystick": np.concatenate([u, np.zeros(3)]), "force": -np.ones(6)}
         pose = Pose(np.eye(3), at)
         monitor.update(SimpleNamespace(wrench_mrf=wrench, twists=twists, T_world_mrf_measured=pose))
@@ -84,3 +89,27 @@ def test_without_a_reading_nothing_is_known(monitor, told):
     play(monitor, 0.2, force=None)
     play(monitor, 1.5)
     assert told == []
+
+
+@pytest.mark.parametrize(
+    ("aside", "lever", "name"),
+    [(0.0, 0.0, "held_up"), (0.1, 0.001, "held_up"), (0.0, -0.004, "jammed"), (0.5, 0.0, "jammed")],
+    ids=["wall", "nearly", "on an edge", "from the side"],
+)
+def test_a_push_straight_on_a_plain_wall_is_no_jam_and_one_on_an_edge_is(
+    monitor, told, aside, lever, name
+):
+    play(monitor, 5.0, aside=aside, lever=lever)
+    assert [said for said, _ in told] == [name]
+    assert monitor.jammed is (name == "jammed")
+
+
+def test_a_wall_whose_edge_the_tool_slips_onto_is_a_jam_from_then_on(monitor, told):
+    at = play(monitor, 3.0, lever=0.0)
+    play(monitor, 3.0, at=at, lever=0.01)
+    assert [name for name, _ in told] == ["held_up", "jammed"]
+
+
+def test_whatever_a_payload_presses_on_is_a_jam(told):
+    play(JamMonitor(T, told, carries=True), 3.0, lever=0.0)
+    assert [name for name, _ in told] == ["jammed"]

@@ -43,6 +43,7 @@ _WORDS: dict[str, tuple[str, str]] = {
         "Something holds up the motion: {detail}.",
         "Draw back, or search: see whether what is to go in is before its hole.",
     ),
+    "held_up": ("The tool is {detail}.", "Draw back, if it is not meant to press."),
     "contact_unstable": (
         "The tool rings on what it touches: {detail}.",
         "Press more gently, or set lower gains of force control.",
