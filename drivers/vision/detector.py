@@ -48,6 +48,16 @@ class Candidate:
     error_px: float
     """Root mean square reprojection error of the corners [px]."""
 
+    @property
+    def xyz_rpy(self) -> tuple[float, float, float, float, float, float]:
+        """Place [m] and fixed-axis roll, pitch, yaw [rad]."""
+        (a, b, _), (c, d, _), (e, f, g) = self.R.tolist()
+        x, y, z = self.p.tolist()
+        pitch = math.asin(min(1.0, max(-1.0, -e)))
+        if abs(e) > 1.0 - 1e-12:
+            return (x, y, z, 0.0, pitch, math.atan2(-b, d))
+        return (x, y, z, math.atan2(f, g), pitch, math.atan2(c, a))
+
 
 @dataclass(frozen=True)
 class Detection:

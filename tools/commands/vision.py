@@ -6,42 +6,20 @@ hardware tells. Either way the same code looks at the picture.
 """
 
 import argparse
-import time
 from pathlib import Path
-from typing import Protocol
 
 from ...config.load import Cell, ConfigError
 from ...config.schema.sensors.cameras import CameraSection
 from ...drivers.network.identity import identity_of
-from ...drivers.network.sensor_session import Over, dial, newest
-from ...drivers.network.session import Session
-from ...drivers.vision.detector import Detection, Detector, Picture
+from ...drivers.network.sensor_session import dial
+from ...drivers.vision.detector import Picture
 from ...drivers.vision.device import VideoCamera
-from ...drivers.vision.opencv import save, small_jpeg
+from ...drivers.vision.process import Looker, PictureSource, PictureWork
 from ...protocols import topics as t
-from ...protocols.codec import encode
-from ...protocols.messages import messages as m
-from ...protocols.messages.perception.camera_picture import LARGEST_JPEG, CameraPicture
 from ...protocols.messages.rig import RigTruth
-from ...protocols.messages.telemetry import State
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration
 from ..host.ending import until_told
-from ..simulation.pictures import told
-
-SAVE_EVERY_S = 1.0
-"""Pictures are saved at most this often [s]."""
-
-SHOW_EVERY_S = 0.2
-"""People are shown a camera's picture at most this often, while somebody looks [s]."""
-
-
-class _PictureSource(Protocol):
-    """Source of pictures."""
-
-    def picture(self) -> Picture | None:
-        """Return a picture, None where there is none yet. Raises `DeviceError`."""
-        ...
 
 
 class _Rendered:
@@ -64,40 +42,19 @@ class _World:
         )
 
         self._cameras = RigCameras(cell)
-        self.truth: RigTruth | None = None
+        self._truth: RigTruth | None = None
+
+    def on_truth(self, truth: RigTruth) -> None:
+        """Take in what the rig tells."""
+        self._truth = truth
 
     def picture(self, camera: str) -> Picture | None:
         """Return what a camera would see, None before the rig has told anything."""
-        if self.truth is None:
+        truth = self._truth
+        if truth is None:
             return None
-        truth = self.truth
         base = truth.frames.get("base")
         return self._cameras.picture(camera, truth.q, truth.covered, truth.tags, base)
-
-
-class Looker:
-    """Looks through one camera at its rate, and sends what it sees."""
-
-    def __init__(self, camera: CameraSection, eye: _PictureSource, period_s: float) -> None:
-        self.camera = camera
-        self.due_s = 0.0
-        self.pictures = self.seen = 0
-        self._eye = eye
-        self._detector = Detector(camera)
-        # A rendered picture is as old as the joint angles that made it; a real one is older than
-        # the newest telemetry by what the cell says.
-        self._late_ticks = 0 if camera.device is None else round(camera.latency_s / period_s)
-
-    def look(self, newest_tick: int, now_s: float) -> tuple[m.Message, Picture, Detection] | None:
-        """Return the message of one picture, with what it is about; None without a picture."""
-        self.due_s = max(self.due_s + 1.0 / self.camera.rate_hz, now_s)
-        picture = self._eye.picture()
-        if picture is None:
-            return None
-        sight = self._detector.look(picture)
-        self.pictures += 1
-        self.seen += bool(sight.candidates)
-        return told(self.camera, max(0, newest_tick - self._late_ticks), sight), picture, sight
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,13 +77,14 @@ def run(args: argparse.Namespace) -> int:
     identity = identity_of(cell, Role.SENSOR, "vision", t.SIGHTING.key)
     over = until_told(args.seconds)
     world = _World(cell) if any(c.device is None for c in cameras) else None
+    on_truth = None if world is None else world.on_truth
     lookers = [Looker(c, _eye(c, world), cell.config.timing.period_s) for c in cameras]
     if args.pictures is not None:
         args.pictures.mkdir(parents=True, exist_ok=True)
     session = dial(cell, identity, over, f"the cameras of {cell.config.name} are looking")
     if session is not None:
         try:
-            _PictureWork(session, lookers, world, args.pictures).run(over)
+            PictureWork(session, lookers, on_truth, args.pictures).run(over)
         finally:
             session.close()
     for looker in lookers:
@@ -134,60 +92,5 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-class _PictureWork:
-    """The process's loop: hear the daemon and the rig, look, tell."""
-
-    def __init__(
-        self, session: Session, lookers: list[Looker], world: _World | None, folder: Path | None
-    ) -> None:
-        self._session, self._lookers, self._world, self._folder = session, lookers, world, folder
-        self._states = session.subscribe(t.STATE, 1)
-        self._truths = session.subscribe(t.RIG_TRUTH, 1)
-        self._tick: int | None = None
-        self._saved: dict[str, float] = {}
-        self._shown: dict[str, float] = {}
-
-    def run(self, over: Over) -> None:
-        """Look through every camera when it is due. Raises `DeviceError`."""
-        while not over():
-            looker = min(self._lookers, key=lambda each: each.due_s)
-            time.sleep(min(0.1, max(0.0, looker.due_s - time.monotonic())))
-            self._hear()
-            now_s = time.monotonic()
-            if self._tick is None:
-                time.sleep(0.01)
-            elif now_s >= looker.due_s:
-                self._look(looker, self._tick, now_s)
-
-    def _hear(self) -> None:
-        state = newest(self._states, State, t.STATE.max_bytes)
-        if state is not None:
-            self._tick = state.tick
-        truth = newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)
-        if truth is not None and self._world is not None:
-            self._world.truth = truth
-
-    def _look(self, looker: Looker, tick: int, now_s: float) -> None:
-        looked = looker.look(tick, now_s)
-        if looked is None:
-            return
-        sighting, picture, sight = looked
-        self._session.put(t.SIGHTING, encode(sighting))
-        name = looker.camera.name
-        due = now_s - self._shown.get(name, -1e9) >= SHOW_EVERY_S
-        if due and self._session.heard(t.PICTURE):
-            self._shown[name] = now_s
-            self._show(name, tick, picture)
-        if self._folder is not None and now_s - self._saved.get(name, -1e9) >= SAVE_EVERY_S:
-            self._saved[name] = now_s
-            save(self._folder / f"{name}.png", picture, sight.corners)
-
-    def _show(self, name: str, tick: int, picture: Picture) -> None:
-        """Tell people what a camera sees; a picture that stays too large is left out."""
-        jpeg = small_jpeg(picture, LARGEST_JPEG)
-        if jpeg is not None:
-            self._session.put(t.PICTURE, encode(CameraPicture(camera=name, tick=tick, jpeg=jpeg)))
-
-
-def _eye(camera: CameraSection, world: _World | None) -> _PictureSource:
+def _eye(camera: CameraSection, world: _World | None) -> PictureSource:
     return VideoCamera(camera) if world is None or camera.device else _Rendered(world, camera)

@@ -14,25 +14,12 @@ from ...config.load import Cell
 from ...config.schema.sensors.cameras import CameraSection
 from ...drivers.rig.physics.sensors.camera import RigCameras
 from ...drivers.rig.rig import Rig
-from ...drivers.vision.detector import Detection, Detector
+from ...drivers.vision.detector import Detector
+from ...drivers.vision.process import told
 from ...protocols.codec import encode
-from ...protocols.messages.perception.sightings import PoseVector, Sighting
 from ...protocols.topics import SIGHTING, Topic
-from ...server.control.spatial import Pose
 
 Put = Callable[[Topic, bytes], None]
-
-
-def told(camera: CameraSection, tick: int, sight: Detection) -> Sighting:
-    """Return the message of what a picture showed."""
-    poses: list[PoseVector] = [Pose(c.R, c.p).to_xyz_rpy() for c in sight.candidates]
-    return Sighting(
-        camera=camera.name,
-        tick=tick,
-        poses=tuple(poses),
-        errors_px=tuple(min(c.error_px, 1e4) for c in sight.candidates),
-        quality=sight.quality,
-    )
 
 
 @dataclass

@@ -24,7 +24,7 @@ class Shut:
 
 
 def looker(eye, device=None):
-    from telerobot.tools.commands.vision import Looker
+    from telerobot.drivers.vision.process import Looker
 
     camera = CameraSection(
         name="eye", T_wrist_lens=PoseSection(), device=device, rate_hz=20.0, latency_s=0.08, tag=7

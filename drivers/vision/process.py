@@ -1,0 +1,133 @@
+"""Process of the cameras: looks through each at its rate, and tells the daemon what is seen.
+
+A process of its own, so that no picture ever delays the control loop or the physics. The same code
+looks at pictures of real cameras and at rendered ones.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from ...config.schema.sensors.cameras import CameraSection
+from ...protocols import topics as t
+from ...protocols.codec import encode
+from ...protocols.messages.perception.camera_picture import LARGEST_JPEG, CameraPicture
+from ...protocols.messages.perception.sightings import Sighting
+from ...protocols.messages.rig import RigTruth
+from ...protocols.messages.telemetry import State
+from ..network.sensor_session import Over, newest
+from ..network.session import Session
+from .detector import Detection, Detector, Picture
+from .opencv import save, small_jpeg
+
+SAVE_EVERY_S = 1.0
+"""Pictures are saved at most this often [s]."""
+
+SHOW_EVERY_S = 0.2
+"""People are shown a camera's picture at most this often, while somebody looks [s]."""
+
+
+class PictureSource(Protocol):
+    """Source of pictures."""
+
+    def picture(self) -> Picture | None:
+        """Return a picture, None where there is none yet. Raises `DeviceError`."""
+        ...
+
+
+def told(camera: CameraSection, tick: int, sight: Detection) -> Sighting:
+    """Return the message of what a picture showed."""
+    return Sighting(
+        camera=camera.name,
+        tick=tick,
+        poses=tuple(c.xyz_rpy for c in sight.candidates),
+        errors_px=tuple(min(c.error_px, 1e4) for c in sight.candidates),
+        quality=sight.quality,
+    )
+
+
+class Looker:
+    """Looks through one camera at its rate, and sends what it sees."""
+
+    def __init__(self, camera: CameraSection, eye: PictureSource, period_s: float) -> None:
+        self.camera = camera
+        self.due_s = 0.0
+        self.pictures = self.seen = 0
+        self._eye = eye
+        self._detector = Detector(camera)
+        # A rendered picture is as old as the joint angles that made it; a real one is older than
+        # the newest telemetry by what the cell says.
+        self._late_ticks = 0 if camera.device is None else round(camera.latency_s / period_s)
+
+    def look(self, newest_tick: int, now_s: float) -> tuple[Sighting, Picture, Detection] | None:
+        """Return the message of one picture, with what it is about; None without a picture."""
+        self.due_s = max(self.due_s + 1.0 / self.camera.rate_hz, now_s)
+        picture = self._eye.picture()
+        if picture is None:
+            return None
+        sight = self._detector.look(picture)
+        self.pictures += 1
+        self.seen += bool(sight.candidates)
+        return told(self.camera, max(0, newest_tick - self._late_ticks), sight), picture, sight
+
+
+class PictureWork:
+    """The process's loop: hear the daemon, look, tell."""
+
+    def __init__(
+        self,
+        session: Session,
+        lookers: list[Looker],
+        on_truth: Callable[[RigTruth], None] | None,
+        folder: Path | None,
+    ) -> None:
+        """`on_truth` is called with what the rig tells; pictures are saved in a `folder`."""
+        self._session, self._lookers, self._folder = session, lookers, folder
+        self._on_truth = on_truth
+        self._states = session.subscribe(t.STATE, 1)
+        self._truths = session.subscribe(t.RIG_TRUTH, 1)
+        self._tick: int | None = None
+        self._saved: dict[str, float] = {}
+        self._shown: dict[str, float] = {}
+
+    def run(self, over: Over) -> None:
+        """Look through every camera when it is due. Raises `DeviceError`."""
+        while not over():
+            looker = min(self._lookers, key=lambda each: each.due_s)
+            time.sleep(min(0.1, max(0.0, looker.due_s - time.monotonic())))
+            self._hear()
+            now_s = time.monotonic()
+            if self._tick is None:
+                time.sleep(0.01)
+            elif now_s >= looker.due_s:
+                self._look(looker, self._tick, now_s)
+
+    def _hear(self) -> None:
+        state = newest(self._states, State, t.STATE.max_bytes)
+        if state is not None:
+            self._tick = state.tick
+        truth = newest(self._truths, RigTruth, t.RIG_TRUTH.max_bytes)
+        if truth is not None and self._on_truth is not None:
+            self._on_truth(truth)
+
+    def _look(self, looker: Looker, tick: int, now_s: float) -> None:
+        looked = looker.look(tick, now_s)
+        if looked is None:
+            return
+        sighting, picture, sight = looked
+        self._session.put(t.SIGHTING, encode(sighting))
+        name = looker.camera.name
+        due = now_s - self._shown.get(name, -1e9) >= SHOW_EVERY_S
+        if due and self._session.heard(t.PICTURE):
+            self._shown[name] = now_s
+            self._show(name, tick, picture)
+        if self._folder is not None and now_s - self._saved.get(name, -1e9) >= SAVE_EVERY_S:
+            self._saved[name] = now_s
+            save(self._folder / f"{name}.png", picture, sight.corners)
+
+    def _show(self, name: str, tick: int, picture: Picture) -> None:
+        """Tell people what a camera sees; a picture that stays too large is left out."""
+        jpeg = small_jpeg(picture, LARGEST_JPEG)
+        if jpeg is not None:
+            self._session.put(t.PICTURE, encode(CameraPicture(camera=name, tick=tick, jpeg=jpeg)))
