@@ -82,7 +82,10 @@ def test_an_interrupted_work_keeps_what_is_done_and_goes_on_from_there(tmp_path)
     file = tmp_path / "rows.jsonl"
     jobs = ["1", "2", "__import__('time').sleep(600)", "__import__('time').sleep(600)"]
     source = (
-        "from pathlib import Path; from telerobot.tools.host.jobs import Place, run_all\n"
+        "import signal\nfrom pathlib import Path\n"
+        "from telerobot.tools.host.jobs import Place, run_all\n"
+        # A shell that runs the tests in its background ignores Ctrl-C, and hands that on.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"if __name__ == '__main__':\n    place = Place(2, rows=Path({str(file)!r}))\n"
         f"    print(run_all(eval, {jobs!r}, place, 'sums'))\n"
     )
