@@ -32,12 +32,22 @@ CONTROL, DESK = "tests/server/control", "tests/server/operators"
 STOP = f"{CONTROL}/stop"
 TARGETS: Final[dict[str, tuple[str, ...]]] = {
     "server.control.stop.gate": (f"{STOP}/test_gate.py",),
-    "server.control.stop.limiter": (STOP,),
-    "server.control.stop.motion": (STOP,),
-    "server.control.stop.proportion": (STOP,),
-    "server.control.stop.trajectory": (STOP,),
-    "server.control.stop.velocity_profile": (STOP,),
-    "server.control.stop.way_to_rest": (STOP,),
+    "server.control.stop.limiter": (f"{STOP}/test_limiter.py",),
+    "server.control.stop.motion": (f"{STOP}/test_trajectory.py",),
+    "server.control.stop.proportion": (f"{STOP}/test_proportion.py",),
+    "server.control.stop.trajectory": (
+        f"{STOP}/test_trajectory.py",
+        f"{STOP}/test_proportion.py",
+        f"{STOP}/test_velocity_profile.py",
+    ),
+    "server.control.stop.velocity_profile": (
+        f"{STOP}/test_trajectory.py",
+        f"{STOP}/test_velocity_profile.py",
+    ),
+    "server.control.stop.way_to_rest": (
+        f"{STOP}/test_trajectory.py",
+        f"{STOP}/test_velocity_profile.py",
+    ),
     "server.control.barriers.programme": (f"{CONTROL}/barriers/test_programme.py",),
     "server.control.actuation.believed": (f"{CONTROL}/actuation/test_believed.py",),
     "server.control.grasps.load_shares": (f"{CONTROL}/grasps",),
@@ -163,6 +173,7 @@ def main() -> int:
     survivors: dict[str, dict[str, str]] = tomllib.loads(SURVIVORS.read_text())
     verdicts = [Verdict(name) for name in chosen]
     interrupted = False
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with tqdm(total=0, unit="mutant", disable=None) as bar:
         sessions = Sessions(asked.only, bar)
         with ThreadPoolExecutor(asked.jobs) as pool:

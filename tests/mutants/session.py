@@ -165,7 +165,10 @@ class Laboratory:
         self._began = time.process_time()
 
     def _tell(self, **row: Any) -> None:
-        print(json.dumps(row, ensure_ascii=False), file=self._out, flush=True)
+        try:
+            print(json.dumps(row, ensure_ascii=False), file=self._out, flush=True)
+        except BrokenPipeError:  # nobody waits for it any more
+            os._exit(BROKEN)
 
     @pytest.hookimpl(trylast=True)
     def pytest_configure(self, config: pytest.Config) -> None:

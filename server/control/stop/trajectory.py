@@ -121,8 +121,6 @@ class VelocityPlanner:
         self._input = ruckig.InputParameter(n)
         self._input.control_interface = ruckig.ControlInterface.Velocity
         self._input.synchronization = ruckig.Synchronization.Phase
-        self._input.target_acceleration = [0.0] * n
-        self._input.max_velocity = [1e6] * n
         self.set_bounds(acceleration, jerk)
 
     def set_bounds(self, acceleration: Array, jerk: Array) -> None:
@@ -226,8 +224,6 @@ class PositionPlanner:
         self._input.synchronization = (
             ruckig.Synchronization.Phase if straight else ruckig.Synchronization.No
         )
-        self._input.target_velocity = [0.0] * n
-        self._input.target_acceleration = [0.0] * n
 
     def plan(self, motion: Motion, target: Array, bounds: tuple[Array, Array, Array]) -> Profile:
         """Return the way from `motion` to rest at `target` (n,).

@@ -3,7 +3,7 @@ import pytest
 import ruckig
 from telerobot.server.control.stop.motion import Motion
 from telerobot.server.control.stop.trajectory import TrajectoryError, VelocityPlanner
-from telerobot.server.control.stop.velocity_profile import stepped
+from telerobot.server.control.stop.velocity_profile import reach, stepped
 
 
 def ruckigs(motion, target, acceleration, jerk, way):
@@ -31,7 +31,7 @@ def drawn(rng):
 
 @pytest.mark.parametrize("together", [True, False])
 def test_the_way_is_the_quickest_one_that_ruckig_finds(together, rng):
-    for _ in range(500):
+    for _ in range(200):
         motion, target, acceleration, jerk = drawn(rng)
         way = ruckig.Synchronization.Time if together else ruckig.Synchronization.No
         expected = ruckigs(motion, target, acceleration, jerk, way)
@@ -69,7 +69,7 @@ def test_what_is_not_finite_is_refused_by_name(broken, value):
 
 
 def test_a_stop_is_the_quickest_one_of_each_freedom_and_knows_how_far_it_goes(rng):
-    for _ in range(500):
+    for _ in range(100):
         motion, _, acceleration, jerk = drawn(rng)
         stop = VelocityPlanner(acceleration, jerk).stop(motion)
         rest = np.zeros(len(motion.q))
@@ -85,7 +85,7 @@ def test_a_stop_is_the_quickest_one_of_each_freedom_and_knows_how_far_it_goes(rn
 
 
 def test_a_straight_stop_keeps_the_shares_that_ruckig_keeps(rng):
-    for _ in range(200):
+    for _ in range(60):
         motion, _, acceleration, jerk = drawn(rng)
         within = np.clip(motion.ddq, -acceleration, acceleration)
         motion = rng.choice([motion._replace(ddq=within), straight(motion, rng)])
@@ -106,7 +106,7 @@ def straight(motion, rng):
 
 def along_it(stop, start, expected):
     """Every state along a stop is the library's, whether asked now or later."""
-    times = np.linspace(0.0, 1.2 * stop.duration_s + 0.01, 40)
+    times = np.linspace(0.0, 1.2 * stop.duration_s + 0.01, 20)
     postures = stop.postures(times)
     half = stop.advanced(0.5 * stop.duration_s)
     for t, q in zip(times, postures, strict=True):
@@ -118,3 +118,34 @@ def along_it(stop, start, expected):
         assert (q <= stop.high + 1e-12).all()
         np.testing.assert_allclose(half.at(t - half.elapsed_s).q, q, atol=1e-12)
     assert stop.at(stop.duration_s + 1e-9).stands(1e-9)
+
+
+def turned_at(v, a, phases):
+    """The least and the greatest way of one freedom through phases (2, k), by numpy's roots."""
+    x, ways = 0.0, [0.0]
+    for seconds, j in phases.T:
+        way = np.poly1d([j / 6.0, a / 2.0, v, x])
+        turns = [t.real for t in way.deriv().roots if abs(t.imag) < 1e-12]
+        ways += [way(t) for t in (*turns, seconds) if 0.0 <= t <= seconds]
+        x, v, a = way(seconds), way.deriv()(seconds), a + j * seconds
+    return min(ways), max(ways)
+
+
+def test_the_reach_of_any_way_is_where_it_turns_or_ends(rng):
+    """Also of one that turns twice within a phase, as no quickest stop does."""
+    twice = (0.25, -1.0, np.array([[1.8], [1.0]]))
+    early = (0.25, -0.75, np.array([[1.0], [1.0]]))
+    even = (0.5, -2.0, np.array([[0.4], [0.0]]))
+    still = (0.0, 0.0, np.array([[0.4], [0.0]]))
+    drawn_ways = [
+        (*rng.normal(size=2), np.array([rng.uniform(0.0, 2.0, 3), rng.normal(0.0, 3.0, 3)]))
+        for _ in range(60)
+    ]
+    for v, a, phases in (twice, early, even, still, *drawn_ways):
+        for sign in (-1.0, 1.0):
+            jerks = phases * [[1.0], [sign]]
+            start = np.array([2.0]), np.array([sign * v]), np.array([sign * a])
+            low, high, lasts = reach(*start, jerks[:, :, None])
+            least, most = turned_at(sign * v, sign * a, jerks)
+            assert (low[0], high[0]) == pytest.approx((2.0 + least, 2.0 + most), abs=1e-9)
+            assert lasts == pytest.approx(phases[0].sum())
