@@ -89,7 +89,7 @@ def _rights(grant: Grant, sender: str) -> Rights:
     sent = granted + [t.by(sender) for t in granted if t.by_sender and sender]
     received = [t for t in TOPICS if grant.role in t.flow.receivers]
     return Rights(
-        puts=frozenset(t.full_key(grant.cell) for t in sent if not t.flow.asks),
+        puts=frozenset(t.put_key(grant.cell) for t in sent if not t.flow.asks),
         hears=frozenset(t.heard_key(grant.cell) for t in received if not t.flow.asks),
         asks=frozenset(t.full_key(grant.cell) for t in sent if t.flow.asks),
         answers=frozenset(t.full_key(grant.cell) for t in received if t.flow.asks),

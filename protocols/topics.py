@@ -16,7 +16,7 @@ from .messages import messages as m
 from .messages import motion, requests
 from .messages.drive import Drive, Insert
 from .messages.perception import moving
-from .messages.perception.camera_picture import CameraPicture
+from .messages.perception.camera_picture import CameraPicture, VideoPiece
 from .messages.perception.contour import ContourNews, ScanPoints
 from .messages.perception.obstacles import AvoidanceRequest, ObstacleNews
 from .messages.perception.sightings import Sighting, StoreView
@@ -110,8 +110,10 @@ class Topic:
     """Key of the sensor whose certificate covers this topic, too."""
     by_sender: bool = False
     """Its full key may go on with its sender's name, `KEY/NAME`: what one tells is its own."""
+    by_camera: bool = False
+    """Its full key goes on with a camera's name: who looks at one camera hears that one alone."""
     sender: str = ""
-    """Name of who sends, of a topic `by_sender`."""
+    """Name of who sends, of a topic `by_sender`; of the camera, of one `by_camera`."""
 
     @cached_property
     def max_bytes(self) -> int:
@@ -129,8 +131,8 @@ class Topic:
         return issubclass(self.message, m.Command)
 
     def by(self, sender: str) -> Self:
-        """Return this topic as one sender puts on it; itself where keys name no sender."""
-        return replace(self, sender=sender) if self.by_sender else self
+        """Return this topic as one sender, or of one camera; itself where keys name neither."""
+        return replace(self, sender=sender) if self.by_sender or self.by_camera else self
 
     def full_key(self, cell: str) -> str:
         """Return the Zenoh key of this topic in a cell."""
@@ -138,8 +140,14 @@ class Topic:
         return f"{PREFIX}/{cell}/{self.key}{named}"
 
     def heard_key(self, cell: str) -> str:
-        """Return the key expression to listen on: that of all senders."""
+        """Return the key expression to listen on: that of all senders, or all cameras."""
+        if self.by_camera and not self.sender:
+            return self.put_key(cell)
         return self.full_key(cell) + ("/**" if self.by_sender else "")
+
+    def put_key(self, cell: str) -> str:
+        """Return the key expression that the right to put on it names: that of all cameras."""
+        return f"{PREFIX}/{cell}/{self.key}/*" if self.by_camera else self.full_key(cell)
 
     def sender_on(self, full_key: str, cell: str) -> str | None:
         """Return who sent on a full key: empty for nobody by name; None if it is another key."""
@@ -179,6 +187,11 @@ OBSTACLE = Topic(
 CONTOUR = Topic("sensor/contour", ContourNews, Flow.SENSOR, Life.STREAM, 25)
 PICTURE = Topic("view/picture", CameraPicture, Flow.PICTURE, Life.STREAM, 5, told_with=SIGHTING.key)
 """Only while somebody looks."""
+VIDEO = Topic(
+    "view/video", VideoPiece, Flow.PICTURE, Life.STREAM, 20, told_with=SIGHTING.key, by_camera=True,
+    unread=64,
+)  # fmt: skip
+"""Only while somebody looks at that camera large."""
 SCAN = Topic("view/scan", ScanPoints, Flow.PICTURE, Life.STREAM, 25, told_with=CONTOUR.key)
 """Only while somebody listens, as a recorder does."""
 FRAME_NEWS = Topic("sensor/frame", moving.FrameNews, Flow.SENSOR, Life.STREAM, 50)
@@ -222,7 +235,7 @@ RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, l
 
 TOPICS: tuple[Topic, ...] = (
     KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, DRIVE, INSERT, CANCEL,
-    SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS, PICTURE, SCAN,
+    SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS, PICTURE, VIDEO, SCAN,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
     REDUNDANCY, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,

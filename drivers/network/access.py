@@ -4,7 +4,8 @@ A message passes a router twice: in by the rules of who sent it, out by the rule
 What a subscriber or a queryable declares goes the other way, to those who may put or ask there,
 or they would not know that somebody listens. Each key is allowed by itself: an expression with a
 wildcard, of a stranger or not, is included in none and passes nothing. But those who hear of
-obstacles hear of them by all senders, whose keys end with their names.
+obstacles hear of them by all senders, whose keys end with their names; and who sends a camera's
+video may put on the keys of all cameras.
 """
 
 from collections.abc import Iterable, Mapping

@@ -99,7 +99,8 @@ class Session:
 
         Raises `NotCertified`: the network would drop it without a word.
         """
-        topic = topic if self.shown is None else topic.by(sender_name(self.shown))
+        if self.shown is not None and topic.by_sender:
+            topic = topic.by(sender_name(self.shown))
         refusal = self._refusal(topic)
         if refusal:
             raise NotCertified(refusal)
@@ -156,7 +157,7 @@ class Session:
     def _refusal(self, topic: t.Topic) -> str:
         """Return in words that the certificate does not allow to send on a topic, if so."""
         key = topic.full_key(self.cell)
-        allowed = self._may is None or key in self._may
+        allowed = self._may is None or topic.put_key(self.cell) in self._may
         return "" if allowed else f"{self.shown} may not send on {key}"
 
     def close(self) -> None:

@@ -26,7 +26,7 @@ class VideoCamera:
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
 
     def picture(self) -> NDArray[np.uint8]:
-        """Return the next picture, grey (h, w); waits for it. Raises `DeviceError`."""
+        """Return the next picture, RGB (h, w, 3); waits for it. Raises `DeviceError`."""
         ok, picture = self._capture.read()
         if not ok:
             raise DeviceError(f"camera {self._name}: gives no pictures any more")
@@ -36,7 +36,7 @@ class VideoCamera:
                 f"camera {self._name}: pictures are {w} x {h}, the cell says "
                 f"{self._size[0]} x {self._size[1]}"
             )
-        return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
     def close(self) -> None:
         """Let go of the camera."""

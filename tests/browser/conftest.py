@@ -13,7 +13,7 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -317,10 +317,31 @@ def site(running):
 
 
 @pytest.fixture(scope="module")
-def rover(browsers):
+def site_of(browsers):
+    """Return what gives a shipped cell with a console; one at a time, the last that was asked for.
+
+    What a test left open is closed, and the arm comes to rest.
+    """
+    ends = ExitStack()
+    running = {}
+
+    def of(name):
+        if name not in running:
+            ends.close()
+            running.clear()
+            plant = ends.enter_context(plant_type()(load_cell(name)))
+            plant.operator("watcher")
+            running[name] = Site(plant, browsers)
+            ends.callback(running[name].close)
+        running[name].leave()
+        running[name].forget()
+        return running[name]
+
+    yield of
+    ends.close()
+
+
+@pytest.fixture(scope="module")
+def rover(site_of):
     """Return a rover with a console."""
-    with plant_type()(load_cell("rover")) as plant:
-        plant.operator("watcher")
-        site = Site(plant, browsers)
-        yield site
-        site.close()
+    return site_of("rover")

@@ -43,7 +43,7 @@ def test_every_topic_has_one_who_sends_and_one_who_receives():
     every = [Grant("c", role) for role in Role if role is not Role.SENSOR]
     every += [Grant("c", Role.SENSOR, t.key) for t in TOPICS if t.key.startswith("sensor/")]
     may = rights(every)
-    assert may.puts | may.asks == {topic.full_key("c") for topic in TOPICS}
+    assert may.puts | may.asks == {topic.put_key("c") for topic in TOPICS}
     assert may.hears | may.answers == {topic.heard_key("c") for topic in TOPICS}
 
 

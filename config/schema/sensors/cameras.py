@@ -50,6 +50,19 @@ class CameraSection(Section):
     tag: int = Field(0, ge=0, le=586, description="id of the tag that it looks for [1]")
     tag_size: float = Field(0.1, gt=0, le=2, description="side of the tag's black square [m]")
     family: TagFamily = Field("5x5_50", description="which family of tags it is one of")
+    video_hz: float = Field(
+        20.0,
+        ge=1,
+        le=60,
+        description="pictures per second of its video, which is made while somebody looks at it "
+        "large; sightings keep their rate [Hz]",
+    )
+    video_width: int = Field(
+        1280, ge=64, le=1920, description="its video is scaled down to so wide, if wider [px]"
+    )
+    video_kbit_s: int = Field(
+        2000, ge=100, le=8000, description="most of its video that is sent [kbit/s]"
+    )
 
     @model_validator(mode="after")
     def _one_place(self) -> "CameraSection":

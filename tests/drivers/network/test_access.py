@@ -18,7 +18,7 @@ FAULTS = {"rig/fault", "rig/motion"}
 TRUTH = {"rig/truth"}
 SENSORS = {"sensor/vision", "sensor/obstacle", "sensor/contour", "sensor/frame"}
 NAMED = {f"sensor/obstacle/{name}" for name in ("lidar", "judge-pa10", "vision")}
-PICTURE, SCAN = {"view/picture"}, {"view/scan"}
+PICTURE, SCAN = {"view/picture", "view/video/wrist"}, {"view/scan"}
 SHOWN = TELEMETRY | TRUTH | SENSORS | NAMED | PICTURE | SCAN
 
 MAY = {
@@ -132,7 +132,8 @@ def test_an_operator_of_two_cells_may_command_both(zone, endpoint, monkeypatch):
 
 
 def test_the_table_has_every_key_that_there_is():
-    assert COMMANDS | REQUESTS | TELEMETRY | FAULTS | TRUTH | SENSORS | PICTURE | SCAN == EVERY_KEY
+    seen = {"view/picture", "view/video"} | SCAN
+    assert COMMANDS | REQUESTS | TELEMETRY | FAULTS | TRUTH | SENSORS | seen == EVERY_KEY
 
 
 def test_these_observations_see_everything_where_nothing_is_refused(zone, endpoint):

@@ -9,7 +9,7 @@ import queue
 import socket
 
 import zenoh
-from telerobot.protocols.topics import OBSTACLE, TOPICS
+from telerobot.protocols.topics import OBSTACLE, TOPICS, VIDEO
 
 CONTROL = "control"
 PATIENCE_S = 20.0
@@ -22,12 +22,13 @@ def free_endpoint(protocol="tls"):
         return f"{protocol}/127.0.0.1:{probe.getsockname()[1]}"
 
 
-NAMED = tuple(OBSTACLE.by(name) for name in ("lidar", "judge-pa10", "vision"))
-"""Topics of three who tell of obstacles, or would like to."""
+NAMED = (*(OBSTACLE.by(name) for name in ("lidar", "judge-pa10", "vision")), VIDEO.by("wrist"))
+"""Topics of three who tell of obstacles, or would like to, and of one camera."""
 
 
 def all_keys(*cells):
-    return [topic.full_key(cell) for cell in cells for topic in (*TOPICS, *NAMED)]
+    topics = [topic for topic in (*TOPICS, *NAMED) if topic.sender or not topic.by_camera]
+    return [topic.full_key(cell) for cell in cells for topic in topics]
 
 
 def with_control(config, *, out=True):

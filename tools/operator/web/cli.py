@@ -68,7 +68,9 @@ def listen_of(args: argparse.Namespace) -> Listen:
 async def _live(cell: Cell, listen: Listen, args: argparse.Namespace) -> int:
     identity = identity_of(cell, Role.OPERATOR, "console")
     shown = None if identity is None else identity.folder / identity.certificate.name
-    hub = PageHub(lambda: Connection(cell, name="console", identity=shown))
+    hub = PageHub(
+        lambda: Connection(cell, name="console", identity=shown), cell.config.timing.period_s
+    )
 
     def server(access: Access, secure: bool) -> SceneServer:
         return Server(cell, hub, access, listen, secure)

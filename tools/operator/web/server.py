@@ -199,7 +199,8 @@ class Server(SceneServer):
         self._visitors += 1
         name = request.query.get("name", "").strip()[:48] or f"page {self._visitors}"
         role: Role = request[ROLE]
-        page = self._hub.open_page(name, role, self._cell.config.name)
+        cameras = frozenset(camera.name for camera in self._cell.cameras)
+        page = self._hub.open_page(name, role, self._cell.config.name, cameras)
         writer = asyncio.create_task(_write(page, socket))
         try:
             async for message in socket:
@@ -216,7 +217,7 @@ class Server(SceneServer):
 
 
 async def _write(page: Page, socket: web.WebSocketResponse) -> None:
-    """Send a page what it is told: messages in order, and of states the newest only."""
+    """Send a page what it is told: messages in order, of states the newest only, frames last."""
     while not page.dismissed:
         await page.wake.wait()
         page.wake.clear()
@@ -224,4 +225,7 @@ async def _write(page: Page, socket: web.WebSocketResponse) -> None:
             await socket.send_str(page.outbox.get_nowait())
         for kind in tuple(page.newest):
             await socket.send_str(page.newest.pop(kind))
+        if (frame := page.next_frame()) is not None:
+            page.wake.set()  # what else there is comes before the frame after it
+            await socket.send_bytes(frame)
     await socket.close(message=page.dismissed.encode())

@@ -45,11 +45,12 @@ class CellRecorder:
         """Begin to listen; `notices` tells what cannot be heard."""
         self._files, self._pictures, self._viewer = files, pictures, Viewer(cell)
         # Requests are answered by one: who overhears them would be asked in the daemon's place.
-        # What they did is told by events.
+        # What they did is told by events. Video is made for whoever looks at it now; the small
+        # pictures are recorded.
         self._ears = [
             Ear(topic, session.subscribe(topic, DEPTH))
             for topic in t.TOPICS
-            if not topic.flow.asks and session.may_hear(topic)
+            if not topic.flow.asks and topic is not t.VIDEO and session.may_hear(topic)
         ]
         self._seen: dict[Path, int] = {}
         self._due_ns = 0

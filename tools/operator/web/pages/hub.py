@@ -7,7 +7,7 @@ import asyncio
 import json
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Final, NamedTuple
 
 from .....protocols import topics as t
@@ -21,6 +21,7 @@ from ...words.limits import limit_words
 from ...words.why import is_cause, why
 from .page import Page
 from .surroundings import WorldNews
+from .video import DaemonClock, Videos
 
 POLL_S: Final = 0.002
 STATE_S: Final = 1 / 60
@@ -49,10 +50,13 @@ class DaemonLink(NamedTuple):
 class PageHub:
     """Passes on what the daemon tells, and what the pages send."""
 
-    def __init__(self, connect: Callable[[], Connection]) -> None:
+    def __init__(self, connect: Callable[[], Connection], period_s: float = 0.01) -> None:
+        """Build it; `period_s` is the daemon's."""
         self._connect = connect
         self._connection: Connection | None = None
         self._surroundings: WorldNews | None = None
+        self._videos: Videos | None = None
+        self._daemon_clock = DaemonClock(period_s)
         self._tried_s = self._stated_s = float("-inf")
         self._cause: Event | None = None
         self._link = DaemonLink("silent", 0, [], None)
@@ -72,9 +76,11 @@ class PageHub:
         if self._connection is not None:
             self._connection.close()
 
-    def open_page(self, name: str, role: Role, cell: str) -> Page:
-        """Return the operator of a page that has come."""
-        page = Page(name, role, cell, self._put, self._ask)
+    def open_page(self, name: str, role: Role, cell: str, cameras: Collection[str] = ()) -> Page:
+        """Return the operator of a page that has come, which may look at these cameras."""
+        page = Page(
+            name, role, cell, self._put, self._ask, cameras=cameras, daemon=self._daemon_clock
+        )
         self.pages.add(page)
         for event in self._events:
             page.tell_text(event)
@@ -97,6 +103,7 @@ class PageHub:
             for page in tuple(self.pages):
                 page.run(now_s)
             self._tell_surroundings(now_s)
+            self._tell_videos()
         self._tell_links()
 
     # --- the session -------------------------------------------------------------------------
@@ -109,6 +116,7 @@ class PageHub:
         self._connection.on_state = self._on_state
         self._connection.on_event = self._on_event
         self._surroundings = WorldNews(self._connection.session)
+        self._videos = Videos(self._connection.session)
 
     def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
         if self._connection is not None:
@@ -129,6 +137,7 @@ class PageHub:
         for page in self.pages:
             page.on_state(state)
         now_s = time.monotonic()
+        self._daemon_clock.on_state(state, now_s)
         if now_s - self._stated_s < STATE_S - POLL_S or not self.pages:
             return
         self._stated_s = now_s
@@ -158,6 +167,21 @@ class PageHub:
                     page.tell_newest(kind, text)
                 else:
                     page.tell_text(text)
+
+    def _tell_videos(self) -> None:
+        """Pass on the videos that are looked at; who begins to is told all since a key frame."""
+        if self._videos is None:
+            return
+        watched = {name for page in self.pages for name in page.watches}
+        for name, frame in self._videos.turn(watched):
+            for page in self.pages:
+                if name in page.watches and page.watches[name].begun:
+                    page.tell_video(name, [frame])
+        for page in self.pages:
+            for name, watch in page.watches.items():
+                if not watch.begun:
+                    watch.begun = True
+                    page.tell_video(name, self._videos.cameras[name].group)
 
     def _tell_links(self) -> None:
         """Tell all pages how the daemon is reached, when that has changed."""

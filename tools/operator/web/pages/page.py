@@ -8,7 +8,7 @@ second else. Motion stops when beats stop: after `HELD_S` the streams are told z
 import asyncio
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final
 
 from pydantic import ValidationError
@@ -22,6 +22,7 @@ from ....client.protocol_client import Ask, NoLease, ProtocolClient, Put
 from ....client.round_trip import RoundTrip
 from ...words.refusals import refusal_words
 from .neutral import STREAMS, neutral, stream_name
+from .video import DaemonClock, VideoFrame, Watch, watched_in
 
 HELD_S: Final = 0.04
 """Motion of a page that is silent for longer ends [s]: four beats that do not come."""
@@ -54,6 +55,8 @@ class Page:
         put: Put,
         ask: Ask,
         clock: Callable[[], float] = time.monotonic,
+        cameras: Collection[str] = (),
+        daemon: DaemonClock | None = None,
     ) -> None:
         self.role = role
         self._clock = clock
@@ -62,6 +65,9 @@ class Page:
         self.outbox: asyncio.Queue[str] = asyncio.Queue(WAITING)
         self.newest: dict[str, str] = {}
         """State, contour and pictures that are not sent yet; a newer one takes each one's place."""
+        self.watches: dict[str, Watch] = {}
+        """Cameras that are looked at large, as long as the page is alive."""
+        self._cameras, self._daemon = cameras, daemon
         self.wake = asyncio.Event()
         self.dismissed = ""
         """Why the page is let go of; empty while it is not."""
@@ -112,11 +118,29 @@ class Page:
         else:
             self._lapsed = False
         self._hold(held)
+        self._watch(watched_in(message.get("video", {}), self._cameras))
         trip = self.round_trip.seconds
         echo_ms = None if trip is None else round(1e3 * trip, 1)
         self.tell(
             {"type": "beat", "n": message.get("n"), "lapsed": self._lapsed, "echo_ms": echo_ms}
+            | self._clocks()
         )
+
+    def _clocks(self) -> dict[str, float]:
+        """Return the console's clock, and the daemon's ticks on it, where pictures have an age."""
+        if not self._cameras or self._daemon is None or self._daemon.zero_s is None:
+            return {}
+        return {
+            "now_ms": 1e3 * self._beat_s,
+            "zero_ms": 1e3 * self._daemon.zero_s,
+            "period_ms": 1e3 * self._daemon.period_s,
+        }
+
+    def _watch(self, watched: Mapping[str, int]) -> None:
+        """Look at these cameras large, and at no other."""
+        self.watches = {name: self.watches.get(name) or Watch() for name in watched}
+        for name, number in watched.items():
+            self.watches[name].received(number)
 
     def _send(self, message: Mapping[str, Any]) -> None:
         number, key = message.get("id"), str(message.get("key"))
@@ -160,6 +184,7 @@ class Page:
         if silent_s > LAPSED_S:
             self._lapsed = True
         if silent_s > ALIVE_S:
+            self.watches = {}
             return  # the lease runs out, as that of any operator who hangs
         self.client.run(now_s)
 
@@ -235,6 +260,20 @@ class Page:
         `text` ends where it says whether the page has the lease.
         """
         self.tell_newest("state", text + ("true}" if self.client.secret else "false}"))
+
+    def tell_video(self, camera: str, frames: Collection[VideoFrame]) -> None:
+        """Let the page be told frames of a camera that it looks at."""
+        for frame in frames:
+            self.watches[camera].offer(frame, self._clock())
+        self.wake.set()
+
+    def next_frame(self) -> bytes | None:
+        """Return a frame of a video that is to be sent now; None if there is none."""
+        waiting = [watch for watch in self.watches.values() if watch.waiting]
+        if not waiting:
+            return None
+        # No camera keeps another one waiting on a slow link.
+        return min(waiting, key=lambda watch: watch.sent_s).next(self._clock())
 
     def tell_newest(self, kind: str, text: str) -> None:
         """Let the page be told JSON, in place of an older one of its kind that it has not read."""

@@ -1,5 +1,6 @@
 // The page: one link to the console, panels around the scene, and everything held in one place.
 
+import { createCameras } from "./cameras/cameras.js";
 import { Choices, FRAMES } from "./choices.js";
 import { el, setText } from "./dom.js";
 import { Held } from "./held.js";
@@ -30,6 +31,7 @@ const choices = new Choices(link);
 const held = new Held(link, choices);
 const ask = asker(link);
 const scene = sceneIn(at("scene"), description);
+const cameras = createCameras(at("scene"), description, link);
 const plots = createPlots(at("plots"), description);
 const bar = createBar(at("bar"), { link, cell: catalogue.cell, name, ask });
 const why = createWhy(at("side"), ask);
@@ -87,7 +89,9 @@ link.addEventListener("state", ({ detail }) => {
   scene.update(detail);
   plots.update(detail);
 });
-for (const type of ["truth", "obstacle", "contour", "scan", "picture"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
+for (const type of ["truth", "obstacle", "contour", "scan"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
+link.addEventListener("picture", ({ detail }) => cameras.show(detail.picture));
+at("scene").addEventListener("cameras", ({ detail }) => scene.setOptions({ covered: detail }));
 link.addEventListener("contour", ({ detail }) => now.ahead(detail.contour));
 link.addEventListener("event", ({ detail }) => {
   log.add(detail);

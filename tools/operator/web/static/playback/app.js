@@ -1,5 +1,6 @@
 // The page of a recorded run: the scene and the panels as they were at a time that can be chosen.
 
+import { createCameras } from "../cameras/cameras.js";
 import { Choices } from "../choices.js";
 import { el, setClass, setText } from "../dom.js";
 import { createNow } from "../panels/now.js";
@@ -27,6 +28,8 @@ const told = new EventTarget();
 const choices = new Choices(told);
 const scene = sceneIn(at("scene"), description);
 scene.setOptions({ handle: null });
+const cameras = createCameras(at("scene"), description, null);
+at("scene").addEventListener("cameras", ({ detail }) => scene.setOptions({ covered: detail }));
 const mode = el("span", { className: "mode" }, "…");
 at("bar").append(el("span", { className: "mark" }, el("img", { src: "icon.svg", alt: "" }), run.cell), mode,
   el("span", { className: "fact" }, "recorded run", el("b", {}, run.name)));
@@ -47,7 +50,10 @@ let newest = null;
 
 function show(messages) {
   const states = messages.filter((message) => message.type === "state");
-  for (const message of messages) if (message.type !== "state") scene.update(message);
+  for (const message of messages) {
+    if (message.type === "picture") cameras.show(message.picture);
+    else if (message.type !== "state") scene.update(message);
+  }
   const contour = messages.filter((message) => message.type === "contour").at(-1);
   if (contour) now.ahead(contour.contour);
   if (!states.length) return;

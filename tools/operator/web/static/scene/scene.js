@@ -21,7 +21,6 @@ import { createFrames } from "./things/frames.js";
 import { createGaps } from "./things/gaps.js";
 import { createHandle } from "./things/handle.js";
 import { createPaths } from "./things/paths.js";
-import { createPictures } from "./things/pictures.js";
 import { createScan } from "./things/scan.js";
 import { createSurroundings } from "./things/surroundings.js";
 import { createTunnels } from "./things/tunnels.js";
@@ -45,7 +44,6 @@ export function createScene(element, description, drawn = {}) {
   const forces = createForces(description, materials, labels);
   const paths = createPaths(description, materials, labels, scale);
   const handle = createHandle(description, materials, stage, scale);
-  const pictures = createPictures(element, description);
   const views = createViews(stage, stage.invalidate, surroundings.opaque);
   const parts = { arms, surroundings, tunnels, contour, scan, frames, gaps, forces, paths, handle };
   for (const part of Object.values(parts)) stage.scene.add(part.object);
@@ -68,11 +66,13 @@ export function createScene(element, description, drawn = {}) {
   });
 
   let shown = null;
+  let covered = false;
   let last = performance.now();
   let running = requestAnimationFrame(draw);
 
   function draw(now) {
     running = requestAnimationFrame(draw);
+    if (covered) return;
     const dt = Math.min(0.1, (now - last) / 1000);
     last = now;
     const sample = timeline.sample(now / 1000);
@@ -121,6 +121,7 @@ export function createScene(element, description, drawn = {}) {
       frameAll();
       views.go(options.view, options.easing ?? true);
     }
+    if ("covered" in options) covered = Boolean(options.covered);
     if ("ghost" in options) arms.showGhost = Boolean(options.ghost);
     if ("labels" in options) labels.show(options.labels);
     if ("frames" in options) frames.object.visible = Boolean(options.frames);
@@ -133,7 +134,7 @@ export function createScene(element, description, drawn = {}) {
   }
 
   return {
-    /** Take in a message: `state`, `truth`, `obstacle` (news of one), `contour`, `scan` or `picture`. */
+    /** Take in a message: `state`, `truth`, `obstacle` (news of one), `contour` or `scan`. */
     update(message) {
       if (message.type === "state") {
         timeline.push(message.t ?? message.state.time_s, message.state, performance.now() / 1000);
@@ -149,8 +150,6 @@ export function createScene(element, description, drawn = {}) {
       } else if (message.type === "scan") {
         scan.news(message.scan);
         stage.invalidate();
-      } else if (message.type === "picture") {
-        pictures.show(message.picture.camera, blobOf(message.picture.jpeg));
       }
     },
     /** Show a state at once, without interpolation. */
@@ -174,16 +173,10 @@ export function createScene(element, description, drawn = {}) {
       cancelAnimationFrame(running);
       preference?.removeEventListener("change", follow);
       handle.dispose();
-      pictures.dispose();
       labels.dispose();
       stage.dispose();
     },
   };
-}
-
-/** Return a JPEG that was told in base 64. */
-function blobOf(text) {
-  return new Blob([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], { type: "image/jpeg" });
 }
 
 /** Return the corners of the boxes around all bodies of an object; ghosts, lines and walls are none. */

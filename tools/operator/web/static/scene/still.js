@@ -1,5 +1,6 @@
 /** A still of a run for a picture: all its states one after the other, then what the last one shows. */
 
+import { createCameras } from "../cameras/cameras.js";
 import { createScene } from "./scene.js";
 
 const asked = new URLSearchParams(globalThis.location.search);
@@ -11,7 +12,11 @@ scene.setOptions({ theme: asked.get("theme") ?? "dark" });
 scene.setOptions({ view: asked.get("view") ?? "home", easing: false });
 scene.setOptions({ handle: asked.get("handle") });
 for (const state of run.states) scene.jump(state);
-for (const message of run.news) scene.update(message);
+const cameras = createCameras(document.getElementById("scene"), description, null);
+for (const message of run.news) {
+  if (message.type === "picture") await cameras.show(message.picture);
+  else scene.update(message);
+}
 if (run.states.length) scene.jump(run.states.at(-1));
 await scene.loaded;
 scene.setOptions({ view: asked.get("view") ?? "home", easing: false });
