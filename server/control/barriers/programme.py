@@ -129,6 +129,8 @@ def nearest(
         H, f = keep(H, f, J, tool, link.tools, link.give_way, length)
     found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     wrong = shortfall(slopes, least, found[:n])
+    if math.isnan(found.sum()) or math.isnan(low.sum() - high.sum()):  # no bound to the solver
+        wrong = math.inf
     fallback: Fallback = ""
     if flag not in _SOLVED or wrong > KEPT:
         led_back = bool((low > 0.0).any() or (high < 0.0).any())

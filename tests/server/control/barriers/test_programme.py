@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from telerobot.server.control.barriers import programme as nearest_module
 from telerobot.server.control.barriers.programme import ATTITUDE, SLIDE, nearest
+from telerobot.server.control.barriers.together import PayloadLink
 
 L = 0.3
 W = np.diag([1.0] * 3 + [L] * 3)
@@ -205,3 +206,223 @@ def test_barriers_are_soft_only_where_a_joint_is_led_back(rng, side):
     )
     # The rates, the share and what widening falls short by; three barriers, and the widening.
     np.testing.assert_array_equal(sense, [0] * (n + 2) + [8] * 3 + [0])
+
+
+# --- the solver is not trusted ----------------------------------------------------------------
+
+
+class Solver:
+    """Stands before DAQP: the first answers are others, as a function of DAQP's own makes them."""
+
+    def __init__(self, monkeypatch, *instead):
+        self._real, self._instead, self.senses = nearest_module.daqp.solve, list(instead), []
+        monkeypatch.setattr(nearest_module.daqp, "solve", self.solve)
+
+    def solve(self, H, f, A, upper, lower, sense):
+        self.senses.append(sense.copy())
+        answer = self._real(H, f, A, upper, lower, sense)
+        return self._instead.pop(0)(*answer) if self._instead else answer
+
+
+def failed(found, value, _flag, info):
+    return found, value, -1, info
+
+
+def off_by(amount, joint=0):
+    def changed(found, value, flag, info):
+        found = np.array(found)
+        found[joint] += amount
+        return found, value, flag, info
+
+    return changed
+
+
+UNIT = np.eye(6)
+"""A tool each of whose axes has a joint of its own."""
+RATE = np.array([0.1, 0.05, 0.0, 0.1, 0.0, 0.2])
+WALL = -np.eye(6)[:1], np.array([-0.02])
+"""The first joint may go at 0.02 at most."""
+
+
+def before_a_wall(low=-1.0, high=1.0):
+    low, high = np.full(6, low), np.full(6, high)
+    return nearest(RATE, UNIT, low, high, np.ones(6), L, WALL)
+
+
+def test_a_solver_that_finds_nothing_is_asked_once_more_with_soft_barriers(monkeypatch):
+    expected = before_a_wall()
+    solver = Solver(monkeypatch, failed)
+    found = before_a_wall()
+    # Six rates and the share; then the barrier, which alone is soft.
+    assert [sense.tolist() for sense in solver.senses] == [[0] * 8, [0] * 7 + [8]]
+    assert found.fallback == "barriers_softened"
+    assert found.dq[0] <= 0.02 + 1e-9
+    np.testing.assert_allclose(found.dq, expected.dq, atol=0.02)
+
+
+@pytest.mark.parametrize("second", [failed, off_by(np.nan), off_by(np.nan, 6)])
+def test_where_it_finds_nothing_then_either_the_arm_stands(monkeypatch, second):
+    solver = Solver(monkeypatch, failed, second)
+    found = before_a_wall()
+    assert len(solver.senses) == 2
+    assert found.fallback == "barriers_stand"
+    np.testing.assert_array_equal(found.dq, np.zeros(6))
+    assert found.pace == SLIDE
+    assert found.share == 0.0
+
+
+@pytest.mark.parametrize(("low", "high", "rate"), [(0.01, 1.0, 0.01), (-1.0, -0.03, -0.03)])
+def test_where_joints_are_led_back_they_are_led_back_then_and_no_more(monkeypatch, low, high, rate):
+    Solver(monkeypatch, failed, failed)
+    found = before_a_wall(low, high)
+    assert found.fallback == "barriers_stand"
+    np.testing.assert_array_equal(found.dq, np.full(6, rate))
+
+
+@pytest.mark.parametrize(
+    ("beyond", "asked", "fallback"),
+    [(0.5e-9, 1, ""), (1e-8, 1, ""), (1.9e-6, 1, ""), (3e-6, 2, "barriers_softened"),
+     (np.nan, 2, "barriers_softened")],
+)  # fmt: skip
+def test_a_barrier_that_the_solver_broke_is_mended_or_it_is_asked_again(
+    monkeypatch, beyond, asked, fallback
+):
+    off = before_a_wall().dq[0] - 0.02
+    solver = Solver(monkeypatch, off_by(beyond - off))
+    found = before_a_wall()
+    assert len(solver.senses) == asked
+    assert found.fallback == fallback
+    assert found.dq[0] <= 0.02 + 1.1e-9
+    if beyond == 1e-8:  # mended, and not just taken
+        assert found.dq[0] <= 0.02 + 2e-10
+
+
+@pytest.mark.parametrize("joint", [1, 5])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_where_a_joint_is_led_back_a_broken_barrier_is_taken_as_it_is(monkeypatch, side, joint):
+    """Barriers are soft then: the joint's own bounds are not."""
+    low, high = -np.ones(6), np.ones(6)
+    (low if side > 0 else high)[joint] = side * 0.01
+    solver = Solver(monkeypatch, off_by(0.05))
+    found = nearest(RATE, UNIT, low, high, np.ones(6), L, WALL)
+    assert len(solver.senses) == 1
+    assert found.fallback == ""
+    assert found.dq[0] > 0.021
+    assert side * found.dq[joint] >= 0.01
+
+
+@pytest.mark.parametrize("bound", ["low", "high"])
+def test_a_joint_that_may_just_not_go_on_is_not_led_back(monkeypatch, bound):
+    low, high = -np.ones(6), np.ones(6)
+    (low if bound == "low" else high)[3] = 0.0
+    solver = Solver(monkeypatch, off_by(0.05))
+    found = nearest(RATE, UNIT, low, high, np.ones(6), L, WALL)
+    assert len(solver.senses) == 2
+    assert found.dq[0] <= 0.02 + 1e-9
+
+
+@pytest.mark.parametrize("led_back", [False, True])
+@pytest.mark.parametrize("name", ["dq", "J", "low", "high", "slopes", "least"])
+def test_one_number_that_is_none_is_told_by_name(name, led_back):
+    """And is not taken for an order to stand, nor for a bound that is far away."""
+    given = {"dq": RATE.copy(), "J": UNIT.copy(), "low": -np.ones(6), "high": np.ones(6),
+             "slopes": WALL[0].copy(), "least": WALL[1].copy()}  # fmt: skip
+    given["low"][5] = 0.01 if led_back else -1.0
+    given[name].flat[0] = np.nan
+    with pytest.raises(nearest_module.BarrierError, match=f"^{name} is not finite"):
+        nearest(given["dq"], given["J"], given["low"], given["high"], np.ones(6), L,
+                (given["slopes"], given["least"]))  # fmt: skip
+
+
+def test_a_bound_that_is_infinitely_far_away_binds_nothing():
+    found = nearest(RATE, UNIT, np.full(6, -np.inf), np.full(6, np.inf), np.ones(6), L)
+    np.testing.assert_allclose(found.dq, RATE, atol=1e-6)
+
+
+def test_wheels_keep_the_proportion_that_they_are_asked_for():
+    dq = np.array([0.4, 0.2, 0.1, 0.0, 0.1, 0.0])
+    wall = -np.eye(6)[:1], np.array([-0.1])
+    found = nearest(dq, UNIT, -np.ones(6), np.ones(6), np.ones(6), L, wall, wheels=(0,))
+    assert found.dq[0] <= 0.1 + 1e-9
+    assert found.dq[0] == pytest.approx(2.0 * found.dq[1])
+    assert found.dq[0] > 0.05
+
+
+def test_each_gap_is_widened_at_the_least_cost_of_the_tools_that_it_concerns(rng):
+    tool, costs = np.array([0, 0, 1, 1, 2, 2]), np.array([30.0, 20.0, 10.0])
+    slopes = np.array([
+        [1.0, 0.5, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.3, 1.0, 0.2, 0.0],
+        [0.0] * 6, [0.4, 0.0, 0.6, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.7, 0.0],
+    ])  # fmt: skip
+    least = np.array([0.01, 0.02, 0.03, 0.04, 0.0])
+    H, f, A, upper, lower, sense = nearest_module._programme(
+        RATE, UNIT, tool, -np.ones(6), np.ones(6), np.ones(6), slopes, least, costs, L
+    )
+    # Six rates, three shares, and what each of the four gaps falls short by.
+    assert H.shape == (13, 13)
+    np.testing.assert_array_equal(np.diag(H)[9:], [30.0, 10.0, 30.0, 20.0])
+    np.testing.assert_array_equal(H[9:, :9], 0.0)
+    np.testing.assert_array_equal(H[9:, 9:], np.diag(np.diag(H)[9:]))
+    np.testing.assert_array_equal(f[9:], 0.0)
+    np.testing.assert_array_equal(A[:5, :6], slopes)
+    np.testing.assert_array_equal(A[5:, :6], slopes[:4])
+    np.testing.assert_array_equal(A[5:, 9:], np.eye(4))
+    np.testing.assert_array_equal(A[:5, 6:], 0.0)
+    np.testing.assert_array_equal(lower[13:], [0.0] * 5 + [0.01, 0.02, 0.03, 0.04])
+    np.testing.assert_array_equal(lower[9:13], 0.0)
+    assert (upper[9:] >= 1e30).all()
+    assert not sense.any()
+    # A joint that may stand still, and no further, is none that is led back.
+    low, high = -np.ones(6), np.ones(6)
+    low[0] = high[1] = 0.0
+    *_, sense = nearest_module._programme(
+        RATE, UNIT, tool, low, high, np.ones(6), slopes, least, costs, L
+    )
+    assert not sense.any()
+
+
+def test_what_is_left_of_a_motion_is_its_size_with_rotations_by_their_length():
+    length, tool = 0.5, np.zeros(6, dtype=np.int64)
+    asked = np.array([0.3, 0.0, -0.4, 0.0, 2.0, 0.0])  # 0.5 m/s and 2 rad/s: √(0.25 + 1)
+    for found, size in (
+        (np.array([0.3, 0.0, -0.4, 0.0, 0.0, 0.0]), 0.5),
+        (np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0]), 1.0),
+        (np.array([0.0, 0.0, 0.0, 0.4, 0.0, 0.0]), 0.2),
+    ):
+        granted, share, pace = nearest_module._granted(
+            np.array([*found, 0.95]), asked, UNIT, tool, -np.full(6, 9.0), np.full(6, 9.0), length
+        )
+        np.testing.assert_array_equal(granted, found)
+        assert share == pytest.approx(size / np.sqrt(1.25))
+        assert pace == 0.95
+    # Of a motion that is none, the share is the one it may go on at.
+    for asked, share_is in ((1e-9, 0.0), (0.9e-9, 0.95)):
+        _, share, _ = nearest_module._granted(
+            np.array([0.0] * 6 + [0.95]), asked * np.eye(6)[0], UNIT, tool, -np.full(6, 9.0),
+            np.full(6, 9.0), length,
+        )  # fmt: skip
+        assert share == share_is
+
+
+def test_a_tool_that_may_stay_widens_a_gap_only_as_far_as_that_is_worth_it():
+    """Along the one way that opens it: the slope of 1 against leaving the place, 1000 to 10."""
+    gap = np.eye(6)[:1], np.array([0.1])
+    none = np.zeros(6)
+    told = nearest(none, UNIT, -np.ones(6), np.ones(6), np.ones(6), L, gap)
+    beside = nearest(none, UNIT, -np.ones(6), np.ones(6), np.ones(6), L, gap,
+                     widen=[nearest_module.WIDEN_BESIDE])  # fmt: skip
+    for found, cost in ((told, 1e4), (beside, 10.0)):
+        expected = 0.1 * cost / (cost + 1000.0 + 0.05)
+        assert found.dq[0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_tools_on_one_payload_have_one_share():
+    link = PayloadLink(np.array([0, 1]), np.zeros((2, 6)))
+    both, tool = np.concatenate([UNIT, UNIT], axis=1), np.repeat([0, 1], 6)
+    wall = -np.eye(12)[:1], np.array([-0.06])
+    rates = np.concatenate([RATE, RATE])
+    found = nearest(rates, both, -np.ones(12), np.ones(12), np.ones(12), L, wall, tool, (link,))
+    assert found.pace[0] == found.pace[1]
+    assert SLIDE < found.pace[0] < 0.95
+    alone = nearest(rates, both, -np.ones(12), np.ones(12), np.ones(12), L, wall, tool)
+    assert alone.pace[1] > 0.99

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.stop.limiter import Limiter
+from telerobot.server.control.stop.limiter import Limited, Limiter
 from telerobot.server.control.stop.motion import Motion
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
@@ -180,3 +180,167 @@ def test_a_judge_has_a_say_and_news_that_worsens_the_stored_stop_is_told():
     assert (limited.worsened, limited.stopped) == (True, False)
     limited = limiter.step(motion, stop, np.array([2.0]), 1.0, lambda s: 1.5 - (s is held))
     assert (limited.worsened, limited.stopped) == (True, True)
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.5, 1.0])
+def test_reduced_speed_reduces_the_acceleration_and_not_the_jerk(factor):
+    """At the plateau the acceleration is the part of its bound; on the way there, all the jerk."""
+    limiter = one_joint(upper=100.0)
+    for again in (factor, 1.0, factor):  # the one before leaves nothing behind
+        motion = Motion.at_rest(np.zeros(1))
+        stop = limiter.verified_stop(motion)
+        for tick in range(40):
+            motion, stop, *_ = limiter.step(motion, stop, np.array([50.0]), again)
+            if tick == 0:
+                expected = min(0.9999 * 100.0 * T, again * 0.9999 * 5.0)
+                assert motion.ddq == pytest.approx(expected)
+    assert motion.ddq == pytest.approx(factor * 0.9999 * 5.0)
+    # And so does the stop that is held.
+    slow = Limiter(-np.ones(1), np.array([100.0]), factor * np.array([5.0]), np.array([100.0]), T)
+    assert limiter.verified_stop(motion).duration_s == pytest.approx(
+        slow.verified_stop(motion).duration_s
+    )
+
+
+def tried(target, refused, judge_of=lambda stop: 0.0):
+    """What a limiter tries when a judge refuses the first so many stops, and what it takes."""
+    n = len(target)
+    limiter = Limiter(-np.full(n, 9.0), np.full(n, 9.0), A4[:n], J4[:n], STEP_S)
+    motion = Motion.at_rest(np.zeros(n))
+    seen = []
+
+    def judge(stop):
+        seen.append(stop)
+        return 1.0 if len(seen) <= refused else judge_of(stop)
+
+    return limiter.step(motion, limiter.verified_stop(motion), target, 1.0, judge), seen
+
+
+A4, J4, STEP_S = np.array([5.0, 2.0, 4.0, 3.0]), np.array([100.0, 90.0, 20.0, 60.0]), 0.5
+WISH = np.array([0.5, -0.4, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(("refused", "part"), [(0, 1.0), (1, 0.5), (2, 0.2), (3, 0.05)])
+def test_what_is_tried_is_all_of_the_target_half_of_it_a_fifth_and_a_twentieth(refused, part):
+    """The period is long here: the joints reach what is tried."""
+    limited, seen = tried(WISH, refused)
+    assert not limited.stopped
+    assert not limited.worsened
+    np.testing.assert_allclose(limited.motion.dq, part * WISH)
+    assert len(seen) == refused + 1
+    assert limited.stop is seen[-1]
+
+
+def test_after_the_twentieth_part_nothing_more_is_tried():
+    limited, seen = tried(WISH, 4, lambda stop: 0.0)
+    assert limited.stopped  # the fifth that is judged is the held one
+    assert len(seen) == 5
+
+
+def test_between_no_things_the_twentieth_part_is_not_tried():
+    """Where it alone would be inside the limits, the stored stop goes on."""
+    motion = Motion.at_rest(np.zeros(1))
+    for upper, stopped in ((0.02, False), (0.004, True)):
+        limiter = Limiter(
+            -np.ones(1), np.array([upper]), np.array([5.0]), np.array([100.0]), STEP_S
+        )
+        held = limiter.verified_stop(motion)
+        limited = limiter.step(motion, held, np.array([0.1]), 1.0)
+        assert limited.stopped == stopped
+        judged = limiter.step(motion, held, np.array([0.1]), 1.0, lambda _: 0.0)
+        assert not judged.stopped
+
+
+def test_joints_get_there_together_at_first_and_then_each_as_soon_as_it_can():
+    limited, _ = tried(WISH, 0)
+    planner = VelocityPlanner(0.9999 * A4, 0.9999 * J4)
+    motion = Motion.at_rest(np.zeros(4))
+    for refused, part, together in ((0, 1.0, True), (1, 0.5, False), (2, 0.2, False)):
+        limited, _ = tried(WISH, refused)
+        expected = planner.step(motion, part * WISH, STEP_S, together)
+        for found, wanted in zip(limited.motion, expected, strict=True):
+            np.testing.assert_array_equal(found, wanted)
+    limited, _ = tried(WISH, 3)
+    along = limited.motion.q / WISH
+    np.testing.assert_allclose(along, along[0], rtol=1e-9)
+
+
+def test_several_arms_can_be_had_one_by_one_of_what_is_limited():
+    limited, _ = tried(WISH, 0)
+    limited = limited._replace(stopped=True, worsened=True)
+    one = limited.of(slice(1, 3))
+    assert (one.stopped, one.worsened) == (True, True)
+    np.testing.assert_array_equal(one.motion.q, limited.motion.q[1:3])
+    np.testing.assert_array_equal(one.stop.low, limited.stop.low[1:3])
+    assert Limited(limited.motion, limited.stop, False).worsened is False
+
+
+@pytest.mark.parametrize("least", range(4))
+def test_where_all_fall_short_the_least_bad_of_them_is_taken(least):
+    amounts = [2.0, 2.0, 2.0, 2.0, 5.0]
+    amounts[least] = 1.0
+    told = iter(amounts)
+    limited, seen = tried(WISH, 0, lambda _: next(told))
+    assert (limited.worsened, limited.stopped) == (True, False)
+    assert limited.stop is seen[least]
+
+
+def test_of_equally_bad_ones_the_first_is_taken_and_before_the_held_one_none():
+    limited, seen = tried(WISH, 0, lambda _: 2.0)
+    assert (limited.worsened, limited.stopped) == (True, True)
+    told = iter([2.0, 2.0, 2.0, 2.0, 5.0])
+    limited, seen = tried(WISH, 0, lambda _: next(told))
+    assert limited.stop is seen[0]
+
+
+@pytest.mark.parametrize(("short", "worsened"), [(1e-3, False), (1.1e-3, True), (1.9e-3, True)])
+def test_a_held_stop_has_become_worse_when_it_falls_short_by_more_than_a_millimetre(
+    short, worsened
+):
+    told = iter([9.0] * 4 + [short])
+    limited, _ = tried(WISH, 0, lambda _: next(told))
+    assert (limited.stopped, limited.worsened) == (True, worsened)
+
+
+def test_a_stop_that_has_run_out_is_rest_without_a_rounding():
+    limiter = one_joint()
+    motion = Motion(np.array([0.1]), np.array([0.3]), np.array([0.7]))
+    stop = limiter.verified_stop(motion)
+    while not stop.finished:
+        motion, stop, *_ = limiter.go_on(stop)
+    assert motion.stands()
+    again = limiter.go_on(stop).motion
+    np.testing.assert_array_equal(again.q, motion.q)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_stop_may_reach_a_bound_and_not_pass_it(side):
+    """The stop of the motion that is tried ends at the bound to the last bit, or just beyond."""
+    free = Limiter(-np.full(1, 9.0), np.full(1, 9.0), np.array([5.0]), np.array([100.0]), T)
+    motion = Motion.at_rest(np.zeros(1))
+    taken = free.step(motion, free.verified_stop(motion), np.array([side]), 1.0)
+    reached = max(abs(taken.stop.low[0]), abs(taken.stop.high[0]))
+    for bound, whole in ((reached, True), (np.nextafter(reached, 0.0), False)):
+        tight = Limiter(
+            np.array([-bound]), np.array([bound]), np.array([5.0]), np.array([100.0]), T
+        )
+        limited = tight.step(motion, tight.verified_stop(motion), np.array([side]), 1.0)
+        assert np.array_equal(limited.motion.q, taken.motion.q) == whole
+
+
+def test_where_the_target_is_no_number_the_stored_stop_goes_on():
+    limiter = one_joint()
+    motion = Motion(np.zeros(1), np.array([0.5]), np.zeros(1))
+    held = limiter.verified_stop(motion)
+    limited = limiter.step(motion, held, np.array([np.nan]), 1.0)
+    assert limited.stopped
+    np.testing.assert_array_equal(limited.motion.q, held.at(T).q)
+
+
+def test_at_the_very_end_of_a_stop_nothing_is_left_of_a_rounding(rng):
+    for _ in range(50):
+        motion = Motion(np.zeros(3), rng.normal(size=3), rng.normal(size=3))
+        stop = VelocityPlanner(np.full(3, 5.0), np.full(3, 100.0)).stop(motion)
+        wide = np.full(3, 99.0)
+        limiter = Limiter(-wide, wide, wide, wide, stop.duration_s)
+        assert limiter.go_on(stop).motion.stands()

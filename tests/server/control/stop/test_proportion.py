@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.stop.proportion import stopping_in_proportion
 from telerobot.server.control.stop.trajectory import VelocityPlanner
+from telerobot.server.control.stop.velocity_profile import stopping
 
 N = 4
 
@@ -50,3 +52,88 @@ def test_a_joint_belongs_to_one_group_at_most():
         VelocityPlanner(ones, ones, groups=((0, 1), (1, 2)))
     with pytest.raises(ValueError, match="there are 3"):
         VelocityPlanner(ones, ones, groups=((0, 3),))
+
+
+def lasts(phases):
+    return float(phases[0].sum(axis=0).max())
+
+
+def drawn_groups(count, n=3):
+    rng = np.random.default_rng(8)
+    for _ in range(count):
+        A, J = rng.uniform(0.5, 5.0, n), rng.uniform(5.0, 100.0, n)
+        dq, ddq = rng.normal(size=n), A * rng.uniform(-1.0, 1.0, n) * rng.choice([0.0, 1.0])
+        yield dq, ddq, A, J, stopping(dq, ddq, A, J)
+
+
+def test_of_the_stops_that_have_the_shape_of_one_joints_the_shortest_is_taken():
+    differ = 0
+    for dq, ddq, A, J, own in drawn_groups(60):
+        best = lasts(stopping_in_proportion(dq, ddq, A, J, own))
+        each = [
+            lasts(stopping_in_proportion(dq, ddq, A, J, np.repeat(own[:, :, k : k + 1], 3, axis=2)))
+            for k in range(3)
+        ]
+        assert best == pytest.approx(min(each), rel=1e-12)
+        differ += max(each) > 1.05 * min(each)
+    assert differ > 20
+
+
+def test_the_stop_is_no_longer_than_its_shape_needs():
+    """Where it is stretched: a thousandth shorter, some joint would exceed a bound."""
+    stretched = 0
+    for dq, ddq, A, J, own in drawn_groups(60):
+        phases = stopping_in_proportion(dq, ddq, A, J, own)
+        assert phases[0].sum(axis=0).min() == pytest.approx(lasts(phases), rel=1e-12)
+        longer = lasts(phases) > 1.11 * lasts(own)  # than with ramps for all
+        stretched += longer
+        for part, inside in ((1.0, True), (0.999, False)) if longer else ((1.0, True),):
+            up, hold, down = part * phases[0, 1:, 0]
+            # The velocity's end: dq + up (ddq + held) / 2 + hold held + down held / 2 = 0.
+            held = -(dq + 0.5 * up * ddq) / (0.5 * up + hold + 0.5 * down)
+            kept = (np.abs(held) <= np.maximum(A, np.abs(ddq)) * (1.0 + 1e-8)).all()
+            kept &= (np.abs(held - ddq) <= J * up * (1.0 + 1e-8)).all()
+            kept &= (np.abs(held) <= J * down * (1.0 + 1e-8)).all()
+            assert kept == inside
+    assert stretched > 8
+
+
+def test_a_group_that_stands_has_no_way_to_go():
+    for dq, ddq, stands in ((0.0, 0.0, True), (1.0, 0.0, False), (0.0, 1.0, False)):
+        planner = VelocityPlanner(np.full(2, 5.0), np.full(2, 50.0), groups=((0, 1),))
+        stop = planner.stop(Motion(np.ones(2), np.array([0.0, dq]), np.array([0.0, ddq])))
+        assert (stop.duration_s == 0.0) == stands
+        assert np.isfinite(stop.phases).all()
+
+
+def test_one_that_stands_in_a_group_stays_where_it_is():
+    planner = VelocityPlanner(np.full(3, 5.0), np.full(3, 50.0), groups=((0, 1, 2),))
+    stop = planner.stop(Motion(np.ones(3), np.array([0.0, 0.5, 0.0]), np.zeros(3)))
+    for joint in (0, 2):
+        assert stop.low[joint] == stop.high[joint] == 1.0
+    alone = VelocityPlanner(np.full(1, 5.0), np.full(1, 50.0)).stop(
+        Motion(np.ones(1), np.array([0.5]), np.zeros(1))
+    )
+    assert stop.duration_s == pytest.approx(alone.duration_s)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_acceleration_beyond_its_bound_is_its_bound(side):
+    """As after the speed was reduced: the stop may go on with it, and not with more."""
+    dq, ddq = side * np.array([-2.0, 0.1]), side * np.array([4.0, 0.0])
+    A, J = np.array([2.0, 2.0]), np.array([50.0, 50.0])
+    phases = stopping_in_proportion(dq, ddq, A, J, stopping(dq, ddq, A, J))
+    held = ddq + phases[1, 1] * phases[0, 1]
+    assert (np.abs(held) <= np.maximum(A, np.abs(ddq)) * (1 + 1e-8)).all()
+    other = stopping_in_proportion(-dq, -ddq, A, J, stopping(-dq, -ddq, A, J))
+    np.testing.assert_allclose(other * [[[1.0]], [[-1.0]]], phases, rtol=1e-9)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_there_is_no_stop_of_what_is_no_number_nor_under_a_bound_of_nothing(value):
+    dq, A, J = np.array([0.5, 0.4]), np.ones(2), np.full(2, 20.0)
+    own = stopping(dq, np.zeros(2), A, J)
+    with pytest.raises(ValueError, match="no stop in proportion"):
+        stopping_in_proportion(np.array([0.5, value]), np.zeros(2), A, J, own)
+    with pytest.raises(ValueError, match="no stop in proportion"):
+        stopping_in_proportion(dq, np.zeros(2), np.array([1.0, 1e-9]), J, own)
