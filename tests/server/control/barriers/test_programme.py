@@ -426,3 +426,10 @@ def test_tools_on_one_payload_have_one_share():
     assert SLIDE < found.pace[0] < 0.95
     alone = nearest(rates, both, -np.ones(12), np.ones(12), np.ones(12), L, wall, tool)
     assert alone.pace[1] > 0.99
+
+
+def test_every_tool_widens_its_gaps_where_nothing_else_is_said():
+    gap = np.eye(12)[11:], np.array([0.1])
+    both, tool = np.concatenate([UNIT, UNIT], axis=1), np.repeat([0, 1], 6)
+    found = nearest(np.zeros(12), both, -np.ones(12), np.ones(12), np.ones(12), L, gap, tool)
+    assert found.dq[11] > 0.09
