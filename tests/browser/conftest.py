@@ -223,9 +223,13 @@ class Site:
         return done()
 
     def speed(self):
-        """Return how fast the arm's joints move, in truth [rad/s]."""
+        """Return how fast the arm's joints move, in truth [rad/s]; a scanner's nods by itself."""
         self.plant.turn()
-        return max(abs(rate) for rate in self.plant.truth.dq)
+        cell = self.plant.cell
+        swept = [(part.prefix, part.config.mechanism.sweep) for part in cell.parts]
+        nodding = [prefix + sweep.joint for prefix, sweep in swept if sweep is not None]
+        rates = zip(cell.joints, self.plant.truth.dq, strict=True)
+        return max(abs(rate) for joint, rate in rates if joint not in nodding)
 
     def hold(self, page, key="r"):
         """Hold a key until the arm moves by it."""
