@@ -240,4 +240,3 @@ def test_the_largest_frame_comes_through_the_daemons_router_whole(network):
             got = list(videos.turn({"wrist"}))
         assert number < PATIENCE_S, "no frame comes through"
     assert len(got[0][1].message) == 12 + len("wrist") + 16 * 7600
-    assert number == 1, "on an idle link nothing is dropped"
