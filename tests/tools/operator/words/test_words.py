@@ -19,7 +19,7 @@ from telerobot.tools.operator.words.refusals import refusal_words
 from telerobot.tools.operator.words.why import why
 
 SERVER = Path(__file__).resolve().parents[4] / "server"
-SCANNING = SERVER.parent / "tools" / "scanning"
+SCANNING = SERVER / "perception" / "scanning"
 
 
 def event(name, severity="warning", detail="Ann: 3 mm", **values):
