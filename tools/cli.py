@@ -66,6 +66,8 @@ COMMANDS: Final = (
              "telerobot check my/cell.toml --profile=j1")),
     HelpRow("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
             ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
+    HelpRow("soak", "soak.cli", "hostile operators against a cell, in virtual time",
+            ("telerobot soak pa10", "telerobot soak my/cell.toml --seeds=0:100 --jobs=2")),
     HelpRow("certify", "certify.cli", "certificates: who may command, tell and listen on a network",
             ("telerobot certify my/cell.toml", "telerobot certify my/cell.toml --operator=ann")),
     HelpRow("service", "commands.service", "a systemd unit that runs the cell's daemon here",

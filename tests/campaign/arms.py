@@ -17,11 +17,11 @@ from telerobot.tools.scripts.message import TopicMessage
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.segments import SEGMENTS, disturbance, master
+from telerobot.tools.soak.steps import Draw, step
 
-from .hostile.segments import SEGMENTS, disturbance, master
 from .part import Part, Selection
 from .runs import Runs
-from .steps import Draw, step
 
 CELL = "pa10_two"
 END_S = 8.0

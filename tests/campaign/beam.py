@@ -19,10 +19,10 @@ from telerobot.protocols.messages.rig import RigTruth
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.steps import Act, Draw, step
 
 from .part import Part, Selection
 from .runs import Runs
-from .steps import Act, Draw, step
 
 CELL = "pa10_pair"
 END_S = 4.5

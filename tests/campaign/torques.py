@@ -15,10 +15,10 @@ from laboratory.oracle.poses import Array
 from telerobot.config.load import load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.steps import Draw
 
 from .part import Part, Selection
 from .runs import Runs
-from .steps import Draw
 
 CELL = "pa10_hand_torque"
 MOST_N = 35.0

@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 
 import pytest
-from laboratory.campaign.touches import SINCE_S, Touches
 from telerobot.protocols.messages.telemetry import Event
+from telerobot.tools.soak.touches import SINCE_S, Touches
 
 
 def error(name, time_s, cause):

@@ -17,9 +17,9 @@ from telerobot.server.mode import Mode
 from telerobot.tools.client.protocol_client import ANYBODY, NoLease
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.sights import ComputedSights
+from telerobot.tools.soak.touches import Touches
 
-from ..hostile.sights import ComputedSights
-from ..touches import Touches
 from .inputs.stranger import KEPT, Stranger
 from .inputs.values import ENVELOPE
 from .outcome import Outcome

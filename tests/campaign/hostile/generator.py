@@ -1,16 +1,16 @@
 """Makes a run from a cell and a seed: scene, hostile script, and a goal to be judged at its end.
 
-A run is a hostile part (`segments.py`), then order is restored and the arm is sent to a posture,
-or from a known posture to a target pose, sometimes with a stick that nudges it on the way.
-Some arms have a gripper, some cells cameras (`equipment.py`); some stand on a platform that sways,
-or work beside a conveyor (`grounds.py`).
+A run is a hostile part (`telerobot soak` plays such ones), then order is restored and the arm is
+sent to a posture, or from a known posture to a target pose, sometimes with a stick that nudges it.
+Some arms have a gripper, some cells cameras; some stand on a platform that sways, or work beside a
+conveyor.
 Most scenes are open: nothing but the arm. Some are the cell's own, with its wall and table, which
 the arm mostly hits: this server does not avoid obstacles.
 """
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from laboratory.oracle.feasible import GoalJudge
@@ -18,16 +18,12 @@ from laboratory.oracle.poses import Array, difference, rotation
 from telerobot.config.load import Cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
+from telerobot.tools.soak import grounds
+from telerobot.tools.soak.equipment import OPENING_S, with_gripper
+from telerobot.tools.soak.hostile import HOSTILE_S, RESTORE_S, hostile, opened, restored
+from telerobot.tools.soak.segments import schedules
+from telerobot.tools.soak.steps import Draw, step
 
-from ..steps import Draw, step
-from . import equipment, grounds
-from .equipment import OPENING_S, opening, segments, with_gripper
-from .segments import SEGMENTS, disturbance, schedules
-
-HOSTILE_S = (7.0, 8.6)
-"""Length of the hostile part [s]."""
-RESTORE_S = 1.3
-"""Restoring lease, mode, gains and frames takes this long [s]."""
 POSTURE_S = 7.0
 """A posture is reached within this time from wherever the hostile part ends, also where the tool
 has to go half around the arm at its greatest speed [s]."""
@@ -41,8 +37,6 @@ GRIPPING = 0.3
 """Part of the cells that have a gripper, and something to pick up [1]."""
 MOVING = 0.25
 """Part of the cells whose Base or Carrier moves [1]."""
-SLOWED = 0.4
-"""Part of the segments that begin with a reduced speed, until the next one that does [1]."""
 INFEASIBLE = 0.2
 """Part of the target poses that are drawn without regard to feasibility [1]."""
 FRUITLESS_S = 3.0
@@ -82,7 +76,7 @@ def generate(cell: Cell, seed: int) -> HostilePlan:
     draw = np.random.default_rng([seed, *cell.config.name.encode()])
     furnished = bool(draw.random() < FURNISHED)
     if not furnished:
-        cell = _opened(cell)
+        cell = opened(cell)
     if draw.random() < SCHEDULED:
         config = cell.config.model_copy(update={"schedules": schedules(draw)})
         cell = replace(cell, config=config)
@@ -92,7 +86,7 @@ def generate(cell: Cell, seed: int) -> HostilePlan:
         cell = grounds.with_moving(draw, cell)
     judge = GoalJudge.of(cell)
     end_s = float(draw.uniform(*HOSTILE_S)) + (OPENING_S if cell.config.cameras else 0.0)
-    steps = _hostile(draw, cell, end_s) + _restored(cell, end_s)
+    steps = hostile(draw, cell, end_s) + restored(cell, end_s)
     go_s = end_s + RESTORE_S
     posture = _posture(draw, cell, judge)
     steps.append(step(go_s, {"cmd/posture": {"q": tuple(posture.tolist())}}))
@@ -107,63 +101,6 @@ def generate(cell: Cell, seed: int) -> HostilePlan:
         goal = Goal("posture", posture, judge.arm.tool(posture), judge.posture(posture), go_s)
     script = Script(description=f"campaign seed {seed}", duration_s=duration_s, step=tuple(steps))
     return HostilePlan(cell, seed, "furnished" if furnished else "open", script, goal)
-
-
-def _opened(cell: Cell) -> Cell:
-    """Return the cell with nothing around the arm."""
-    rig = cell.config.rig
-    if rig is None:
-        return cell
-    bare = rig.model_copy(update={"wall": None, "boxes": ()})
-    return replace(cell, config=cell.config.model_copy(update={"rig": bare}))
-
-
-def _hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:
-    steps = opening(cell)
-    at_s = OPENING_S if steps else 0.1
-    known = (*SEGMENTS, *segments(cell))
-    while at_s < end_s - 0.4:
-        until_s = min(end_s, at_s + float(draw.uniform(0.5, 1.1)))
-        if draw.random() < SLOWED:
-            factor = float(draw.choice([0.1, 0.25, 0.5, 1.0]))
-            steps.append(step(at_s, {"operator/speed": {"factor": factor}}))
-        segment = known[int(draw.integers(len(known)))]
-        steps += segment(draw, cell, at_s, until_s)
-        if draw.random() < 0.35:
-            steps += disturbance(draw, cell, float(draw.uniform(at_s, until_s)))
-        at_s = until_s
-    return [s for s in steps if s.at_s < end_s]
-
-
-def _restored(cell: Cell, at_s: float) -> list[Step]:
-    """Return what brings order back, whatever state the hostile part has left behind."""
-    sources, mrf = cell.config.sources, cell.config.mechanism.T_wrist_mrf
-    whats: list[dict[str, Any]] = [
-        {"operator/lease": {}},
-        {"operator/protective_clear": {}},
-        {"operator/speed": {"factor": 1.0}},
-        {"operator/frame": {"frame": "mrf", "xyz": mrf.xyz, "rpy": mrf.rpy}},
-    ]
-    for name, gain in (
-        ("joystick", sources.joystick.gain),
-        ("position", sources.position.gain),
-        ("force", sources.force.gain),
-    ):
-        whats.append({"operator/gain": {"source": name, "gain": gain}})
-        whats.append({"operator/switch": {"source": name, "on": True}})
-    for name, pull in cell.config.redundancy.gains.items():
-        whats.append({"operator/redundancy": {"objective": name, "gain": pull}})
-    whats += grounds.order(cell) + equipment.order(cell)
-    whats.append({"operator/clutch": {"engaged": True, "translation": 1.0, "rotation": 1.0}})
-    whats += [{"operator/mode": {"action": "enable"}}] * 3
-    whats.append({"cmd/cancel": {}})
-    times = np.linspace(at_s + 0.1, at_s + RESTORE_S - 0.1, len(whats)).tolist()
-    return [
-        step(at_s, {"link": {}}),
-        step(at_s, {"rig/fault": {"kind": "silence", "target": "force_torque", "on": False}}),
-        step(at_s + 0.02, {"silence": ["cmd/joystick", "cmd/jog", "cmd/master_pose"]}),
-        *(step(when_s, what) for when_s, what in zip(times, whats, strict=True)),
-    ]
 
 
 def _posture(draw: Draw, cell: Cell, judge: GoalJudge) -> Array:

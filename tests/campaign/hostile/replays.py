@@ -18,11 +18,11 @@ from telerobot.server.flight.log import KeptTick, pack_memories
 from telerobot.tools.recording.replay.replay import Judgement, Replay
 from telerobot.tools.recording.run_file import read_cell
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.sights import ComputedSights
 
 from ..part import Part, Selection
 from ..runs import Runs
 from .generator import generate
-from .sights import ComputedSights
 
 Job = tuple[str, int]
 """Cell and seed."""

@@ -13,10 +13,10 @@ from telerobot.config.schema.section import PoseSection
 from telerobot.protocols.messages.rig import RigTruth
 from telerobot.tools.simulation.judges.tool import JUDGED_S
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.sights import ComputedSights
+from telerobot.tools.soak.touches import Touches
 
-from ..touches import Touches
 from .generator import Goal, HostilePlan, generate
-from .sights import ComputedSights
 
 REACHED = (1e-3, 2e-3)
 """A target pose is reached when the true tool stays within this of it [m], [rad]."""

@@ -18,9 +18,8 @@ from telerobot.config.schema.sources.sources import SOURCES
 from telerobot.protocols.messages.messages import Frame
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
-
-from ..steps import Draw, step
-from . import equipment, grounds, segments
+from telerobot.tools.soak import equipment, grounds, segments
+from telerobot.tools.soak.steps import Draw, step
 
 WILD_S = 12.0
 """Length of a run [s]."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 from telerobot.config.load import load_cell
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.sights import ComputedSights
+from telerobot.tools.soak.touches import Touches
 
 from ..part import Part, Selection
 from ..runs import Runs
-from ..touches import Touches
-from .sights import ComputedSights
 from .wild import equipped, wild
 
 CELLS = ("ur5e_scene", "pa10_vision", "pa10_all", "pa10_scene", "ranger", "pa10_platform", "pa10")

@@ -14,9 +14,9 @@ from telerobot.config.load import Cell, load_cell, shipped
 from telerobot.server.control.mechanism.kinematics import Mechanism
 from telerobot.server.control.mechanism.resolution import Resolved, resolve
 from telerobot.server.control.spatial import Pose
+from telerobot.tools.soak.steps import Draw
 
 from ..part import Part, Selection
-from ..steps import Draw
 
 LINES = 20
 """Ways of one seed on one arm [1]."""

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from laboratory.oracle.poses import Array
 from telerobot.server.control.barriers.programme import nearest
+from telerobot.tools.soak.steps import Draw
 
 from ..part import Part
-from ..steps import Draw
 
 COUNT = 1000
 """Wedges of one seed [1]."""

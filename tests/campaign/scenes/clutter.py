@@ -29,8 +29,8 @@ from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
+from telerobot.tools.soak.steps import step
 
-from ..steps import step
 from .movers import RandomMover, mover
 
 PROMISE = 0.02

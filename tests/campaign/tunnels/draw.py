@@ -12,8 +12,7 @@ from telerobot.config.schema.mechanism.backbone import BackboneSection, SegmentS
 from telerobot.config.schema.section import PoseSection
 from telerobot.server.control.mechanism.backbone.insertion import Backbone
 from telerobot.tools.scripts.script import Script
-
-from ..steps import Act, Draw
+from telerobot.tools.soak.steps import Act, Draw
 
 END_S = 6.0
 """Length of a run [s]."""

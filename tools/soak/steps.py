@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from telerobot.tools.scripts.step import Step
+
+from ..scripts.step import Step
 
 Draw = np.random.Generator
 

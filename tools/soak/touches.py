@@ -7,8 +7,8 @@ goes before, has another reason, whatever was touched earlier in the run.
 
 from typing import Final
 
-from telerobot.protocols.messages.telemetry import Event
-from telerobot.tools.simulation.simulation import Simulation
+from ...protocols.messages.telemetry import Event
+from ..simulation.simulation import Simulation
 
 FELT_N: Final = 5.0
 """Contact force from which a touch can hold a joint up [N]."""

@@ -10,13 +10,14 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from telerobot.config.schema.sensors.cameras import CameraSection
-from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.perception.sightings import PoseVector, Sighting
-from telerobot.protocols.topics import SIGHTING
-from telerobot.server.control.spatial import Pose, rotation_exp
-from telerobot.tools.simulation.judges.view import ViewJudge
-from telerobot.tools.simulation.simulation import Simulation
+
+from ...config.schema.sensors.cameras import CameraSection
+from ...protocols.codec import encode
+from ...protocols.messages.perception.sightings import PoseVector, Sighting
+from ...protocols.topics import SIGHTING
+from ...server.control.spatial import Pose, rotation_exp
+from ..simulation.judges.view import ViewJudge
+from ..simulation.simulation import Simulation
 
 NOISE = (5e-4, 3e-3)
 """Standard deviation of a seen pose [m], [rad]."""

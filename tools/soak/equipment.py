@@ -5,13 +5,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from telerobot.config.load import Cell
-from telerobot.config.schema.mechanism.mechanism import GripperSection, PayloadSection
-from telerobot.config.schema.rig.rig import RigGripperSection
-from telerobot.protocols.messages.messages import Frame
-from telerobot.tools.scripts.step import Step
 
-from ..steps import Draw, step
+from ...config.load import Cell
+from ...config.schema.mechanism.mechanism import GripperSection, PayloadSection
+from ...config.schema.rig.rig import RigGripperSection
+from ...protocols.messages.messages import Frame
+from ..scripts.step import Step
+from .steps import Draw, step
 
 Segment = Callable[[Draw, Cell, float, float], list[Step]]
 Pair = tuple[dict[str, Any], dict[str, Any]]

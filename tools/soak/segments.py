@@ -8,14 +8,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from telerobot.config.load import Cell
-from telerobot.config.schema.null_space.redundancy import OBJECTIVES
-from telerobot.config.schema.sources.schedule import ScheduleSection
-from telerobot.protocols.messages.messages import Frame
-from telerobot.tools.scripts.step import Step
 
-from ..steps import Draw, step
+from ...config.load import Cell
+from ...config.schema.null_space.redundancy import OBJECTIVES
+from ...config.schema.sources.schedule import ScheduleSection
+from ...protocols.messages.messages import Frame
+from ..scripts.step import Step
 from . import equipment, grounds
+from .steps import Draw, step
 
 FRAMES = tuple(Frame)
 SPEEDS = (0.4, 2.5)

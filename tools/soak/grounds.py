@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from telerobot.config.load import Cell
-from telerobot.config.schema.moving import FramesSection, MovingFrameSection
-from telerobot.config.schema.section import PoseSection
 
-from ..steps import Draw
+from ...config.load import Cell
+from ...config.schema.moving import FramesSection, MovingFrameSection
+from ...config.schema.section import PoseSection
+from .steps import Draw
 
 Pair = tuple[dict[str, Any], dict[str, Any]]
 """An act and its sequel a moment later; each may be empty."""

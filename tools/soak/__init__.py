@@ -1,0 +1,1 @@
+"""Soak: hostile operators against one cell, in virtual time."""
