@@ -6,7 +6,8 @@ one.
 """
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -32,6 +33,10 @@ from .filters.frame_tracking import (
 )
 from .wheels.base_tracker import BaseTracker
 
+DISPUTED = 4
+"""So often within two timeouts news contradicts what was just believed: two senders tell of it."""
+AGREED = 4
+"""Senders that have not contradicted each other for so long agree [timeouts]."""
 LEAD_PERIODS = 1.0
 """The pose that a tick starts from is reached at the next SYNC [periods]."""
 
@@ -48,6 +53,17 @@ class _Tracked:
     track: Track | None = None
     doubt: RejectedNews | None = None
     """Why the newest news was not believed."""
+    contradicted: deque[int] = field(default_factory=lambda: deque(maxlen=DISPUTED))
+    """Ticks in which news contradicted what was believed just before."""
+    disputed: bool = False
+
+    def note(self, doubt: RejectedNews | None, tick: int) -> None:
+        """Take note of why news was not believed, None for news that was."""
+        if doubt is not None and doubt.contradicts and self.doubt is None:
+            self.contradicted.append(tick)
+            often = len(self.contradicted) == DISPUTED
+            self.disputed |= often and tick - self.contradicted[0] <= 2 * self.timeout
+        self.doubt = doubt
 
 
 class FrameTracker:
@@ -100,11 +116,16 @@ class FrameTracker:
         rolls = self.base is not None and "base" not in self._tracked
         return (*(("base",) if rolls else ()), *self._tracked)
 
+    @property
+    def disputed(self) -> str | None:
+        """The frame of which two senders tell different things, None without one."""
+        return next((name for name, w in self._tracked.items() if w.disputed), None)
+
     def age(self, name: str, tick: int) -> int | None:
         """Return how many ticks old the newest news of a frame is, None when stale."""
         tracked = self._tracked.get(name)
         track = None if tracked is None else tracked.track
-        return None if track is None else tick - track.tick
+        return None if tracked is None or track is None or tracked.disputed else tick - track.tick
 
     def take(self, news: FrameNews, tick: int) -> None:
         """Take in where a frame was. Raises `Refused` for one that does not move in this cell."""
@@ -124,12 +145,16 @@ class FrameTracker:
         if isinstance(believed, RejectedNews):
             if tracked.doubt is None or believed.doubt is not tracked.doubt.doubt:
                 self._tell("frame_rejected", news.name, believed)
-            tracked.doubt = believed
+            before = tracked.disputed
+            tracked.note(believed, tick)
+            if tracked.disputed and not before:
+                self._tell("frame_disputed", news.name, believed)
             return
         if tracked.track is None:
             self._events.info("frame_found", news.name, frame=news.name)
-        tracked.track, tracked.doubt = believed, None
-        if news.name == "base" and self.base is not None:
+        tracked.note(None, tick)
+        tracked.track = believed
+        if news.name == "base" and self.base is not None and not tracked.disputed:
             self.base.take_pose(believed.tick, believed.T)
 
     def step(
@@ -146,7 +171,13 @@ class FrameTracker:
                 # News that only repeats what was believed is no reason why newer is missing.
                 stale = w.doubt is not None and w.doubt.doubt is NewsRejection.OUT_OF_ORDER
                 self._tell("frame_lost", name, None if stale else w.doubt)
-            w.followed = w.follower.step(w.followed, w.track, tick, self._lead_s, not moving)
+            if w.disputed and tick - w.contradicted[-1] > AGREED * w.timeout:
+                w.disputed = False
+                w.contradicted.clear()
+                if w.track is not None:
+                    self._events.info("frame_found", name, frame=name)
+            track = None if w.disputed else w.track
+            w.followed = w.follower.step(w.followed, track, tick, self._lead_s, not moving)
         if self._tracked:
             self.moved = self._moved()
         if self.base is not None and q is not None:
@@ -160,7 +191,7 @@ class FrameTracker:
         back = -self._lead_s * base.twist
         measured = Pose(rotation_exp(back[3:]) @ base.T.R, base.T.p + back[:3])
         tracked = self._tracked.get("base")
-        track = None if tracked is None else tracked.track
+        track = None if tracked is None or tracked.disputed else tracked.track
         acceleration = None if track is None else track.acceleration
         return Moved(base, self.body("carrier"), measured, acceleration)
 

@@ -220,6 +220,9 @@ class Units:
         """Why perception lets the arms not move, or None."""
         if self.missed:
             return "sensor stale"
+        for unit in self.each:
+            if (frame := unit.perception.moving_frames.disputed) is not None:
+                return f"news of {frame} disputed"
         if self.settings.avoid and self.obstacles.stop is not None:
             return "obstacle stale"
         if self.settings.avoid and any(unit.blind for unit in self.each):

@@ -102,6 +102,31 @@ def test_forged_news_of_base_moves_an_idle_tool_no_faster_than_the_cell_says(for
     assert run.summary["limit_violations"] == 0
 
 
+def rises(since, tick, _simulation):
+    yield base(since, tick, (0.0, 0.0, min(0.25 * since, 0.45)))
+
+
+def jumps(since, tick, _simulation):
+    dice = np.random.default_rng(tick)
+    yield base(
+        since, tick, dice.uniform(-0.6, 0.6, 3).tolist(), dice.uniform(-0.4, 0.4, 3).tolist()
+    )
+    yield base(since, tick, dice.normal(0.0, 0.02, 3).tolist())
+
+
+@pytest.mark.parametrize("forge", [rises, jumps])
+def test_news_that_contradicts_the_frames_own_sensor_stops_the_arm_before_it_moves_it(forge):
+    """It would have folded the arm onto itself, with 4 kN; the sensor told the truth all along."""
+    run = play("pa10_platform", forge, 2.5)
+    (disputed,) = run.events("frame_disputed")
+    assert disputed.values["frame"] == "base"
+    assert [e.values["reason"] for e in run.events("stopping")] == ["news of base disputed"]
+    assert run.summary["mode"] == "hold"
+    assert run.summary["limit_violations"] == 0
+    assert travel(run) < 0.05
+    assert max(truth.own_contact_peak for truth in run.truths) == 0.0
+
+
 def test_base_is_not_believed_to_be_further_away_than_the_cell_says():
     run = play("pa10_platform", drives_away, 2.6, SILENT)
     frame = run.simulation.cell.config.frames.base

@@ -35,6 +35,7 @@ class NewsRejection(StrEnum):
     EXTENT = "extent"
     LATE = "late"
     OUT_OF_ORDER = "out_of_order"
+    CONTRADICTION = "contradiction"
     NO_NEWS = "no_news"
 
 
@@ -51,6 +52,22 @@ class RejectedNews(NamedTuple):
         """For people."""
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.doubt}: {self.value:.3g}{unit}, bound {self.bound:.3g}{unit}"
+
+    @property
+    def contradicts(self) -> bool:
+        """True where what was believed before and this cannot both be true."""
+        return self.doubt in _CONTRADICTING
+
+
+_CONTRADICTING = frozenset(
+    (
+        NewsRejection.JUMP,
+        NewsRejection.SPEED,
+        NewsRejection.ACCELERATION,
+        NewsRejection.EXTENT,
+        NewsRejection.CONTRADICTION,
+    )
+)
 
 
 class Track(NamedTuple):
@@ -111,11 +128,12 @@ def update_track(
         return doubted
     if track is None:
         return Track(tick, T, np.zeros(6) if twist is None else twist, np.zeros(6), tick)
-    if tick <= track.tick:
-        return RejectedNews(NewsRejection.OUT_OF_ORDER, tick, track.tick + 1)
     dt = (tick - track.tick) * p.period_s
-    far = (p.slack + p.speed * dt, p.angular_slack + p.angular_speed * dt)
-    doubted = _beyond(NewsRejection.JUMP, pose_error(T, track.T), far, ("m", "rad"))
+    late = tick <= track.tick
+    way = p.speed * abs(dt), p.angular_speed * abs(dt)
+    far = (p.slack + way[0], p.angular_slack + way[1])
+    kind = NewsRejection.CONTRADICTION if late else NewsRejection.JUMP
+    doubted = _beyond(kind, pose_error(T, track.T), far, ("m", "rad"))
     if doubted is None and _settled(track, p):
         # What is known and what is true may accelerate in opposite senses.
         far = (
@@ -123,7 +141,10 @@ def update_track(
             p.angular_slack + p.angular_acceleration * dt * dt,
         )
         off = pose_error(T, track.at(dt).T)
-        doubted = _beyond(NewsRejection.ACCELERATION, off, far, ("m", "rad"))
+        kind = NewsRejection.CONTRADICTION if late else NewsRejection.ACCELERATION
+        doubted = _beyond(kind, off, far, ("m", "rad"))
+    if doubted is None and late:
+        doubted = RejectedNews(NewsRejection.OUT_OF_ORDER, tick, track.tick + 1)
     return doubted or _filtered(track, tick, T, twist, dt, plausible)
 
 

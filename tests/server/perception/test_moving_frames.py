@@ -97,3 +97,40 @@ def test_news_that_is_older_than_its_timeout_is_not_believed(watch, events):
     watch.take(news("base", 10, Pose.identity()), 100)
     assert names(events) == [("frame_rejected", "late")]
     assert watch.age("base", 100) is None
+
+
+@pytest.mark.parametrize("liar", [0, 4], ids=["as fresh", "as late"])
+def test_two_senders_that_contradict_each_other_are_both_not_believed(watch, events, liar):
+    """One says that Base stands, the other that it drives away, as slowly as it may."""
+    still = Pose.identity()
+    for tick in range(5, 295):
+        if tick % 2:
+            watch.take(news("base", tick - 4, still), tick)
+        away = min(0.25 * (tick - 5) * T, 0.4)
+        if tick < 205:
+            there = Pose(np.eye(3), np.array([0.0, 0.0, away]))
+            watch.take(news("base", tick - liar, there), tick)
+        moved = watch.step(tick, moving=True)
+        if watch.disputed == "base":
+            assert watch.age("base", tick) is None
+    told = [event for event in events.take() if event.name == "frame_disputed"]
+    assert len(told) == 1
+    assert told[0].tick <= 5 + 30, "before it is 75 mm away"
+    assert watch.disputed == "base", "for a second after one of them was silent"
+    assert np.abs(moved.base.T.p).max() < 0.12
+    for tick in range(295, 500):
+        watch.take(news("base", tick - 4, still), tick)
+        moved = watch.step(tick, moving=True)
+    assert watch.disputed is None
+    assert names(events) == [("frame_found", None)]
+    assert np.abs(moved.base.T.p).max() < 1e-3
+
+
+def test_two_sensors_that_agree_are_no_dispute(watch, events):
+    """The slower one's news is late, and says nothing else."""
+    for tick in range(5, 200):
+        for late in (2, 4):
+            watch.take(news("base", tick - late, turning((tick - late) * T)), tick)
+        watch.step(tick, moving=True)
+    assert watch.disputed is None
+    assert set(names(events)) == {("frame_found", None), ("frame_rejected", "out_of_order")}

@@ -92,6 +92,10 @@ _WORDS: dict[str, tuple[str, str]] = {
     "view_lost": ("The camera's view is lost: {detail}.", "Uncover the tag, or light the scene."),
     "view_found": ("The camera sees the tag again.", ""),
     "frame_lost": ("A frame is no longer told of: {detail}.", "Is its sensor running?"),
+    "frame_disputed": (
+        "News of a frame contradicts itself and is not believed, as of two senders: {detail}.",
+        "Let one sensor alone tell of it, then resume.",
+    ),
     "frame_rejected": ("News of a frame is not believed: {detail}.", ""),
     "outside_limit": (
         "A joint stands outside its limits: {detail}.",
