@@ -63,6 +63,9 @@ _BOUNDED = {
     "transport/shared_memory/enabled": False,
 }
 _QUEUE = "transport/link/tx/queue"
+# A frame of video is put at once, in as many batches. Zenoh's own queue of two drops some of
+# them whenever its thread does not run for a millisecond.
+_WHOLE_FRAMES = {f"{_QUEUE}/size/background": BATCHES}
 _IMPATIENT = {
     **{f"{_QUEUE}/size/{priority}": BATCHES for priority in PRIORITIES},
     f"{_QUEUE}/congestion_control/drop/wait_before_drop": 0,
@@ -103,7 +106,8 @@ def client_config(
 
     Opening it fails where nobody answers; a link that is lost later is dialled again.
     """
-    return _config({"mode": "client", "connect/endpoints": [endpoint], **_trust(cell, identity)})
+    settings = {"mode": "client", "connect/endpoints": [endpoint], **_WHOLE_FRAMES}
+    return _config({**settings, **_trust(cell, identity)})
 
 
 def member_config(
