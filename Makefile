@@ -73,7 +73,7 @@ test-all: venv ## All tests: in parallel, then those that start processes, then 
 	@$(BIN)/pytest -q -m browser
 
 durations: venv ## Measure what each test costs, and write down which are slow
-	@$(BIN)/pytest -q --measure -m "not hil and not browser" -n $(JOBS)
+	@$(BIN)/pytest -q --measure -m "not hil and not browser" -n $(JOBS) --dist loadfile
 
 mutants: venv ## Changes of the code that safety rests on: do its room's tests notice? ARGS="gate"
 	@$(BIN)/python tests/mutants/run.py --jobs $(JOBS) $(ARGS)

@@ -4,8 +4,9 @@ import resource
 from collections import defaultdict
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import pytest
 from telerobot.config.load import load_cell
@@ -20,7 +21,33 @@ MAY = {"slow", "hil", "browser"}
 
 _shared: defaultdict[tuple[str, str], float] = defaultdict(float)
 """What fixtures cost that several tests share, by name and where they are shared [CPU s]."""
+_asked: dict[Any, tuple[float, float]] = {}
+"""Costs of what the running test had from `shared`, and how much of each was spent now [CPU s]."""
 _costs: dict[str, float] = {}
+
+P, R = ParamSpec("P"), TypeVar("R")
+
+
+def shared(make: Callable[P, R]) -> Callable[P, R]:
+    """Make a thing once for all tests that ask for it; each of them is charged with its cost.
+
+    So a run of seconds marks all tests of it as slow, and not the one that happens to come first.
+    """
+    made: dict[Any, tuple[R, float]] = {}
+
+    @wraps(make)
+    def ask(*args: P.args, **kwargs: P.kwargs) -> R:
+        key, now_s = (args, tuple(sorted(kwargs.items()))), 0.0
+        if key not in made:
+            began = _cpu_s()
+            thing = make(*args, **kwargs)
+            now_s = _cpu_s() - began
+            made[key] = (thing, now_s)
+        thing, cost = made[key]
+        _asked.setdefault((ask, key), (cost, now_s))
+        return thing
+
+    return ask
 
 
 def _cpu_s() -> float:
@@ -65,9 +92,10 @@ def pytest_fixture_setup(
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """Fail a test that costs too much; what it shares is part of what each costs."""
+    _asked.clear()
     began = _cpu_s()
     result = yield
-    spent = _cpu_s() - began
+    spent = _cpu_s() - began + sum(cost - now_s for cost, now_s in _asked.values())
     nodes, fixtures = item.listchain(), getattr(item, "fixturenames", ())
     shared = sum(_shared.get((name, node.nodeid), 0.0) for name in fixtures for node in nodes)
     item.user_properties.append(("cpu_s", spent + shared))

@@ -12,6 +12,7 @@ from telerobot.server.stability.following import delays
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
+from ..conftest import shared
 from .conftest import Run
 
 SWITCH = 'operation_mode = "csp"'
@@ -54,7 +55,7 @@ def played(cell, *steps, seconds, before=None):
 @pytest.fixture(scope="session")
 def pushed(hand):
     """Return a function from a mode to a run in which a hand pushes for a second."""
-    return cache(lambda mode: played(hand(mode), PUSH, LET_GO, seconds=2.4))
+    return shared(lambda mode: played(hand(mode), PUSH, LET_GO, seconds=2.4))
 
 
 def path(run):

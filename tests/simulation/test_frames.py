@@ -1,7 +1,5 @@
 """Frames that move and are redefined, judged by the physics: where tool, Base and Carrier were."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
@@ -9,12 +7,13 @@ from telerobot.server.control.spatial import Pose, pose_error, rotation_log
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 
+from ..conftest import shared
 from .conftest import Run
 
 CELLS = {"conveyor": "pa10_platform", "platform": "pa10_platform", "frames_here": "pa10"}
 
 
-@cache
+@shared
 def shown(name):
     simulation = Simulation(load_cell(CELLS[name]), load_script(name))
     return Run(simulation, simulation.run())

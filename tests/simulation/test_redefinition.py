@@ -5,7 +5,6 @@ noise: what a loop through it makes of the least difference would be 0.1 mm by i
 """
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from telerobot.server.control.spatial import Pose, pose_error, sizes
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
+from ..conftest import shared
 from .conftest import Run
 
 TOOL = {"xyz": [0.0, 0.0, 0.121], "rpy": [0.0, 0.0, 0.0]}
@@ -47,7 +47,7 @@ def play(mode, steps, seconds=2.0):
     return Run(simulation, simulation.run())
 
 
-@cache
+@shared
 def undisturbed(mode, name):
     return play(mode, {"rest": REST, "motion": MOTION}[name])
 

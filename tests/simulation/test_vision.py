@@ -7,6 +7,7 @@ from telerobot.config.schema.moving import FramesSection, MovingFrameSection
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import Simulation
 
+from ..conftest import shared
 from .conftest import Run
 
 pytestmark = pytest.mark.usefixtures("rendering")
@@ -29,13 +30,11 @@ def cell():
 @pytest.fixture(scope="module")
 def shown(cell):
     """Play a shipped script, once for all tests of it."""
-    runs = {}
 
+    @shared
     def play(name):
-        if name not in runs:
-            simulation = Simulation(cell, load_script(name))
-            runs[name] = Run(simulation, simulation.run())
-        return runs[name]
+        simulation = Simulation(cell, load_script(name))
+        return Run(simulation, simulation.run())
 
     return play
 

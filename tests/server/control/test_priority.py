@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import math
-from functools import cache
 
 import numpy as np
 from telerobot.config.load import load_cell
@@ -16,6 +15,7 @@ from telerobot.server.control.tick import Control
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.server.runtime.events import Events
 
+from ...conftest import shared
 from ..conftest import SOURCES, Arm, Run
 
 CASES = {
@@ -26,7 +26,7 @@ CASES = {
 }
 
 
-@cache
+@shared
 def led_past_the_pole(case):
     """Return the run of one case: (0, 4, 0)·sin²(πt/6) N for 6 s, run for 7 s."""
     cell = load_cell("pa10_hand_pole")
