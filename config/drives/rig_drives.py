@@ -28,6 +28,8 @@ LEAST_ROTOR: Final = 5e-3
 """Of the smallest gear motors, at the joint [kg·m²]."""
 FRICTION: Final = 0.01
 """Coulomb friction, by the greatest torque of the drive [1]."""
+STUCK: Final = 2e-3
+"""A joint that is off by so much breaks loose, however strong the drive is said to be [rad]."""
 _POSTURES: Final = 16
 """So many are looked at, beside those that the cell names [1]."""
 
@@ -72,13 +74,14 @@ def _drives(config: CellConfig, robot: Robot) -> dict[str, tuple[float, ...]]:
     told = np.resize(np.array(given.armature), n) if given.armature else None
     rotors = np.maximum(ROTOR * moved, LEAST_ROTOR) if told is None else told
     whole = moved + rotors
-    friction = [FRICTION * drives[joint.name].max_torque for joint in robot.joints]
+    torque = np.array([drives[joint.name].max_torque for joint in robot.joints])
+    friction = np.minimum(FRICTION * torque, STUCK * LOOP**2 * whole)
     return {
         "stiffness": _rounded(LOOP**2 * whole),
         "damping": _rounded(2.0 * DAMPING * LOOP * whole),
         "integral": _rounded(INTEGRAL * LOOP**2 * whole),
         "armature": _rounded(rotors),
-        "friction": _rounded(np.array(friction)),
+        "friction": _rounded(friction),
     }
 
 

@@ -59,6 +59,15 @@ def test_drives_that_the_cell_does_not_tell_follow_the_arms_inertia(small):
     assert drive.friction == pytest.approx([0.01 * torques[j] for j in cell.joints])
 
 
+def test_drives_far_too_strong_for_their_arm_break_loose_within_two_thousandths(small):
+    """URDFs of hobby servos state 1,000 N·m: a hundredth of that would hold the whole arm."""
+    small.replace("max_torque = ", "max_torque = 1e4  # ")
+    drive = without_drives(small).config.rig.drive
+    off = np.array(drive.friction) / np.array(drive.stiffness)
+    assert (off <= 2.01e-3).all()
+    assert (off > 1e-3).all(), "they do have friction"
+
+
 def test_what_the_cell_tells_of_its_drives_stands_beside_what_follows(small):
     follows = without_drives(small).config.rig.drive
     small.cell.write_text(small.cell.read_text() + "[rig.drive]\nfriction = 2.5\n")
