@@ -13,6 +13,7 @@ from .bodies.bridge import add_bridge, add_person
 from .bodies.peg import add_hole, add_peg
 from .bodies.solids import add_solid, attitude
 from .bodies.tunnel import add_tunnel
+from .clearance.distances import TOOL_BALL, WALL
 from .clearance.sight import add_probe
 from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
 from .robot.capsules import add_capsules, exclude_contacts, give_mass
@@ -23,9 +24,6 @@ WALL_SLIDE = "wall_slide"
 
 PLATFORM = tuple(f"platform_{axis}" for axis in ("x", "y", "z", "roll", "pitch", "yaw"))
 """Joints of what the arm stands on, where that may move; before the arm's own."""
-
-TOOL_BALL = "tool_ball"
-"""Geom at the MRF that touches things."""
 
 HELD = "held"
 """Body of what the gripper holds, at the sensor's site."""
@@ -258,9 +256,7 @@ def _add_wall(spec: mujoco.MjSpec, wall: WallSection) -> mujoco.MjsGeom:
     body.mass, body.inertia, body.explicitinertial = wall.mass, [wall.mass] * 3, True
     slide = body.add_joint(name=WALL_SLIDE, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0.0, 0.0, 1.0))
     slide.stiffness[0], slide.damping[0] = wall.stiffness, wall.damping
-    plate = _add_fixed_box(
-        body, "wall_plate", (wall.half_size, wall.half_size, _PLATE_HALF_THICKNESS)
-    )
+    plate = _add_fixed_box(body, WALL, (wall.half_size, wall.half_size, _PLATE_HALF_THICKNESS))
     plate.pos[2] = -_PLATE_HALF_THICKNESS
     return plate
 

@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
+TOOL_BALL = "tool_ball"
+"""Geom at the MRF that touches things."""
+WALL = "wall_plate"
+"""Geom of the wall, which is there to be pushed."""
 
 
 class TrueNearest(NamedTuple):
@@ -75,11 +79,14 @@ class WorldDistances:
         return None if nearest is None else nearest.distance
 
     def nearest(self) -> TrueNearest | None:
-        """Return where arm or tool are nearest to wall, boxes and obstacles, if there are any."""
-        if not len(self._pairs):
+        """Return where arm or tool are nearest to wall, boxes and obstacles, if there are any.
+
+        A tool's ball at the wall is a push, and no clearance.
+        """
+        if self._pushes.all():
             return None
         mujoco.mj_kinematics(self._model, self._data)
-        bound = self._bounds_of_fixed()
+        bound = np.where(self._pushes, np.inf, self._bounds_of_fixed())
         fromto = np.zeros(6)
         found = TrueNearest(1.0, np.zeros(3), np.zeros(3), "")
         # Lower bounds tell which pairs can be the nearest at all.
@@ -157,6 +164,15 @@ class WorldDistances:
         arm = [g for g in range(self._model.ngeom) if g not in self._fixed and weld[g] != 0]
         pairs = [(a, f) for a in arm for f in sorted(self._fixed)]
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
+    def _pushes(self) -> NDArray[np.bool_]:
+        """Which of `_pairs` (k,) are a tool's ball and the wall, which is there to be pushed."""
+        names = [self._model.geom(g).name for g in range(self._model.ngeom)]
+        return np.array(
+            [names[a].endswith(TOOL_BALL) and names[f] == WALL for a, f in self._pairs.tolist()],
+            dtype=bool,
+        )
 
     @cached_property
     def _arm_pairs(self) -> NDArray[np.int64]:
