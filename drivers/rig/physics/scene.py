@@ -68,6 +68,8 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     spec = mujoco.MjSpec() if cell.prefix else _arm_of(cell)
     for part, prefix in zip(cell.parts, prefixes(cell), strict=True) if cell.prefix else ():
         spec.attach(_arm_of(part), prefix=prefix, frame=spec.worldbody.add_frame())
+    if cell.prefix:
+        exclude_contacts(spec, cell)
     spec.option.timestep = rig.physics_step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

@@ -177,6 +177,10 @@ class WorldDistances:
     @cached_property
     def _arm_pairs(self) -> NDArray[np.int64]:
         """Pairs (p, 2) of geoms that belong to different arms."""
+        bodies = self._model.geom_bodyid.tolist()
+        # Built to overlap, as shoulders and a torso.
+        excluded = self._model.exclude_signature.tolist()
+        apart = {frozenset((pair >> 16, pair & 0xFFFF)) for pair in excluded}
         root = self._model.body_rootid[self._model.geom_bodyid]
         touches = self._model.geom_conaffinity
         arms = [
@@ -189,5 +193,6 @@ class WorldDistances:
             for second in arms[i + 1 :]
             for a in first
             for b in second
+            if frozenset((bodies[a], bodies[b])) not in apart
         ]
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)

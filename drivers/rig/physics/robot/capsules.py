@@ -36,11 +36,12 @@ def add_capsules(arm: mujoco.MjSpec, part: Cell) -> None:
         geom.size[0] = given.radius
 
 
-def exclude_contacts(arm: mujoco.MjSpec, part: Cell) -> None:
-    """Let links touch that the cell lets overlap."""
-    found = set()
-    for pair in part.config.avoidance.allowed_contacts:
-        first, second = (name.removeprefix(part.prefix) for name in (pair.link, pair.other))
+def exclude_contacts(arm: mujoco.MjSpec, cell: Cell) -> None:
+    """Let links touch that the cell lets overlap: of one arm, or of several where it has them."""
+    found = {frozenset((e.bodyname1, e.bodyname2)) for e in arm.excludes}
+    for pair in cell.config.avoidance.allowed_contacts:
+        prefix = "" if cell.others else cell.prefix
+        first, second = (name.removeprefix(prefix) for name in (pair.link, pair.other))
         names = frozenset((first, second))
         if len(names) == 2 and names not in found and arm.body(first) and arm.body(second):
             found.add(names)

@@ -54,3 +54,24 @@ def test_the_distance_between_arms_is_told_and_arms_collide(pair):
     assert world.distances.between_arms() < 0.0
     world.step(np.zeros(world.n))
     assert world.contacts.own() > 10.0
+
+
+def test_links_of_two_arms_that_the_cell_lets_overlap_neither_touch_nor_count(two_arms):
+    """Shoulders that one torso carries are built into each other."""
+    links = load_cell("pa10").robot.links()[:8]
+    pairs = "".join(
+        f'[[avoidance.allowed_contacts]]\nlink = "left.{a}"\nother = "right.{b}"\n'
+        for a in links
+        for b in links
+    )
+    near = ("xyz = [0.0, 0.05, 0.0]", "xyz = [0.0, -0.05, 0.0]")
+    apart, overlapping = (
+        World(load_cell(two_arms(like=("pa10", "pa10"), bases=near, more=more)))
+        for more in (pairs, "")
+    )
+    for world in (apart, overlapping):
+        world.step(np.zeros(world.n))
+    assert overlapping.distances.between_arms() < 0.0
+    assert overlapping.contacts.own() > 10.0
+    assert apart.contacts.own() == 0.0
+    assert apart.distances.between_arms() > 0.0
