@@ -79,7 +79,10 @@ def _restored(path: Path, part: dict[str, Any], folder: Path, i: int) -> Cell:
     urdf.write_text(part["urdf"], encoding="utf-8")
     mechanism, asked_by = config.mechanism, f"{path}: {part['place']}.tip_link"
     drives = {drive.joint: drive for drive in mechanism.drives}
-    robot = read_robot(urdf, mechanism.tip_link, asked_by, drives, mechanism.inertials)
+    robot = read_robot(
+        urdf, mechanism.tip_link, asked_by, drives, mechanism.inertials,
+        first_joint=mechanism.first_joint, without=mechanism.without,
+    )  # fmt: skip
     for beside_chain in (with_sweep, with_wheels):  # postures have their joints already
         config, robot = beside_chain(path, config, robot, str)
     return Cell(path, config, robot, prefix=part["prefix"], place=part["place"], task=part["task"])

@@ -229,7 +229,10 @@ def _part(path: Path, part: MechanismKeys) -> Cell:
     urdf = _find("robots", mechanism.urdf, path.parent, f"{path}: {place}.urdf: ")
     of_joint = {drive.joint: drive for drive in mechanism.drives}
     asked_by = f"{path}: {place}.tip_link"
-    robot = read_robot(urdf, mechanism.tip_link, asked_by, of_joint, mechanism.inertials)
+    robot = read_robot(
+        urdf, mechanism.tip_link, asked_by, of_joint, mechanism.inertials,
+        first_joint=mechanism.first_joint, without=mechanism.without,
+    )  # fmt: skip
     config, robot = with_sweep(path, config, robot, part.words)
     config, robot = with_wheels(path, config, robot, part.words)
     check_agreement(path, config, robot, part.words)

@@ -30,6 +30,37 @@ def refuse_xacro(root: ET.Element, urdf: Path) -> None:
         )
 
 
+def leave_out(root: ET.Element, links: Collection[str], own: str) -> None:
+    """Take other mechanisms' links out of a tree: each of `links`, with all that it carries.
+
+    What the link `own` carries stays; links on the way to it stay as frames, without mass or shape.
+    """
+    above = {_end(joint, "child"): joint for joint in root.findall("joint")}
+    kept = set(carriers(root, own))
+    ways = [(link, carriers(root, link.get("name", ""))) for link in root.findall("link")]
+    for link, way in ways:
+        name = way[0]
+        if own in way or not set(way) & set(links):
+            continue
+        if name not in kept:
+            root.remove(link)
+            if name in above:
+                root.remove(above[name])
+            continue
+        for tag in ("inertial", "visual", "collision"):
+            for element in link.findall(tag):
+                link.remove(element)
+
+
+def carriers(root: ET.Element, link: str) -> list[str]:
+    """Return a link and those that carry it, up to the root."""
+    above = {_end(joint, "child"): _end(joint, "parent") for joint in root.findall("joint")}
+    found = [link]
+    while found[-1] in above and len(found) <= len(above):
+        found.append(above[found[-1]])
+    return found
+
+
 def mesh_links(root: ET.Element) -> list[str]:
     """Return the names of links with a mesh among their shapes: those looked at, without others."""
     kinds = {link: "visual" if link.find("collision") is None else "collision"
@@ -114,6 +145,11 @@ def _rename(root: ET.Element, link: ET.Element, name: str) -> None:
     for parent in root.findall("joint/parent"):
         if parent.get("link") == was:
             parent.set("link", name)
+
+
+def _end(joint: ET.Element, which: str) -> str:
+    element = joint.find(which)
+    return "" if element is None else element.get("link", "")
 
 
 def _text(numbers: Iterable[float]) -> str:

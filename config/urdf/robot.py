@@ -15,7 +15,7 @@ from typing import Final
 from ..errors import ConfigError, nearest
 from ..schema.mechanism.mechanism import DriveSection, LinkInertialSection
 from .elements import check_bodies, check_elements, normalise, unshaped_links
-from .plain import balance, give_inertials, mesh_links, refuse_xacro, simplify
+from .plain import balance, carriers, give_inertials, leave_out, mesh_links, refuse_xacro, simplify
 
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
@@ -56,18 +56,29 @@ class Robot:
     joints: tuple[UrdfJoint, ...]
     inertials: tuple[LinkInertialSection, ...] = ()
     """Of links for which the cell has others than the file, or the file none."""
+    without: tuple[str, ...] = ()
+    """Links that other mechanisms have, each with all that it carries."""
+    first_link: str = ""
+    """The link that the chain's first joint moves."""
+
+    def tree(self) -> ET.Element:
+        """Return the outer element of the file, less what other mechanisms have."""
+        root = read_tree(self.urdf)
+        if self.without:
+            leave_out(root, self.without, self.first_link)
+        return root
 
     def links(self) -> list[str]:
-        """Return the names of all links in the file."""
-        return [link.get("name", "") for link in read_tree(self.urdf).findall("link")]
+        """Return the names of all links."""
+        return [link.get("name", "") for link in self.tree().findall("link")]
 
     def unshaped_links(self) -> list[str]:
         """Return the names of links that have mass but no shape to keep clear by."""
-        return list(unshaped_links(read_tree(self.urdf)))
+        return list(unshaped_links(self.tree()))
 
     def mesh_links(self) -> list[str]:
         """Return the names of links whose shape holds a mesh: capsules have to stand for it."""
-        return mesh_links(read_tree(self.urdf))
+        return mesh_links(self.tree())
 
     def description(self, root_link: str | None = None, *, looks: bool = False) -> str:
         """Return a plain URDF: each continuous joint of the chain as a bounded revolute one.
@@ -78,7 +89,7 @@ class Robot:
 
         Libraries give a continuous joint two coordinates; a drive has one.
         """
-        root = read_tree(self.urdf)
+        root = self.tree()
         give_inertials(root, self.urdf, self.inertials)
         balance(root)
         simplify(root, [joint.name for joint in self.joints], root_link, looks=looks)
@@ -111,19 +122,42 @@ def read_robot(
     asked_by: str,
     drives: Mapping[str, DriveSection] | None = None,
     inertials: tuple[LinkInertialSection, ...] = (),
+    *,
+    first_joint: str | None = None,
+    without: tuple[str, ...] = (),
 ) -> Robot:
-    """Read the chain that ends in `tip_link`.
+    """Read the chain that ends in `tip_link`, and begins with `first_joint` where that is said.
 
     `asked_by` is the file and key that names the tip link, for the error. `drives`, by joint, and
-    `inertials` say what the file leaves out. Raises `ConfigError` if the file cannot be read, is
-    not a URDF, or holds no such chain of joints that we can drive.
+    `inertials` say what the file leaves out; the links `without` are other mechanisms'. Raises
+    `ConfigError` if the file cannot be read, is not a URDF, or holds no such chain of joints that
+    we can drive.
     """
     root = read_tree(urdf)
-    give_inertials(root, urdf, inertials)
     links = [link.get("name", "") for link in root.findall("link")]
     if tip_link not in links:
         hint = nearest(tip_link, links)
         raise ConfigError(f"{asked_by}: value '{tip_link}': no such link in {urdf}{hint}")
+    place = asked_by.removesuffix("tip_link")
+    for other in without:
+        if other not in links:
+            hint = nearest(other, links)
+            raise ConfigError(f"{place}without: value '{other}': no such link in {urdf}{hint}")
+    if without:
+        if first_joint is None:
+            raise ConfigError(f"{place}without: needs first_joint, which the arm begins with")
+        first = root.find(f"joint[@name='{first_joint}']")
+        own = "" if first is None else _end(first, "child", urdf)
+        if own in carriers(root, tip_link):  # otherwise told below
+            for other in without:
+                if own in carriers(root, other):
+                    raise ConfigError(
+                        f"{place}without: value '{other}': first_joint '{first_joint}' carries it: "
+                        "must be another mechanism's"
+                    )
+            leave_out(root, without, own)
+            links = [link.get("name", "") for link in root.findall("link")]
+    give_inertials(root, urdf, inertials)
     parent_joint: dict[str, ET.Element] = {}
     for element in root.findall("joint"):
         child = _end(element, "child", urdf)
@@ -137,20 +171,28 @@ def read_robot(
     joints: list[UrdfJoint] = []
     wrong: list[str] = []
     visited = {tip_link}
-    link = tip_link
+    link = first_link = tip_link
+    begun = False
     while link in parent_joint:
         element = parent_joint[link]
-        if not _is_fixed(element, roots):
+        if not begun and not _is_fixed(element, roots):
             try:
                 joints.append(_joint(element, urdf, (drives or {}).get(element.get("name", ""))))
             except ConfigError as error:
                 wrong += error.messages
+            first_link, begun = link, element.get("name") == first_joint
         link = _end(element, "parent", urdf)
         if link in visited:
             raise ConfigError(f"{urdf}: link '{link}': the chain runs in a circle")
         if link not in links:
             raise ConfigError(f"{urdf}: joint '{element.get('name')}': no link '{link}'")
         visited.add(link)
+    if first_joint is not None and not begun:
+        names = [joint.name for joint in joints]
+        raise ConfigError(
+            f"{place}first_joint: value '{first_joint}': no movable joint on the way to "
+            f"'{tip_link}' in {urdf}{nearest(first_joint, names)}"
+        )
     if wrong:
         raise ConfigError(*reversed(wrong))
     if not joints:
@@ -161,7 +203,7 @@ def read_robot(
             "must be at least 2 joints"
         )
     check_bodies(root, urdf, [joint.name for joint in joints], parent_joint)
-    return Robot(urdf, tuple(reversed(joints)), inertials)
+    return Robot(urdf, tuple(reversed(joints)), inertials, without, first_link)
 
 
 def axis_of(urdf: Path, joint: str) -> tuple[float, ...]:

@@ -262,6 +262,17 @@ class MechanismSection(Section):
         None, gt=0, le=500, description="greatest mass at the tool that the arm is rated for [kg]"
     )
     tip_link: str = Field(description="last link of the chain: the Wrist frame")
+    first_joint: JointName | None = Field(
+        None,
+        description="joint of the URDF that the chain begins with; those before it, as of a base "
+        "or a torso, stand at zero; none: the first that moves",
+    )
+    without: tuple[UrdfName, ...] = Field(
+        (),
+        max_length=16,
+        description="links of the URDF that other mechanisms have, each with all that it carries; "
+        "what first_joint carries stays",
+    )
     T_wrist_mrf: PoseSection = Field(
         default_factory=PoseSection, description="moving reference frame in the Wrist frame"
     )

@@ -13,7 +13,6 @@ from matplotlib.ticker import MaxNLocator
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.urdf.robot import read_tree
 from ....server.control.proximity.capsules import Capsule, Capsules
 from ....server.control.spatial import Pose
 from ...init.shape.capsules import Tube, extreme, union
@@ -64,7 +63,7 @@ def covers(cell: Cell, packages: Mapping[str, Path]) -> list[LinkCover]:
     frames = capsules.place(np.concatenate(ready)[None]).frames[0]
     for part in cell.parts:
         base = part.config.mechanism.T_world_base
-        for element in read_tree(part.robot.urdf).findall("link"):
+        for element in part.robot.tree().findall("link"):
             name = f"{part.prefix}{element.get('name', '')}"
             try:
                 shape = link_shape(element, part.robot.urdf, packages, around=False)
