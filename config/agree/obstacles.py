@@ -44,7 +44,7 @@ def obstacle_disagreements(config: CellConfig) -> Iterator[str]:
 def link_disagreements(config: CellConfig, robots: Sequence[tuple[str, Robot]]) -> Iterator[str]:
     """Yield what does not fit the links of a cell's arms, each with what their names begin with."""
     if config.keeps_clear:
-        shaped = {capsule.link for capsule in config.avoidance.capsules}
+        shaped = {link for c in config.avoidance.capsules for link in (c.link, *c.holds)}
         for prefix, robot in robots:
             for link in robot.unshaped_links():
                 if f"{prefix}{link}" not in shaped:
@@ -62,6 +62,11 @@ def link_disagreements(config: CellConfig, robots: Sequence[tuple[str, Robot]]) 
     links = [f"{prefix}{link}" for prefix, robot in robots for link in robot.links()]
     named = [
         (f"avoidance.capsules[{i}].link", c.link) for i, c in enumerate(config.avoidance.capsules)
+    ]
+    named += [
+        (f"avoidance.capsules[{i}].holds[{k}]", link)
+        for i, capsule in enumerate(config.avoidance.capsules)
+        for k, link in enumerate(capsule.holds)
     ]
     # What a link may touch can be an obstacle that only comes while the arm works.
     contacts = enumerate(config.avoidance.allowed_contacts)

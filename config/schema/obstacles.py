@@ -96,6 +96,11 @@ class LinkCapsuleSection(Section):
     start: Vector3 = Field(description="one end of the segment, in the link [m]")
     end: Vector3 = Field(description="the other end [m]")
     radius: float = Field(gt=0, le=2, description="around the segment [m]")
+    holds: tuple[LinkName, ...] = Field(
+        (), max_length=64,
+        description="other links of the same body whose shapes lie inside this one and others "
+        "around that link",
+    )  # fmt: skip
 
 
 class AllowedContactSection(Section):

@@ -105,15 +105,21 @@ def fitted(cell: Cell, forest: Forest) -> tuple[Capsule, ...]:
         stated = tuple(given for given in stated if given.link.startswith(cell.prefix))
     bodies: list[tuple[int, Pose]] = []
     for i, given in enumerate(stated):
-        try:
-            bodies.append(forest.body_of(given.link))
-        except KeyError:
-            raise ConfigError(
-                f"{cell.path}: avoidance.capsules[{i}].link: value '{given.link}': no such link in "
-                f"{cell.robot.urdf}"
-            ) from None
+        named = [("link", given.link), *((f"holds[{k}]", x) for k, x in enumerate(given.holds))]
+        for key, link in named:
+            where = f"{cell.path}: avoidance.capsules[{i}].{key}: value '{link}'"
+            try:
+                found_at = forest.body_of(link)
+            except KeyError:
+                raise ConfigError(f"{where}: no such link in {cell.robot.urdf}") from None
+            if key == "link":
+                bodies.append(found_at)
+            elif found_at[0] != bodies[-1][0]:
+                raise ConfigError(
+                    f"{where}: must be fixed to '{given.link}', and a joint parts them"
+                )
     found = []
-    known = {given.link for given in stated}
+    known = {link for given in stated for link in (given.link, *given.holds)}
     for part, branch in zip(cell.parts, forest.branches, strict=True):
         found += _of_urdf(part, branch, known)
     for given, (body, T) in zip(stated, bodies, strict=True):

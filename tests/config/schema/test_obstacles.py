@@ -4,6 +4,7 @@ import re
 
 import pytest
 from telerobot.config.load import ConfigError, load_cell
+from telerobot.server.control.proximity.capsules import Capsules
 
 SPHERE = """
 [[obstacles]]
@@ -112,6 +113,36 @@ def test_a_capsule_in_the_cell_is_a_shape_too(furnished):
     )
     furnished.cell.write_text(furnished.cell.read_text() + capsules)
     assert len(load_cell(furnished.cell).config.avoidance.capsules) == len(links)
+
+
+CAPSULE = """
+[[avoidance.capsules]]
+link = "l3"
+start = [0.0, 0.0, 0.0]
+end = [0.0, 0.0, 0.35]
+radius = 0.06
+holds = ["{}"]
+"""
+
+
+def test_a_capsule_stands_for_links_that_are_fixed_to_its_own_and_for_no_others(furnished):
+    text, bare = furnished.urdf.read_text(), 0
+    for link in text.split("<link ")[1:]:
+        if link.startswith('name="tip"'):
+            furnished.urdf.write_text(text.replace(link, link.replace(SHAPE, "")))
+            bare += 1
+    assert bare == 1
+    with pytest.raises(ConfigError, match=r"link 'tip' of .* no <collision>"):
+        load_cell(furnished.cell)
+    text = furnished.cell.read_text()
+    furnished.cell.write_text(text + CAPSULE.format("tip"))
+    assert "tip" not in Capsules(load_cell(furnished.cell)).links
+    for link, told in (("l2", "must be fixed to 'l3'"), ("nose", "no such link")):
+        furnished.cell.write_text(text + CAPSULE.format("tip") + CAPSULE.format(link))
+        with pytest.raises(
+            ConfigError, match=rf"capsules\[1\]\.holds\[0\]: value '{link}': {told}"
+        ):
+            Capsules(load_cell(furnished.cell))
 
 
 def test_shapes_are_no_matter_where_no_clearance_is_kept(small):

@@ -20,7 +20,7 @@ def add_capsules(arm: mujoco.MjSpec, part: Cell) -> None:
     mechanism = part.config.mechanism
     for given in part.config.avoidance.capsules:
         link = given.link.removeprefix(part.prefix)
-        body = arm.body(link) if link in bare else None
+        body = arm.body(link) if link in bare or given.holds else None
         if body is None:
             continue
         start, end = np.array(given.start), np.array(given.end)
