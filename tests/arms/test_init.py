@@ -50,7 +50,7 @@ def test_init_writes_a_cell_that_says_what_must_be_confirmed(odd, tmp_path, caps
     assert main(["init", str(urdf), "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "Link_5: mass" in said
-    assert "held at zero: left_finger_joint, right_finger_joint" in said
+    assert "a gripper, no joints of the arm: left_finger_joint, right_finger_joint" in said
     text = out.read_text()
     for confirmed in ("tip_link", "T_wrist_mrf", "[mechanism.postures]", "[[mechanism.inertials]]"):
         before = text[: text.index(confirmed)].splitlines()[-4:]

@@ -5,13 +5,15 @@ import math
 import time
 from pathlib import Path
 
+import numpy as np
+
 from ...config.errors import ConfigError
 from ...config.load import load_cell
 from ...config.urdf.meshes import packages_of
 from ..checks.findings import Severity
 from ..checks.judge import judge
 from .make import Made, make
-from .robot import UrdfArm, read_arm
+from .robot import read_arms
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tip",
         metavar="LINK",
-        help="last link of the arm, which the tool is bolted to; found where it is not said",
+        action="append",
+        default=[],
+        help="last link of the arm, which the tool is bolted to; found where it is not said; said "
+        "again for each other arm of the file, which become one cell",
     )
     parser.add_argument(
         "--out",
@@ -56,12 +61,12 @@ def run(args: argparse.Namespace) -> int:
         if not path.parent.is_dir():
             raise ConfigError(f"{path.parent}: no such folder")
     print(f"{args.urdf}: fitting capsules around its links …", flush=True)
-    arm = read_arm(args.urdf, args.tip, packages_of(args.package))
-    made = make(arm, out)
+    arms = read_arms(args.urdf, args.tip, packages_of(args.package))
+    made = make(arms, out)
     out.write_text(made.cell, encoding="utf-8")
     beside.write_text(made.script, encoding="utf-8")
     bad = [f for f in judge(load_cell(out)) if f.status is Severity.ERROR]
-    for line in _report(arm, made):
+    for line in _report(made):
         print(line)
     for finding in bad:
         print(f"error  {finding.check}: {finding.text}")
@@ -70,18 +75,35 @@ def run(args: argparse.Namespace) -> int:
     return 1 if bad else 0
 
 
-def _report(arm: UrdfArm, made: Made) -> list[str]:
+def _report(made: Made) -> list[str]:
     """Return what was found and what was made up, a line each."""
-    drives = made.draft.drives
-    lines = [f"arm: {len(drives)} joints, {drives[0].joint} to {drives[-1].joint}; tip {arm.tip}"]
-    if arm.held:
-        lines += [f"held at zero: {', '.join(arm.held)}"]
-    for fit in arm.fits:
-        tight = "its shape is flat" if math.isinf(fit.ratio) else f"{fit.ratio:.2f} × its hull"
-        lines += [f"link {fit.link}: {len(fit.tubes)} capsules, {tight}"]
-    lines += [
-        f"link {given.link}: mass {given.mass:.3g} kg estimated from its shape: {given.why}"
-        for given in arm.inertials
-    ]
-    lines += [f"joint {drive.joint}: {note}" for drive in drives for note in drive.notes]
+    lines = []
+    for draft in made.drafts:
+        arm, drives = draft.arm, draft.drives
+        reach = f"{len(drives)} joints, {drives[0].joint} to {drives[-1].joint}; tip {arm.tip}"
+        ahead = 1e3 * float(np.linalg.norm(draft.mrf))
+        lines += [
+            f"{arm.name}: {reach}",
+            f"{arm.name}: the tool is at {arm.tip}, MRF {ahead:.0f} mm off",
+        ]
+        if arm.standing:
+            lines += [f"{arm.name}: stands on joints that are held: {', '.join(arm.standing)}"]
+        if arm.fingers:
+            lines += [f"{arm.name}: a gripper, no joints of the arm: {', '.join(arm.fingers)}"]
+    told = {name for draft in made.drafts for name in draft.arm.fingers}
+    if held := [name for name in made.draft.arm.held if name not in told]:
+        lines += [f"held at zero: {', '.join(held)}"]
+    for i, draft in enumerate(made.drafts):
+        for fit in draft.fits:
+            if i and fit.link not in draft.arm.own:
+                continue
+            tight = "its shape is flat" if math.isinf(fit.ratio) else f"{fit.ratio:.2f} × its hull"
+            also = f"; they hold {', '.join(fit.holds)}" if fit.holds else ""
+            lines += [f"link {fit.link}: {len(fit.tubes)} capsules, {tight}{also}"]
+        lines += [
+            f"link {given.link}: mass {given.mass:.3g} kg estimated from its shape: {given.why}"
+            for given in draft.arm.inertials
+            if not i or given.link in draft.arm.own
+        ]
+        lines += [f"joint {drive.joint}: {note}" for drive in draft.drives for note in drive.notes]
     return lines

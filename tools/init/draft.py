@@ -1,9 +1,14 @@
 """Draft of a cell while `init` makes it, and the text of its file."""
 
 import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from .robot import UrdfArm
+from .shape.capsules import Fit
 from .shape.shapes import Array
 from .toml_text import bound, number, numbers, plain, quoted
 
@@ -50,6 +55,9 @@ class Draft:
     """Mass that half the drives' spare torques hold at the tip in the cell's postures, and no more
     than the arm's own [kg]."""
     gain: tuple[float, float] = (7.5e-4, 0.03)
+    """Force to speed [m/s/N], moment to turning [rad/s/(N·m)]."""
+    sideways: float = 7.5e-4
+    """The first across the tool: friction holds it there as stiffly as the arm is [m/s/N]."""
     stiffness: tuple[float, float] = (20_000.0, 500.0)
     wall: tuple[Array, Array, float] | None = None
     """Centre of its face, normal, and half its side."""
@@ -60,54 +68,94 @@ class Draft:
     """Weighs radians against metres [m]."""
     push: float = 10.0
     """Force of the default script on the wall [N]."""
+    fits: list[Fit] = field(default_factory=list)
+    """Capsules of its links, and of what stands."""
+    passes: list[Array] = field(default_factory=list)
+    """Postures that the script leads it through."""
     port: int = 43210
 
 
-def text_of(draft: Draft) -> str:
-    """Return the cell file."""
-    arm = draft.arm
+def text_of(drafts: Sequence[Draft], contacts: Sequence[tuple[str, str]] = ()) -> str:
+    """Return the cell file: of one arm, or of several that one URDF holds.
+
+    `contacts` are links of several that overlap wherever the arms are.
+    """
+    first = drafts[0]
+    arm, several = first.arm, len(drafts) > 1
     lines = [
-        f"# {draft.name}: made by `telerobot init {arm.urdf.name}`. It runs as it is on virtual",
+        f"# {first.name}: made by `telerobot init {arm.urdf.name}`. It runs as it is on virtual",
         "# hardware. Before a real arm moves by it, look at every line that says "
-        f"{CONFIRM}, and go through",
-        "# config/guides/own_arm.md: `telerobot check` judges the file, `check --bus` the drives.",
+        f"{CONFIRM}, and go",
+        "# through config/README.md: `telerobot check` judges the file, `check --bus` the drives.",
         "",
-        f'name = "{draft.name}"',
-        f'description = "{draft.name}, from {plain(arm.urdf.name)}"',
-        f'default_script = "{draft.script}"',
+        f'name = "{first.name}"',
+        f'description = "{first.name}, from {plain(arm.urdf.name)}"',
+        f'default_script = "{first.script}"',
+    ]
+    for i, draft in enumerate(drafts):
+        lines += [
+            "",
+            "[[buses]]" if several else "[bus]",
+            *([f'name = "{draft.arm.name}"'] if several else []),
+            f'# {CONFIRM}: "socketcan" and a channel as "can0" for real drives.',
+            'interface = "loopback"',
+            f'channel = "239.74.163.{10 + i}"',
+            f"port = {draft.port + i}",
+        ]
+    for draft in drafts:
+        lines += _mechanism(draft, drafts)
+    lines += _common(drafts, contacts)
+    return "\n".join(lines) + "\n"
+
+
+def _mechanism(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
+    """Return the tables of one arm; those of the cell's only one are called otherwise."""
+    arm, several = draft.arm, len(drafts) > 1
+    table = "mechanisms" if several else "mechanism"
+    without = arm.without
+    if several and draft is not drafts[0]:
+        root = next(link for link in arm.root.findall("link") if _is_root(link, arm.root))
+        without = (root.get("name", ""),)
+    lines = [
         "",
-        "[bus]",
-        f'# {CONFIRM}: "socketcan" and a channel as "can0" for real drives.',
-        'interface = "loopback"',
-        'channel = "239.74.163.10"',
-        f"port = {draft.port}",
-        "",
-        "[mechanism]",
-        'name = "arm"',
+        f"[[{table}]]" if several else f"[{table}]",
+        f'name = "{arm.name}"',
+        *([f'bus = "{arm.name}"'] if several else []),
         f"urdf = {quoted(draft.urdf)}",
         f"# {CONFIRM}: the link that the tool is bolted to.",
         f"tip_link = {quoted(arm.tip)}",
+    ]
+    if arm.first_joint is not None:
+        if arm.standing:
+            lines += [f"# {CONFIRM}: these stand at zero: {plain(', '.join(arm.standing))}."]
+        lines += [f"first_joint = {quoted(arm.first_joint)}"]
+    if without:
+        told = ", ".join(map(quoted, without))
+        lines += ["# Another arm of the cell has these, and all that they carry."]
+        lines += [f"without = [{told}]"]
+    lines += [
         f"# {CONFIRM}: the greatest mass that the arm carries there [kg]; by the drives' torques.",
         f"rated_payload = {bound(draft.rated)}",
         f"# {CONFIRM}: the point that is moved, as seen from that link: here the ball of the rig.",
         f"T_wrist_mrf = {{ xyz = {numbers(draft.mrf)} }}",
     ]
-    if arm.held:
-        lines += ["# Held at zero, as no part of the arm: " + ", ".join(arm.held) + "."]
-    lines += ["", "[mechanism.postures]"]
+    if arm.held and draft is drafts[0]:
+        lines += ["# Held at zero, as no part of an arm: " + plain(", ".join(arm.held)) + "."]
+    lines += ["", f"[{table}.postures]"]
     lines += [f"# {CONFIRM}: nothing of the real cell is in the way. Found by a search: free of"]
     lines += ["# collision with the arm itself, and away from singularities and limits."]
     lines += [f"{name} = {numbers(q)}" for name, q in draft.postures.items()]
-    if arm.inertials:
+    own = [given for given in arm.inertials if draft is drafts[0] or given.link in arm.own]
+    if own:
         lines += [""]
         lines += [
             "# Estimated from shapes, where the URDF has no mass or inertia, or none of a body:"
         ]
-    for given in arm.inertials:
+    for given in own:
         I = given.inertia  # noqa: E741  the field's symbol
         lines += [
             f"# {CONFIRM}: weigh it, or ask its maker. {plain(given.why)}.",
-            "[[mechanism.inertials]]",
+            f"[[{table}.inertials]]",
             f"link = {quoted(given.link)}",
             f"mass = {number(given.mass)}",
             f"com = {numbers(given.com)}",
@@ -115,24 +163,48 @@ def text_of(draft: Draft) -> str:
             + numbers([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]], digits=6),
             "",
         ]
-    lines += _sensor(draft)
+    lines += _sensor(draft, table)
+    if arm.fingers:
+        lines += [
+            "",
+            f"# {CONFIRM}: a gripper on a digital output, its node and bit. By the URDF it has",
+            f"# {plain(', '.join(arm.fingers))}. Delete the section where there is none.",
+            f"[{table}.gripper]",
+            f"node = {len(draft.drives) + 1}",
+        ]
     lines += [
         "",
         f"# {CONFIRM} of every drive: node, direction, counts and zero, one joint at a time.",
         "# Speeds are half of the URDF's at most, accelerations by a third of the torque.",
     ]
     for node, drive in enumerate(draft.drives, start=1):
-        lines += _drive(node, drive)
-    lines += _control(draft)
-    return "\n".join(lines) + "\n"
+        lines += _drive(node, drive, table)
+    place = f"{table}." if several else ""
+    lines += [
+        "",
+        f"[{place}resolve]",
+        "# By the arm's size: radians weigh as metres by this, and damping begins at that.",
+        f"characteristic_length = {number(draft.length)}",
+        f"singular_region = {number(draft.singular_region)}",
+        f"damping = {number(0.4 * draft.singular_region)}",
+        f"floor = {number(0.2 * draft.singular_region)}",
+    ]
+    if several:
+        lines += ["", f"[{place}rig]", f"tool_radius = {number(_radius(draft))}"]
+    return lines
 
 
-def _sensor(draft: Draft) -> list[str]:
+def _is_root(link: ET.Element, root: ET.Element) -> bool:
+    children = {child.get("link") for child in root.findall("joint/child")}
+    return link.get("name") not in children
+
+
+def _sensor(draft: Draft, table: str) -> list[str]:
     return [
         "",
         f"# {CONFIRM}: a force/torque sensor between the arm and its tip link. Delete the section",
         "# (and sources.force, rig.force_torque) where there is none: nothing then gives way.",
-        "[mechanism.force_torque]",
+        f"[{table}.force_torque]",
         'device = "robotous"',
         "rate_hz = 200",
         f"# {CONFIRM}: what hangs on it, here by the URDF; `telerobot identify` finds it out.",
@@ -143,9 +215,9 @@ def _sensor(draft: Draft) -> list[str]:
     ]
 
 
-def _drive(node: int, drive: DriveDraft) -> list[str]:
+def _drive(node: int, drive: DriveDraft, table: str) -> list[str]:
     unit, near = ("m", 0.005) if drive.prismatic else ("rad", 0.01)
-    lines = ["", *(f"# {CONFIRM}: {note}" for note in drive.notes), "[[mechanism.drives]]"]
+    lines = ["", *(f"# {CONFIRM}: {note}" for note in drive.notes), f"[[{table}.drives]]"]
     lines += [f"joint = {quoted(drive.joint)}", f"node = {node}"]
     counts = 1e7 if drive.prismatic else 2086075.6701
     lines += [f"counts_per_radian = {counts}", "direction = 1", "zero_rad = 0.0"]
@@ -165,29 +237,34 @@ def _drive(node: int, drive: DriveDraft) -> list[str]:
     return lines
 
 
-def _control(draft: Draft) -> list[str]:
-    linear, angular = (number(g) for g in draft.gain)
-    speed = min(0.25, 0.3 * draft.reach)
-    lines = [
-        "",
-        "[sources.position]",
-        f"speed = {number(min(0.15, 0.2 * draft.reach))}",
-        "",
-        "[sources.force]",
-        "# Force to speed [m/s/N], moment to turning [rad/s/N·m]; `check` judges.",
-        f"gain = [{linear}, {linear}, {linear}, {angular}, {angular}, {angular}]",
+def _common(drafts: Sequence[Draft], contacts: Sequence[tuple[str, str]]) -> list[str]:
+    """Return the tables of tasks, of the cell as a whole, and of its virtual hardware."""
+    first, several = drafts[0], len(drafts) > 1
+    lines = []
+    for draft in drafts:
+        along = np.abs(draft.mrf) == np.abs(draft.mrf).max()
+        sideways = min(draft.sideways, draft.gain[0])
+        gains = [*np.where(along, draft.gain[0], sideways), *[draft.gain[1]] * 3]
+        place = ""
+        if several:
+            place = "tasks."
+            lines += ["", "[[tasks]]", f'name = "{draft.arm.name}"']
+        lines += [
+            "",
+            f"[{place}sources.position]",
+            f"speed = {number(min(0.15, 0.2 * draft.reach))}",
+            "",
+            f"[{place}sources.force]",
+            "# Force to speed [m/s/N], moment to turning [rad/s/N·m]; `check` judges. Across the",
+            "# tool, where friction holds it, the arm's own stiffness at `ready` bounds it, too.",
+            f"gain = [{', '.join(number(gain) for gain in gains)}]",
+        ]
+    lines += [
         "",
         "[limits]",
         f"# {CONFIRM}: the tool is never faster [m/s].",
-        f"speed = {number(speed)}",
+        f"speed = {number(min(min(0.25, 0.3 * draft.reach) for draft in drafts))}",
         "angular_speed = 1.0",
-        "",
-        "[resolve]",
-        "# By the arm's size: radians weigh as metres by this, and damping begins at that.",
-        f"characteristic_length = {number(draft.length)}",
-        f"singular_region = {number(draft.singular_region)}",
-        f"damping = {number(0.4 * draft.singular_region)}",
-        f"floor = {number(0.2 * draft.singular_region)}",
         "",
         "# Links keep clear of each other, and of [[obstacles]]. Tell it what stands around:",
         "# [[obstacles]]",
@@ -200,55 +277,85 @@ def _control(draft: Draft) -> list[str]:
         "clearance = 0.02",
         "self_clearance = 0.005",
     ]
-    if draft.contacts:
+    named = {(a, b) for draft in drafts for a, b in _in_cell(draft, drafts)}
+    named |= {(min(pair), max(pair)) for pair in contacts}
+    if named:
         lines += ["# These overlap, or nearly, wherever the arm is.", "allowed_contacts = ["]
-        lines += [f"  {{ link = {quoted(a)}, other = {quoted(b)} }}," for a, b in draft.contacts]
+        lines += [f"  {{ link = {quoted(a)}, other = {quoted(b)} }}," for a, b in sorted(named)]
         lines += ["]"]
-    for fit in draft.arm.fits:
-        tight = "flat" if math.isinf(fit.ratio) else f"{fit.ratio:.2f} times its hull's volume"
-        lines += ["", f"# Around {fit.source}: {tight}."]
-        for tube in fit.tubes:
-            lines += [
-                "[[avoidance.capsules]]",
-                f"link = {quoted(fit.link)}",
-                f"start = {numbers(tube.start)}",
-                f"end = {numbers(tube.end)}",
-                f"radius = {number(math.ceil(1e4 * tube.radius) / 1e4)}",
-            ]
-    if draft.tool is not None:
-        start, radius = draft.tool
-        lines += [
-            "",
-            f"# {CONFIRM}: the tool, here the stalk and the ball of the rig.",
-            "[[avoidance.capsules]]",
-            f"link = {quoted(draft.arm.tip)}",
-            f"start = {numbers(start)}",
-            f"end = {numbers(draft.mrf)}",
-            f"radius = {number(radius)}",
-        ]
-    return lines + _rig(draft)
-
-
-def _rig(draft: Draft) -> list[str]:
-    radius = 0.012 if draft.tool is None else draft.tool[1]
-    lines = [
+    for draft in drafts:
+        lines += _capsules(draft, drafts)
+    radius = [] if several else [f"tool_radius = {number(_radius(first))}"]
+    lines += [
         "",
         "# The virtual hardware; the daemon never reads it. Delete it where the drives are real.",
         "# What [rig.drive] does not say comes from the arm's inertia.",
         "[rig]",
         "seed = 1",
-        f"tool_radius = {number(radius)}",
+        *radius,
     ]
-    if draft.wall is not None:
-        centre, normal, half = draft.wall
+    if first.wall is not None:
+        centre, normal, half = first.wall
         lines += [
             "",
             "[rig.wall]",
             f"xyz = {numbers(centre)}",
             f"normal = {numbers(normal, digits=6)}",
             f"half_size = {number(half)}",
-            f"stiffness = {number(draft.stiffness[0])}",
+            f"stiffness = {number(first.stiffness[0])}",
             "damping = 300.0",
             "mass = 1.0",
         ]
     return lines
+
+
+def _capsules(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
+    """Return the capsules of an arm, and of what stands where it is the first."""
+    lines: list[str] = []
+    for fit in draft.fits:
+        if draft is not drafts[0] and fit.link not in draft.arm.own:
+            continue
+        tight = "flat" if math.isinf(fit.ratio) else f"{fit.ratio:.2f} times its hull's volume"
+        lines += ["", f"# Around {fit.source}: {tight}."]
+        for i, tube in enumerate(fit.tubes):
+            lines += [
+                "[[avoidance.capsules]]",
+                f"link = {quoted(name_in(draft, drafts, fit.link))}",
+                f"start = {numbers(tube.start)}",
+                f"end = {numbers(tube.end)}",
+                f"radius = {number(math.ceil(1e4 * tube.radius) / 1e4)}",
+            ]
+            if fit.holds and i == 0:
+                held = ", ".join(quoted(name_in(draft, drafts, link)) for link in fit.holds)
+                lines += [f"holds = [{held}]"]
+    if draft.tool is not None:
+        start, radius = draft.tool
+        lines += [
+            "",
+            f"# {CONFIRM}: the tool, here the stalk and the ball of the rig.",
+            "[[avoidance.capsules]]",
+            f"link = {quoted(name_in(draft, drafts, draft.arm.tip))}",
+            f"start = {numbers(start)}",
+            f"end = {numbers(draft.mrf)}",
+            f"radius = {number(radius)}",
+        ]
+    return lines
+
+
+def name_in(draft: Draft, drafts: Sequence[Draft], link: str) -> str:
+    """Return the name of a link in the cell: with several arms, its mechanism's before it."""
+    if len(drafts) == 1:
+        return link
+    owner = draft if link in draft.arm.own else drafts[0]
+    return f"{owner.arm.name}.{link}"
+
+
+def _in_cell(draft: Draft, drafts: Sequence[Draft]) -> Iterator[tuple[str, str]]:
+    """Yield an arm's contacts by the names that their links have in the cell."""
+    for pair in draft.contacts:
+        a, b = sorted(name_in(draft, drafts, link) for link in pair)
+        yield a, b
+
+
+def _radius(draft: Draft) -> float:
+    return 0.012 if draft.tool is None else draft.tool[1]

@@ -2,6 +2,7 @@
 
 import tempfile
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,17 +20,28 @@ from .robot import UrdfArm, beyond, carried_mass
 from .script import ScriptFigures
 from .script import text_of as script_of
 from .shape.shapes import Array
-from .study import GRANTED, GradedPosture, Study
+from .study import GRANTED, GradedPosture, Solid, Study, by_design
 from .toml_text import path_from
 from .tool import BALL, ToolSide
 
 TO_WALL: Final = 0.06
 """From the ball to the wall at `ready` [m]."""
 INTO_WALL: Final = 0.03
+SHORT_OF_WALL: Final = 0.004
+"""Before the wall the stick slows down to the speed that presses, so far [m]."""
+PUSH: Final = 10.0
+"""Force of the script on the wall, where the drives are strong enough [N]."""
+HARDEST: Final = 100.0
+HUNTS: Final = 8e-5
+"""Drives with friction place a tool no better: what that presses is lost in a push [m]."""
+QUIET: Final = 0.3
+"""A force loop of this gain, K_F k T, does not ring [1]."""
 PRESS_S: Final = 4.0
 """A push lasts so long, where the arm goes straight [s]."""
 GRAVITY: Final = 9.81
 """[m/s²]."""
+WALL_HALF: Final = 0.07
+"""Radius of rods that stand for the wall where another arm is planned beside it [m]."""
 _TRIES: Final = 40
 """So many free postures are tried for the way to a wall [1]."""
 
@@ -40,38 +52,65 @@ class Made:
 
     cell: str
     script: str
-    draft: Draft
-    plan: ScriptFigures
+    drafts: tuple[Draft, ...]
+    """One for each arm."""
+    plans: tuple[ScriptFigures, ...]
+
+    @property
+    def draft(self) -> Draft:
+        """The first arm's."""
+        return self.drafts[0]
+
+    @property
+    def plan(self) -> ScriptFigures:
+        """The first arm's: it pushes on the wall."""
+        return self.plans[0]
 
 
-def make(arm: UrdfArm, out: Path) -> Made:
+def make(arms: UrdfArm | Sequence[UrdfArm], out: Path) -> Made:
     """Return the texts of a cell and its script, which will stand beside each other in `out`.
 
-    Raises `ConfigError` for an arm that no cell can be made of.
+    Of one arm, or of all that one URDF holds. Raises `ConfigError` for an arm that no cell can be
+    made of.
     """
     stem = out.stem
-    draft = Draft(
-        arm=arm,
-        name=cell_name(stem),
-        urdf=str(arm.urdf.resolve()),
-        script="pose_move",
-        drives=[drive_of(joint) for joint in arm.chain],
-        postures={},
-        mrf=np.zeros(3),
-        port=43300 + zlib.crc32(stem.encode()) % 2000,
-    )
-    middle = [
-        0.5 * sum(range_of(joint, d)) for joint, d in zip(arm.chain, draft.drives, strict=True)
-    ]
-    draft.postures = {"start": middle, "ready": middle}
+    drafts: list[Draft] = []
+    plans: list[ScriptFigures] = []
+    contacts: list[tuple[str, str]] = []
     with tempfile.TemporaryDirectory() as folder:
         bench = _Bench(Path(folder))
-        plan = _planned(draft, bench)
-        _gains(draft, bench)
-    plan = replace_force(plan, draft)
-    draft.urdf = path_from(out.parent, arm.urdf)
-    draft.script = f"./{stem}_script.toml"
-    return Made(text_of(draft), script_of(plan, draft.name), draft, plan)
+        for arm in [arms] if isinstance(arms, UrdfArm) else arms:
+            draft = Draft(
+                arm=arm,
+                name=cell_name(stem),
+                urdf=str(arm.urdf.resolve()),
+                script="pose_move",
+                drives=[drive_of(joint) for joint in arm.chain],
+                postures={},
+                mrf=np.zeros(3),
+                port=43300 + zlib.crc32(stem.encode()) % 2000,
+                fits=arm.fits,
+            )
+            middle = [
+                0.5 * sum(range_of(joint, d))
+                for joint, d in zip(arm.chain, draft.drives, strict=True)
+            ]
+            draft.postures = {"start": middle, "ready": middle}
+            plan = _planned(draft, bench)
+            _gains(draft, bench)
+            drafts.append(draft)
+            press = draft.push * draft.gain[0]
+            press_s = plan.press_s + SHORT_OF_WALL / press
+            plans.append(plan._replace(press=press, force=draft.push, press_s=press_s))
+            bench.beside += _around(draft, bench.study(draft))
+        if len(drafts) > 1:
+            contacts = by_design(bench.load(*drafts))
+    for draft in drafts:
+        draft.urdf = path_from(out.parent, draft.arm.urdf)
+        draft.script = f"./{stem}_script.toml"
+    names = [draft.arm.name if len(drafts) > 1 else "" for draft in drafts]
+    script = script_of(dict(zip(names, plans, strict=True)), drafts[0].name)
+    return Made(text_of(drafts, contacts), script, tuple(drafts), tuple(plans))
 
 
 class _Bench:
@@ -79,13 +118,36 @@ class _Bench:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "draft.toml"
+        self.beside: list[Solid] = []
+        """What arms that have been drafted pass through, and the wall."""
 
-    def load(self, draft: Draft) -> Cell:
-        self._path.write_text(text_of(draft), encoding="utf-8")
+    def load(self, *drafts: Draft) -> Cell:
+        self._path.write_text(text_of(drafts), encoding="utf-8")
         return load_cell(self._path)
 
     def study(self, draft: Draft) -> Study:
-        return Study(self.load(draft), draft.length)
+        return Study(self.load(draft), draft.length, self.beside)
+
+
+def _around(draft: Draft, study: Study) -> list[Solid]:
+    """Return the capsules of an arm at all postures that its script leads through, and its wall."""
+    moved = study.capsules.moves.any(axis=1)
+    found = [
+        Solid(ends[0], ends[1], float(radius))
+        for q in draft.passes
+        for ends, radius in zip(
+            study.ends(q)[moved], study.capsules.radius[moved].tolist(), strict=True
+        )
+    ]
+    if draft.wall is not None:
+        centre, normal, half = draft.wall
+        across = np.linalg.svd(normal[None])[2][1:]
+        found += [
+            Solid(centre + x * half * across[0] - half * across[1],
+                  centre + x * half * across[0] + half * across[1], WALL_HALF)
+            for x in (-1.0, -0.5, 0.0, 0.5, 1.0)
+        ]  # fmt: skip
+    return found
 
 
 def _planned(draft: Draft, bench: _Bench) -> ScriptFigures:
@@ -167,7 +229,7 @@ def _plan(
     full = study.mechanism.rank == 6
     if (full or straight) and study.walk(q, toward, TO_WALL + INTO_WALL, 0.6 * least) is None:
         return None
-    if not _wall(draft, study, q, T.p, d):
+    if not study.beside and not _wall(draft, study, q, T.p, d):
         return None
     aside = [v for v in np.eye(3) if abs(v @ d) < 0.8]
     target = start = None
@@ -192,6 +254,9 @@ def _plan(
     if target is None or start is None:
         return None
     draft.postures = {"start": start.tolist(), "ready": q.tolist()}
+    at_wall = study.walk(q, toward, TO_WALL, 0.0)
+    ends = [start, target, *([] if at_wall is None else [at_wall])]
+    draft.passes = [q, *(q + s * (end - q) for end in ends for s in (0.5, 1.0))]
     held = min(_carried(study, p, torques) for p in (start, q, target))
     draft.rated = max(draft.rated, min(draft.payload + held, carried_mass(draft.arm)))
     draft.singular_region = float(np.clip(0.4 * found.sigma, 1e-3, 0.05))
@@ -200,13 +265,17 @@ def _plan(
     target_s = float((np.abs(target - q) / speeds).max()) * 2.0 + 4.0
     J = study.mechanism.kinematics(q, study.tool).J[:3]
     spare = torques - study.weight(q)
-    draft.push = float(min(10.0, (0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min()))
+    least = max(PUSH, HUNTS / _yields(study, q, forward))
+    most = float((0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min())
+    draft.push = float(f"{min(least, HARDEST, most):.2g}")
     pose = study.tool_pose(target).to_xyz_rpy()
     granted = max(GRANTED, min(1.0, study.granted(q, toward)))
-    press_s = PRESS_S if granted > 0.99 else PRESS_S / granted
+    press_s, approach = PRESS_S, (TO_WALL - SHORT_OF_WALL) / 0.03
+    if granted < 0.99:
+        press_s, approach = PRESS_S / granted, TO_WALL / 0.03 / granted + 1.0
     return ScriptFigures(
         moved_s, stick, (np.array(pose[:3]), np.array(pose[3:])), target_s, d,
-        (0.03, TO_WALL / 0.03 / granted + 1.0), 0.0, draft.push, press_s,
+        (0.03, approach), 0.0, draft.push, press_s,
     )  # fmt: skip
 
 
@@ -245,6 +314,7 @@ def _gains(draft: Draft, bench: _Bench) -> None:
         found = [f for f in stability(bench.load(draft)) if f.check.startswith("force")]
         bad = [f.check for f in found if f.status is not Severity.OK]
         if not bad:
+            draft.sideways = float(f"{_sideways(draft, bench):.3g}")
             return
         linear, angular = draft.gain
         # A touch aside of the MRF gives way by K_R times its lever: "force tool".
@@ -256,6 +326,20 @@ def _gains(draft: Draft, bench: _Bench) -> None:
         draft.gain = (float(f"{linear:.3g}"), float(f"{angular:.3g}"))
 
 
-def replace_force(plan: ScriptFigures, draft: Draft) -> ScriptFigures:
-    """Return the plan with the stick that pushes by its force, at the gain that was found."""
-    return plan._replace(press=draft.push * draft.gain[0], force=draft.push)
+def _sideways(draft: Draft, bench: _Bench) -> float:
+    """Return the force gain [m/s/N] that is quiet while friction holds the tool at `ready`."""
+    study = bench.study(draft)
+    forward = draft.mrf / np.linalg.norm(draft.mrf)
+    yields = _yields(study, np.array(draft.postures["ready"]), forward)
+    return min(draft.gain[0], QUIET * yields / study.cell.config.timing.period_s)
+
+
+def _yields(study: Study, q: Array, forward: Array) -> float:
+    """Return how far a tool that is held across gives way at least, in the drives [m/N]."""
+    at, rig = study.mechanism.kinematics(q, study.tool), study.cell.config.rig
+    if rig is None:
+        raise ValueError("a draft has a [rig]")
+    across = np.linalg.svd((at.T_world_mrf.R @ forward)[None])[2][1:]
+    J = across @ at.J[:3]
+    yields = np.linalg.eigvalsh((J / np.array(rig.drive.stiffness)) @ J.T)
+    return max(float(yields[0]), 1e-9)

@@ -2,7 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -13,8 +13,9 @@ from ...config.errors import ConfigError, nearest
 from ...config.urdf.elements import FRAME_MASS, NO_INERTIA, inertial_fault
 from ...config.urdf.robot import read_tree
 from .shape.capsules import Fit, Tube, extreme, fit
+from .shape.merge import MOST, Place, merged
 from .shape.shapes import Array, hull_of, link_shape, placement
-from .tip import end_of, movable, tip_of
+from .tip import end_of, is_upright, is_wheel, movable, moves, side_of, tip_of
 
 DENSITY: Final = 1000.0
 """Of links whose masses nobody knows, by their hulls; and of those that have no shape [kg/m³]."""
@@ -46,47 +47,157 @@ class UrdfArm:
     """Movable joints from Base to tip."""
     fits: list[Fit] = field(default_factory=list)
     inertials: list[Inertial] = field(default_factory=list)
+    name: str = "arm"
+    """Name of the mechanism that it becomes."""
+    first_joint: str | None = None
+    """Joint that it begins with, where others on the way to it stand."""
+    without: tuple[str, ...] = ()
+    """Links that other arms of the file have, with all that they carry."""
     held: list[str] = field(default_factory=list)
-    """Movable joints outside of the chain."""
+    """Movable joints that are no arm's."""
+    standing: list[str] = field(default_factory=list)
+    """Joints of these that carry the arm, each with what it is."""
+    fingers: list[str] = field(default_factory=list)
+    """Joints of these that the arm carries: a gripper's."""
+    own: frozenset[str] = frozenset()
+    """The links that its first joint carries."""
 
 
 def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> UrdfArm:
-    """Read a URDF; `tip` is the arm's last link, found where it is not said.
+    """Read the only arm of a URDF: see `read_arms`."""
+    return read_arms(urdf, [] if tip is None else [tip], packages)[0]
 
-    Raises `ConfigError`.
+
+def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> list[UrdfArm]:
+    """Read a URDF; `tips` are the arms' last links, one arm's is found where none is said.
+
+    What several arms have in common, torso and base, stands, and is the first one's. Raises
+    `ConfigError`.
     """
     root = read_tree(urdf)
     carried = {end_of(j, "child"): j for j in root.findall("joint")}
     links = [link.get("name", "") for link in root.findall("link")]
     if not links:
         raise ConfigError(f"{urdf}: holds no links")
-    if tip is None:
-        tip = tip_of(urdf, root)
-    elif tip not in links:
-        raise ConfigError(f"--tip: value '{tip}': no such link in {urdf}{nearest(tip, links)}")
-    chain, at, seen = [], tip, {tip}
-    while at in carried:
-        joint = carried[at]
-        if movable(joint):
-            chain.append(joint)
-        at = end_of(joint, "parent")
-        if at in seen:
-            raise ConfigError(f"{urdf}: link '{at}': the chain runs in a circle")
-        seen.add(at)
-    chain.reverse()
-    if not chain:
-        raise ConfigError(f"{urdf}: no movable joint leads to link '{tip}'")
-    arm = UrdfArm(urdf, root, tip, chain)
-    arm.held = [j.get("name", "") for j in root.findall("joint") if movable(j) and j not in chain]
+    for tip in tips:
+        if tip not in links:
+            raise ConfigError(f"--tip: value '{tip}': no such link in {urdf}{nearest(tip, links)}")
+    ways = {tip: _way_to(urdf, tip, carried) for tip in tips or (tip_of(urdf, root),)}
+    arms = []
+    for tip, way in ways.items():
+        shared = [j for other, theirs in ways.items() if other != tip for j in theirs]
+        chain, before = _own_part([j for j in way if j not in shared])
+        if not any(map(movable, chain)):
+            raise ConfigError(
+                f"{urdf}: no movable joint leads to link '{tip}'"
+                + (" alone: give one --tip for each arm" if len(ways) > 1 else "")
+            )
+        stand = [j for j in way if moves(j) and (j in shared or j in before)]
+        on_the_root = bool(stand) and stand[0].get("type") == "floating"
+        arm = UrdfArm(urdf, root, tip, [j for j in chain if movable(j)])
+        arm.standing = [f"{j.get('name')} ({j.get('type')})" for j in stand]
+        if len(stand) > int(on_the_root):
+            arm.first_joint = arm.chain[0].get("name")
+        arms.append(arm)
+    _part(arms)
+    moved = [joint for arm in arms for joint in arm.chain]
+    held = [j.get("name", "") for j in root.findall("joint") if movable(j) and j not in moved]
+    for arm in arms:
+        arm.own = own = frozenset(carried_by(root, end_of(arm.chain[0], "child")))
+        arm.fingers = [
+            j.get("name", "")
+            for j in root.findall("joint")
+            if j.get("name") in held and end_of(j, "parent") in own
+        ]
+        arm.held = held
     wrong: list[str] = []
     for link in root.findall("link"):
         try:
-            _look_at(arm, link, packages, carried)
+            _look_at(arms, link, packages, carried)
         except ConfigError as error:
             wrong += error.messages
     if wrong:
         raise ConfigError(*wrong)
-    return arm
+    _make_room(arms, carried)
+    return arms
+
+
+def _make_room(arms: list[UrdfArm], carried: Mapping[str, ET.Element]) -> None:
+    """Merge capsules where a cell has no room for all of them; one each is a tool's."""
+    fits = {fit.link: fit for arm in arms for fit in arm.fits}
+    most = MOST - len(arms)
+    if sum(len(fit.tubes) for fit in fits.values()) <= most:
+        return
+    moved = [joint for arm in arms for joint in arm.chain]
+    places = {}
+    for link in fits:
+        R, p, at = np.eye(3), np.zeros(3), link
+        while at in carried and carried[at] not in moved:
+            turn, shift = placement(carried[at])
+            R, p, at = turn @ R, turn @ p + shift, end_of(carried[at], "parent")
+        places[link] = Place(carried[at].get("name", "") if at in carried else "", R, p)
+    kept = merged(list(fits.values()), places, most)
+    if sum(len(fit.tubes) for fit in kept) > most:
+        raise ConfigError(f"{arms[0].urdf}: moves more than {most} bodies: too many for a cell")
+    for arm in arms:
+        its = {fit.link for fit in arm.fits}
+        arm.fits = [fit for fit in kept if fit.link in its]
+
+
+def _way_to(urdf: Path, tip: str, carried: Mapping[str, ET.Element]) -> list[ET.Element]:
+    """Return all joints on the way from the root to a link."""
+    way, at, seen = [], tip, {tip}
+    while at in carried:
+        way.append(carried[at])
+        at = end_of(carried[at], "parent")
+        if at in seen:
+            raise ConfigError(f"{urdf}: link '{at}': the chain runs in a circle")
+        seen.add(at)
+    return way[::-1]
+
+
+def _own_part(way: list[ET.Element]) -> tuple[list[ET.Element], list[ET.Element]]:
+    """Return the joints of the arm alone on the way to its tip, and those of a base before it.
+
+    A base has wheels, or joints that move it over the floor: planar or floating ones, or two that
+    slide across and one that turns.
+    """
+    last = 0
+    for i, joint in enumerate(way, start=1):
+        wheel = joint.get("type") == "continuous" and is_wheel(joint)
+        if wheel or joint.get("type") in ("planar", "floating"):
+            last = i
+    sliding = [joint for joint in way[last:] if movable(joint)][:3]
+    kinds = sorted(str(joint.get("type")).replace("continuous", "revolute") for joint in sliding)
+    level = [is_upright(joint) == (joint.get("type") != "prismatic") for joint in sliding]
+    if kinds == ["prismatic", "prismatic", "revolute"] and all(level):
+        last = way.index(sliding[-1]) + 1
+    return way[last:], way[:last]
+
+
+def _part(arms: list[UrdfArm]) -> None:
+    """Give several arms names, and leave to each what is its own."""
+    if len(arms) == 1:
+        return
+    for i, arm in enumerate(arms):
+        arm.without = tuple(end_of(other.chain[0], "child") for other in arms if other is not arm)
+        sides = {side_of(f"{arm.chain[0].get('name')} {arm.tip}") for arm in arms}
+        side = side_of(f"{arm.chain[0].get('name')} {arm.tip}")
+        arm.name = side if side and len(sides) == len(arms) else f"arm_{i + 1}"
+        arm.first_joint = arm.chain[0].get("name")
+
+
+def carried_by(root: ET.Element, link: str) -> set[str]:
+    """Return a link and all that it carries."""
+    found, waiting = set(), [link]
+    while waiting:
+        at = waiting.pop()
+        if at not in found:
+            found.add(at)
+            waiting += [
+                end_of(j, "child") for j in root.findall("joint") if end_of(j, "parent") == at
+            ]
+    return found
 
 
 def carried_mass(arm: UrdfArm) -> float:
@@ -141,33 +252,45 @@ def beyond(arm: UrdfArm) -> tuple[float, tuple[float, ...]]:
 
 
 def _look_at(
-    arm: UrdfArm, link: ET.Element, packages: Mapping[str, Path], carried: Mapping[str, ET.Element]
+    arms: Sequence[UrdfArm],
+    link: ET.Element,
+    packages: Mapping[str, Path],
+    carried: Mapping[str, ET.Element],
 ) -> None:
-    """Fit capsules where the daemon reads no shape, and estimate what has no inertia."""
-    name = link.get("name", "")
-    shape = link_shape(link, arm.urdf, packages, meshes_only=True)
+    """Fit capsules where the daemon reads no shape, and estimate what has no inertia.
+
+    For the arm whose link it is; for all of them where it is none's.
+    """
+    name, urdf = link.get("name", ""), arms[0].urdf
+    its = [arm for arm in arms if name in arm.own] or list(arms)
+    shape = link_shape(link, urdf, packages, meshes_only=True)
     told = link.find("inertial/mass")
     mass = 0.0 if told is None else _number(told.get("value"))
+    around: Fit | None = None
     if shape is not None:
-        arm.fits.append(fit(shape))
+        around = fit(shape)
     elif mass >= FRAME_MASS and link.find("collision") is None:
-        arm.fits.append(_ball(name, mass, placement(link.find("inertial"))[1]))
+        around = _ball(name, mass, placement(link.find("inertial"))[1])
+    for arm in its:
+        arm.fits += [] if around is None else [around]
     why = inertial_fault(link)
-    if why in (None, NO_INERTIA) and mass < FRAME_MASS and not _alone(arm, name, carried):
+    if why in (None, NO_INERTIA) and mass < FRAME_MASS and not _alone(its[0], name, carried):
         return  # a frame, which something else carries
     if why is None and mass == 0.0:
         why = "the URDF has none, or one without mass"
     if why is None:
         return
-    whole = link_shape(link, arm.urdf, packages)
+    whole = link_shape(link, urdf, packages)
     hull = None if whole is None else hull_of(extreme(whole.triangles.reshape(-1, 3), 1000))
     if hull is None:
         mass = mass or ROUGH_MASS
-        arm.inertials.append(Inertial(name, mass, np.zeros(3), np.eye(3) * 1e-3 * mass, why))
-        return
-    mass = mass or max(DENSITY * hull.volume, 1e-3)
-    inertia = hull.moments * (mass / hull.volume) + np.eye(3) * 1e-6 * mass
-    arm.inertials.append(Inertial(name, mass, hull.centre, inertia, why))
+        given = Inertial(name, mass, np.zeros(3), np.eye(3) * 1e-3 * mass, why)
+    else:
+        mass = mass or max(DENSITY * hull.volume, 1e-3)
+        inertia = hull.moments * (mass / hull.volume) + np.eye(3) * 1e-6 * mass
+        given = Inertial(name, mass, hull.centre, inertia, why)
+    for arm in its:
+        arm.inertials.append(given)
 
 
 def _ball(name: str, mass: float, com: Array) -> Fit:

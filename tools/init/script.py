@@ -1,5 +1,6 @@
 """The default script of a cell that `init` makes: it moves, stops, and touches a wall."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -32,33 +33,27 @@ class ScriptFigures(NamedTuple):
     """Time of the push [s]."""
 
 
-def text_of(plan: ScriptFigures, name: str) -> str:
-    """Return the script's file."""
+def text_of(plans: Mapping[str, ScriptFigures], name: str) -> str:
+    """Return the script's file: of an only arm, which has no name here, or of several.
+
+    Each moves while the others stand at `ready`; the first one ends on the wall.
+    """
     at = 0.2
-    steps = [_step(at, '"cmd/posture" = { posture = "ready" }')]
-    at += plan.ready_s
-    stick = f'"cmd/joystick" = {{ twist = {_six(plan.aside)}, expressed_in = "world" }}'
-    steps += ["# aside by the stick; the verified stop while it moves; on", _step(at, stick, 1.0)]
-    steps += [_step(at + 1.0, '"operator/mode" = { action = "hold" }')]
-    steps += [_step(at + 2.0, '"operator/mode" = { action = "resume" }')]
-    at += 2.5
-    xyz, rpy = plan.target
-    pose = f'xyz = {_list(xyz)}, rpy = {_list(rpy)}, relative_to = "world"'
-    steps += ["# to a pose, and back", _step(at, f'"cmd/position" = {{ {pose} }}')]
-    at += plan.target_s
-    steps += [_step(at, '"cmd/cancel" = {}')]
-    steps += [_step(at, '"cmd/posture" = { posture = "ready" }')]
-    at += max(plan.ready_s, plan.target_s)
+    steps = [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}') for arm in plans]
+    at += max(plan.ready_s for plan in plans.values())
+    first, *others = plans
+    for arm in (*others, first):
+        more, at = _moves(plans[arm], arm, at, stopped=arm == first)
+        steps += more
+    plan = plans[first]
     speed, lasts = plan.approach
     toward = np.concatenate([plan.forward, np.zeros(3)])
-    stick = f'"cmd/joystick" = {{ twist = {_six(speed * toward)}, expressed_in = "world" }}'
     steps += [
         "# into the wall: speed / force gain is the force that it settles at",
-        _step(at, stick),
+        _stick(first, at, speed * toward),
     ]
     at += lasts
-    stick = f'"cmd/joystick" = {{ twist = {_six(plan.press * toward)}, expressed_in = "world" }}'
-    steps += [_step(at, stick)]
+    steps += [_stick(first, at, plan.press * toward)]
     at += plan.press_s
     words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
     least, most = plan.force * (1.0 - WITHIN), plan.force * (1.0 + WITHIN)
@@ -69,6 +64,35 @@ def text_of(plan: ScriptFigures, name: str) -> str:
         f"contact_force_n = {{ least = {least:.3g}, most = {most:.3g} }}\n",
     ]
     return "\n".join([*head, *steps])
+
+
+def _moves(plan: ScriptFigures, arm: str, at: float, *, stopped: bool) -> tuple[list[str], float]:
+    """Return an arm's steps by stick and to a pose, and when they have ended."""
+    steps = [f"# aside by the stick{'; the verified stop while it moves; on' * stopped}"]
+    steps += [_stick(arm, at, plan.aside, 1.0)]
+    if stopped:
+        steps += [_step(at + 1.0, '"operator/mode" = { action = "hold" }')]
+        steps += [_step(at + 2.0, '"operator/mode" = { action = "resume" }')]
+    at += 2.5
+    xyz, rpy = plan.target
+    pose = f'xyz = {_list(xyz)}, rpy = {_list(rpy)}, relative_to = "world"'
+    task = _of(arm, "task")
+    steps += ["# to a pose, and back", _step(at, f'"cmd/position" = {{ {task}{pose} }}')]
+    at += plan.target_s
+    cancelled = f" {task.removesuffix(', ')} " if task else ""
+    steps += [_step(at, f'"cmd/cancel" = {{{cancelled}}}')]
+    steps += [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}')]
+    return steps, at + max(plan.ready_s, plan.target_s)
+
+
+def _stick(arm: str, at: float, twist: Array, for_s: float | None = None) -> str:
+    told = f'{_of(arm, "task")}twist = {_six(twist)}, expressed_in = "world"'
+    return _step(at, f'"cmd/joystick" = {{ {told} }}', for_s)
+
+
+def _of(arm: str, key: str = "mechanism") -> str:
+    """Return the field that names one of several arms."""
+    return f'{key} = "{arm}", ' if arm else ""
 
 
 def _step(at: float, body: str, for_s: float | None = None) -> str:

@@ -1,7 +1,7 @@
 """Search in a cell's own model: free postures, ways of the tool, what always overlaps."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -30,6 +30,8 @@ _ENOUGH: Final = 40
 """Free postures are looked for until there are so many [1]."""
 GRANTED: Final = 0.25
 """Part of a straight way that the tool goes at least, where the arm cannot keep its angles [1]."""
+_CROSSED: Final = 200
+"""Postures of several arms that are looked at [1]."""
 _STEP: Final = 0.005
 """Of a way that is tried [m]."""
 
@@ -42,11 +44,19 @@ class GradedPosture(NamedTuple):
     """Least singular value, of the axes that the arm reaches [m]."""
 
 
-class Study:
-    """One arm's kinematics and capsules."""
+class Solid(NamedTuple):
+    """A capsule in World that an arm keeps away from."""
 
-    def __init__(self, cell: Cell, length: float) -> None:
-        self.cell = cell
+    start: Array
+    end: Array
+    radius: float
+
+
+class Study:
+    """One arm's kinematics and capsules, and what stands beside it."""
+
+    def __init__(self, cell: Cell, length: float, beside: Sequence[Solid] = ()) -> None:
+        self.cell, self.beside = cell, bool(beside)
         self.mechanism = Mechanism.from_cell(cell)
         self.capsules = Capsules(cell)
         config = cell.config.mechanism
@@ -65,6 +75,13 @@ class Study:
             and not {(self.links[i], self.links[j]), (self.links[j], self.links[i])} & contacts
         ]
         self._pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        rods = np.array([[s.start, s.end] for s in beside]).reshape(-1, 2, 3)
+        self._solids = (rods[:, 0].copy(), rods[:, 1].copy(), *empty().segments[2:])
+        moved = np.flatnonzero(self._far())
+        self._beside = np.array(
+            [(i, len(self.links) + k) for i in moved for k in range(len(rods))], dtype=np.int64
+        ).reshape(-1, 2)
+        self._radii = np.concatenate([self.capsules.radius, [s.radius for s in beside]])
 
     def drawn(self, count: int = _DRAWN) -> Array:
         """Return postures (count, n) inside the limits, some way from them."""
@@ -80,6 +97,7 @@ class Study:
         """Return the links that overlap almost everywhere: they are built so."""
         postures = self.drawn(200)
         gaps = np.array([self._gaps(q) for q in postures]).reshape(len(postures), -1)
+        gaps = gaps[:, : len(self._pairs)]
         often = (gaps < TOUCHING).mean(axis=0) > ALWAYS
         named = {(self.links[a], self.links[b]) for a, b in self._pairs[often].tolist()}
         return sorted({(min(pair), max(pair)) for pair in named if pair[0] != pair[1]})
@@ -195,8 +213,48 @@ class Study:
         return np.asarray(self.capsules.moves.sum(axis=1) > 2)
 
     def _gaps(self, q: Array) -> Array:
-        if not len(self._pairs):
+        """Return the distances of its own links, and of what stands beside it [m]."""
+        pairs = np.concatenate([self._pairs, self._beside])
+        if not len(pairs):
             return np.zeros(0)
         ends = self.capsules.place(q[None]).ends
-        apart = measured(ends, (self._pairs[:, 0], self._pairs[:, 1]), empty().segments)[0]
-        return np.asarray(apart - self.capsules.radius[self._pairs].sum(axis=1))
+        apart = measured(ends, (pairs[:, 0], pairs[:, 1]), self._solids)[0]
+        return np.asarray(apart - self._radii[pairs].sum(axis=1))
+
+
+def by_design(cell: Cell) -> list[tuple[str, str]]:
+    """Return the links of different arms on one base that overlap because they are built so.
+
+    Those that two joints or fewer part, wherever they do; others, where they do mostly.
+    """
+    capsules, draw = Capsules(cell), np.random.default_rng(3)
+    forest, links, moves = capsules.forest, capsules.links, capsules.moves
+    roots = [forest.root(int(body)) for body in capsules.body]
+    found = [
+        (i, j)
+        for j in range(len(links))
+        for i in range(j)
+        if roots[i] != roots[j] and (moves[i] ^ moves[j]).any()
+    ]
+    if not found:
+        return []
+    pairs = np.array(found, dtype=np.int64)
+    low, high = (
+        np.clip(np.concatenate(bounds), -math.pi, math.pi)
+        for bounds in zip(
+            *(joint_bounds(p.robot.joints, p.config.mechanism.drives) for p in cell.parts),
+            strict=True,
+        )
+    )
+    ends = capsules.place(draw.uniform(low, high, (_CROSSED, len(low)))).ends
+    radii = capsules.radius[pairs].sum(axis=1)
+    meet = np.array(
+        [
+            measured(at[None].copy(), (pairs[:, 0], pairs[:, 1]), empty().segments)[0] - radii
+            < TOUCHING
+            for at in ends
+        ]
+    )
+    near = np.array([int((moves[i] ^ moves[j]).sum()) <= NEIGHBOURS for i, j in pairs.tolist()])
+    built = np.where(near, meet.any(axis=0), meet.mean(axis=0) > ALWAYS)
+    return sorted({(links[i], links[j]) for i, j in pairs[built].tolist()})

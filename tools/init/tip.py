@@ -15,7 +15,8 @@ OF_AN_ARM: Final = 3
 """Before so many joints there is no arm yet that could end [1]."""
 _OF_A_HAND: Final = re.compile(r"grip|finger|jaw|knuckle|thumb|claw|hand_joint", re.IGNORECASE)
 _OF_A_WRIST: Final = re.compile(r"wrist|forearm|elbow|shoulder|roll|pitch|yaw|flex", re.IGNORECASE)
-_TOOLS: Final = ("tool0", "tcp", "ee_link", "flange", "tool", "hand_tcp", "grasp")
+_OF_A_WHEEL: Final = re.compile(r"wheel|caster|castor|tyre|tire", re.IGNORECASE)
+_TOOLS: Final = ("tool0", "tcp", "ee_link", "flange", "tool", "tool_frame", "hand_tcp", "grasp")
 
 
 def tip_of(urdf: Path, root: ET.Element) -> str:
@@ -113,7 +114,32 @@ class LinkTree:
             for link in fixed[1:]:
                 if link.lower() == word or link.lower().endswith(f"_{word}"):
                     return link
-        return at
+        hands = [link for link in fixed if any(movable(j) for j in self._at(link))]
+        return hands[0] if hands else at
+
+
+def moves(joint: ET.Element) -> bool:
+    """Return whether a joint moves at all."""
+    return joint.get("type") not in ("fixed", None)
+
+
+def is_wheel(joint: ET.Element) -> bool:
+    """Return whether a joint is a wheel's or a caster's, by its name or its link's."""
+    return _OF_A_WHEEL.search(f"{joint.get('name')} {end_of(joint, 'child')}") is not None
+
+
+def is_upright(joint: ET.Element) -> bool:
+    """Return whether a joint turns about the vertical of its frame, or slides along it."""
+    axis = joint.find("axis")
+    x, y, z = (float(v) for v in ("1 0 0" if axis is None else axis.get("xyz", "")).split())
+    return abs(z) > 0.9 * max(abs(x), abs(y), 1e-9)
+
+
+def side_of(text: str) -> str:
+    """Return `left` or `right` where names say so, else nothing."""
+    words = {w.lower() for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text)}
+    found = {side for side in ("left", "right") if words & {side, side[0]}}
+    return found.pop() if len(found) == 1 else ""
 
 
 def movable(joint: ET.Element) -> bool:

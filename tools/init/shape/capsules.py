@@ -64,12 +64,14 @@ class Fit(NamedTuple):
     """Volume of their union by that of the shape's convex hull [1]; inf for a flat shape."""
     source: str
     """Shape that they hold, in words."""
+    holds: tuple[str, ...] = ()
+    """Links that have none of their own: these hold their shapes, too."""
 
 
 def fit(shape: LinkMesh) -> Fit:
     """Return one to three capsules that hold a shape."""
     triangles = shape.triangles
-    best: tuple[Tube, ...] = (_around(triangles.reshape(-1, 3)),)
+    best: tuple[Tube, ...] = (around(triangles.reshape(-1, 3)),)
     few = extreme(triangles.reshape(-1, 3))
     axes = np.linalg.svd(few - few.mean(axis=0), full_matrices=False)[2]
     coarse = triangles[:: max(1, len(triangles) // _TRIANGLES)]
@@ -113,8 +115,8 @@ def _in_pieces(
         piece, rest = _cut(rest, axis, low + cut * (high - low))
         if len(piece) == 0 or len(rest) == 0:
             return None
-        tubes.append(_around(piece.reshape(-1, 3), quick=quick))
-    tubes.append(_around(rest.reshape(-1, 3), quick=quick))
+        tubes.append(around(piece.reshape(-1, 3), quick=quick))
+    tubes.append(around(rest.reshape(-1, 3), quick=quick))
     return tuple(tubes), axis, cuts
 
 
@@ -147,7 +149,7 @@ def _cut(triangles: Array, axis: Array, at: float) -> tuple[Array, Array]:
     )
 
 
-def _around(points: Array, *, quick: bool = False) -> Tube:
+def around(points: Array, *, quick: bool = False) -> Tube:
     """Return a small capsule that holds points (p, 3)."""
     few = extreme(points)
     centre = 0.5 * (few.min(axis=0) + few.max(axis=0))
